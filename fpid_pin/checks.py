@@ -1,0 +1,186 @@
+"""Shapes and ranges of what users pass in, checked once and named clearly."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import operator
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fpid_pin.exceptions import ArgumentError
+
+FloatArray = NDArray[np.float64]
+
+
+def read_only(values: ArrayLike) -> FloatArray:
+    """Return a C-ordered float64 copy of `values` that cannot be written to."""
+    array = np.array(values, dtype=np.float64, order="C")
+    array.flags.writeable = False
+    return array
+
+
+def _interval(low: float | None, high: float | None, above: float | None) -> str:
+    if above is not None and high is not None:
+        return f"in ({above:g}, {high:g}]"
+    if above is not None:
+        return f"> {above:g}"
+    if low is not None and high is not None:
+        return f"in [{low:g}, {high:g}]"
+    if low is not None:
+        return f">= {low:g}"
+    if high is not None:
+        return f"<= {high:g}"
+    return "finite"
+
+
+def floats(
+    name: str,
+    value: ArrayLike,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    above: float | None = None,
+    finite: bool = True,
+    max_ndim: int | None = None,
+) -> FloatArray:
+    """Turn `value` into a read-only float64 array and check every element.
+
+    Parameters
+    ----------
+    name
+        What to call it in an error.
+    value
+        Numbers; booleans and strings are refused.
+    low, high, above
+        Bounds: ``low <= x <= high``, ``x > above``.
+    finite
+        Whether inf is refused (NaN always is).
+    max_ndim
+        Most dimensions allowed.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the first element at fault.
+    """
+    try:
+        raw = np.asarray(value)
+    except (TypeError, ValueError):
+        raise ArgumentError(name, "numbers", repr(value)) from None
+    if raw.dtype.kind not in "iuf" or raw.size == 0:
+        raise ArgumentError(name, "numbers", repr(value)) from None
+    array = read_only(raw)
+    if max_ndim is not None and array.ndim > max_ndim:
+        expected = "a number" if max_ndim == 0 else f"at most {max_ndim} dimension(s)"
+        raise ArgumentError(name, expected, f"shape {array.shape}")
+    bad = np.isnan(array)
+    if finite:
+        bad |= np.isinf(array)
+    if low is not None:
+        bad |= array < low
+    if high is not None:
+        bad |= array > high
+    if above is not None:
+        bad |= array <= above
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        where = "".join(f".{i}" for i in index)
+        expected = f"a number {_interval(low, high, above)}"
+        raise ArgumentError(name + where, expected, f"{array[index]:g}")
+    return array
+
+
+def number(
+    name: str,
+    value: Any,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    above: float | None = None,
+    finite: bool = True,
+) -> float:
+    """Check one real number and return it as a float."""
+    array = floats(name, value, low=low, high=high, above=above, finite=finite, max_ndim=0)
+    return float(array)
+
+
+def integer(name: str, value: Any, *, low: int | None = None, high: int | None = None) -> int:
+    """Check one whole number and return it as an int."""
+    try:
+        if isinstance(value, (bool, np.bool_)):
+            raise TypeError
+        result = operator.index(value)
+    except TypeError:
+        raise ArgumentError(name, "a whole number", repr(value)) from None
+    if (low is not None and result < low) or (high is not None and result > high):
+        raise ArgumentError(name, f"a whole number {_interval(low, high, None)}", result)
+    return result
+
+
+def per_joint(
+    name: str,
+    value: ArrayLike,
+    n: int,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    above: float | None = None,
+    finite: bool = True,
+) -> FloatArray:
+    """Check a scalar or an (n,) array and return it as a read-only (n,) array.
+
+    Raises
+    ------
+    ArgumentError
+        For example ``kp: expected shape (2,) (the arm has 2 joints), got shape (3,)``.
+    """
+    array = floats(name, value, low=low, high=high, above=above, finite=finite)
+    if array.ndim == 0:
+        array = read_only(np.full(n, float(array)))
+    if array.shape != (n,):
+        raise ArgumentError(name, f"shape ({n},) (the arm has {n} joints)", f"shape {array.shape}")
+    return array
+
+
+def vector(name: str, value: ArrayLike, n: int) -> FloatArray:
+    """Check an (n,) array of finite numbers (no broadcasting) and return a read-only copy."""
+    array = floats(name, value)
+    if array.shape != (n,):
+        raise ArgumentError(name, f"shape ({n},) (the arm has {n} joints)", f"shape {array.shape}")
+    return array
+
+
+def choice(name: str, value: Any, options: Iterable[str]) -> str:
+    """Check that `value` is one of `options`; an error gives the nearest one."""
+    known = list(options)
+    if isinstance(value, str) and value in known:
+        return value
+    expected = "one of " + ", ".join(known)
+    near = difflib.get_close_matches(str(value), known, n=1)
+    hint = f" (did you mean {near[0]}?)" if near else ""
+    raise ArgumentError(name, expected, f"{value!r}{hint}")
+
+
+def instance(name: str, value: Any, kind: type, expected: str) -> None:
+    """Check that `value` is an instance of `kind`."""
+    if not isinstance(value, kind):
+        raise ArgumentError(name, expected, f"{type(value).__name__}")
+
+
+def sample_count(duration: float, step: float) -> int:
+    """Return the number of rows of a run, ``round(duration/step) + 1``: both ends count.
+
+    Raises
+    ------
+    ArgumentError
+        When `step` is not positive or `duration` is shorter than one step.
+    """
+    step = number("step", step, above=0.0)
+    duration = number("duration", duration, above=0.0)
+    if duration < step * (1.0 - 1e-9):
+        raise ArgumentError("duration", f"at least one step ({step:g} s)", f"{duration:g} s")
+    return math.floor(duration / step + 0.5) + 1

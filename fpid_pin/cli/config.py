@@ -1,0 +1,283 @@
+"""The TOML configuration, format 1: what a file says, checked whole, as descriptions.
+
+    format = 1
+    [arm]            kind and the arguments of that kind of arm
+    [plant]          arguments of Plant, and payload = {mass, com, frame}
+    [reference]      kind and its arguments
+    [[disturbance]]  kind and its arguments; several add up
+    [sensors]        arguments of Sensors
+    [simulation]     step, duration, integrator, seed, runaway_speed, q0, v0
+    [[controller]]   kind, name and arguments of the controller
+    [[condition]]    name, and plant, sensors, disturbance in place of those above
+    [tune]           see fpid_pin.tuning
+
+Keys are the constructors' arguments. Every fault is reported at once, each with its key path.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from fpid_pin import checks, descriptions
+from fpid_pin.arms import Arm
+from fpid_pin.control import Controller
+from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
+from fpid_pin.simulation import Disturbance, Experiment, Plant, Reference, Sensors, Sum
+
+FORMAT = 1
+TABLES = (
+    "format", "title", "arm", "plant", "reference", "disturbance", "sensors", "simulation",
+    "controller", "condition", "tune",
+)  # fmt: skip
+SIMULATION_KEYS = ("step", "duration", "integrator", "seed", "runaway_speed", "q0", "v0")
+CONDITION_KEYS = ("name", "plant", "sensors", "disturbance")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Config:
+    """What a configuration file describes.
+
+    Attributes
+    ----------
+    path, text
+        Where it came from, and all of it.
+    title
+        For reports.
+    experiment
+        The nominal one.
+    controllers
+        By name, in the file's order.
+    conditions
+        Experiments by name; only the nominal one where the file has no ``[[condition]]``.
+    tune
+        The ``[tune]`` table as it stands.
+    """
+
+    path: str
+    text: str
+    title: str
+    experiment: Experiment
+    controllers: dict[str, Controller]
+    conditions: dict[str, Experiment]
+    tune: Mapping[str, Any]
+
+
+def load(path: str | Path) -> Config:
+    """Read and check a configuration file.
+
+    Raises
+    ------
+    ConfigError
+        A line for every fault: file, key path, what was expected, what came.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "not a text file"
+        raise ConfigError(f"{path}: cannot be read ({reason})") from None
+    return parse(text, str(path), path.parent)
+
+
+def parse(text: str, name: str, folder: Path) -> Config:
+    """Check a configuration's text; `folder` is where its relative paths start."""
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{name}: not valid TOML: {error}") from None
+    faults: list[FpidError] = []
+    config = _Reader(table, folder, faults).read(name, text)
+    if faults or config is None:
+        raise ConfigError("\n".join(f"{name}: {fault}" for fault in faults))
+    return config
+
+
+class _Reader:
+    """Builds the parts of a configuration and collects their faults."""
+
+    def __init__(self, table: Mapping[str, Any], folder: Path, faults: list[FpidError]) -> None:
+        self._table, self._folder, self._faults = table, folder, faults
+
+    def read(self, name: str, text: str) -> Config | None:
+        table, faults = self._table, self._faults
+        if table.get("format") != FORMAT:
+            faults.append(ArgumentError("format", f"{FORMAT}", repr(table.get("format", "none"))))
+            return None
+        self._known("", table, TABLES)
+        for key in ("arm", "reference", "controller"):
+            if key not in table:
+                faults.append(ArgumentError(key, "a table", "none"))
+        arm = self._arm() if "arm" in table else None
+        reference = self._build("reference", Reference) if "reference" in table else None
+        controllers = self._controllers()
+        simulation = self._section("simulation", table.get("simulation", {}))
+        self._known("simulation", simulation, SIMULATION_KEYS)
+        parts = self._surroundings(table, "", arm)
+        conditions = self._conditions(arm, parts)
+        tune = self._section("tune", table.get("tune", {}))
+        if faults or arm is None or reference is None:
+            return None
+        experiment = self._experiment(arm, reference, simulation, parts)
+        if experiment is None:
+            return None
+        named = {}
+        for label, surroundings in conditions.items():
+            changed = self._experiment(arm, reference, simulation, surroundings)
+            if changed is not None:
+                named[label] = changed
+        for label, controller in controllers.items():
+            self._try(f"controller {label!r}", lambda c=controller: c.start(arm, step=experiment.step))
+        title = table.get("title", "")
+        if not isinstance(title, str):
+            faults.append(ArgumentError("title", "a text", repr(title)))
+        if faults:
+            return None
+        conditions_ = named or {"nominal": experiment}
+        return Config(name, text, title, experiment, controllers, conditions_, tune)
+
+    # ------------------------------------------------------------------ parts
+
+    def _known(self, path: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> None:
+        for key in table:
+            self._try("", lambda key=key: checks.choice(f"{path}.{key}".strip("."), key, keys))
+
+    def _section(self, path: str, value: Any) -> Mapping[str, Any]:
+        if isinstance(value, Mapping):
+            return value
+        self._faults.append(ArgumentError(path, "a table", repr(value)))
+        return {}
+
+    def _list(self, path: str, value: Any) -> list[Any]:
+        if isinstance(value, list):
+            return value
+        self._faults.append(ArgumentError(path, f"a list of tables ([[{path}]])", repr(value)))
+        return []
+
+    def _build(self, key: str, family: type) -> Any:
+        return descriptions.build(self._table[key], family, key, self._faults)
+
+    def _arm(self) -> Arm | None:
+        value = self._section("arm", self._table["arm"])
+        return self._arm_from(value, "arm")
+
+    def _arm_from(self, value: Any, path: str) -> Arm | None:
+        if isinstance(value, Mapping) and isinstance(value.get("path"), str):
+            value = dict(value) | {"path": str(self._folder / value["path"])}
+        arm: Arm | None = descriptions.build(value, Arm, path, self._faults)
+        return arm
+
+    def _controllers(self) -> dict[str, Controller]:
+        named: dict[str, Controller] = {}
+        for k, value in enumerate(self._list("controller", self._table.get("controller", []))):
+            path = f"controller.{k}"
+            controller = descriptions.build(value, Controller, path, self._faults)
+            if controller is None:
+                continue
+            name = str(getattr(controller, "name", "") or getattr(type(controller), "_kind", path))
+            if name in named:
+                self._faults.append(
+                    ArgumentError(f"{path}.name", "a name of its own", f"{name!r} again")
+                )
+            named[name] = controller
+        return named
+
+    def _surroundings(
+        self, table: Mapping[str, Any], path: str, arm: Arm | None
+    ) -> dict[str, Any]:
+        """Build plant (with its disturbance) and sensors from the tables under `path`."""
+        prefix = f"{path}." if path else ""
+        parts: dict[str, Any] = {}
+        if "sensors" in table:
+            parts["sensors"] = descriptions.build(
+                table["sensors"], Sensors, f"{prefix}sensors", self._faults
+            )
+        if "disturbance" in table:
+            items = self._list(f"{prefix}disturbance", table["disturbance"])
+            built = [
+                descriptions.build(item, Disturbance, f"{prefix}disturbance.{k}", self._faults)
+                for k, item in enumerate(items)
+            ]
+            if built and None not in built:
+                parts["disturbance"] = built[0] if len(built) == 1 else Sum(built)
+            else:
+                parts["disturbance"] = None
+        if "plant" in table:
+            parts["plant"] = self._plant(table["plant"], f"{prefix}plant", arm)
+        return parts
+
+    def _plant(self, value: Any, path: str, arm: Arm | None) -> Plant | None:
+        table = dict(self._section(path, value))
+        true_arm = arm
+        if "arm" in table:
+            true_arm = self._arm_from(table.pop("arm"), f"{path}.arm")
+        payload = table.pop("payload", None)
+        if payload is not None and true_arm is not None:
+            payload = self._section(f"{path}.payload", payload)
+            self._known(f"{path}.payload", payload, ("mass", "com", "frame"))
+            base = true_arm
+            true_arm = self._try(
+                path, lambda: base.with_payload(**{"mass": None, **payload})
+            )
+        if "disturbance" in table:
+            self._faults.append(
+                ArgumentError(f"{path}.disturbance", "[[disturbance]] tables instead", "a key")
+            )
+            return None
+        plant: Plant | None = descriptions.build(table, Plant, path, self._faults)
+        if plant is None or true_arm is arm:
+            return plant
+        return dataclasses.replace(plant, arm=true_arm)
+
+    def _conditions(
+        self, arm: Arm | None, parts: dict[str, Any]
+    ) -> dict[str, dict[str, Any]]:
+        named: dict[str, dict[str, Any]] = {}
+        for k, value in enumerate(self._list("condition", self._table.get("condition", []))):
+            path = f"condition.{k}"
+            table = self._section(path, value)
+            self._known(path, table, CONDITION_KEYS)
+            name = table.get("name")
+            if not isinstance(name, str) or not name or name in named:
+                self._faults.append(ArgumentError(f"{path}.name", "a name of its own", repr(name)))
+                continue
+            named[name] = parts | self._surroundings(table, path, arm)
+        return named
+
+    def _experiment(
+        self,
+        arm: Arm,
+        reference: Reference,
+        simulation: Mapping[str, Any],
+        parts: dict[str, Any],
+    ) -> Experiment | None:
+        plant = parts.get("plant")
+        disturbance = parts.get("disturbance")
+        if disturbance is not None:
+            plant = dataclasses.replace(plant or Plant(), disturbance=disturbance)
+        return self._try(
+            "simulation",
+            lambda: Experiment(
+                arm=arm, reference=reference, plant=plant, sensors=parts.get("sensors"),
+                **simulation,
+            ),
+        )  # fmt: skip
+
+    def _try(self, path: str, action: Any) -> Any:
+        try:
+            return action()
+        except ArgumentError as error:
+            name = error.name
+            if path and not name.startswith(("plant", "reference", "sensors")):
+                name = f"{path}.{name}"
+            fault = ArgumentError(name, error.expected, error.got)
+            if str(fault) not in map(str, self._faults):
+                self._faults.append(fault)
+        except FpidError as error:
+            self._faults.append(error)
+        return None

@@ -1,0 +1,134 @@
+"""Tables of runs: one row a run, and one row a run and joint; for screen, Markdown and CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fpid_pin.simulation import Cost, QuadraticCost, Run
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A run with its place in a comparison."""
+
+    condition: str
+    controller: str
+    run: Run
+
+
+Row = dict[str, Any]
+
+
+def run_rows(entries: Sequence[Entry], cost: Cost | None = None) -> list[Row]:
+    """Return one row a run: figures over all joints.
+
+    Parameters
+    ----------
+    entries
+        The runs.
+    cost
+        None: eq. (33) with its default weights.
+    """
+    cost = cost or QuadraticCost()
+    rows = []
+    for entry in entries:
+        m = entry.run.metrics
+        completed = entry.run.outcome.completed
+        rows.append(
+            {
+                "condition": entry.condition,
+                "controller": entry.controller,
+                "cost (33)": cost.of(m) if completed else float("inf"),
+                "RMS error [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms**2))),
+                "RMS, last half [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms_tail**2))),
+                "energy [(N m)^2 s]": float(m.energy.sum()),
+                "variation [N m]": float(m.total_variation.sum()),
+                "peak torque [N m]": float(m.peak_torque.max()),
+                "outcome": "completed" if completed else str(entry.run.outcome),
+            }
+        )
+    return rows
+
+
+def joint_rows(entries: Sequence[Entry]) -> list[Row]:
+    """Return one row a run and joint, every metric."""
+    rows = []
+    for entry in entries:
+        m, names = entry.run.metrics, entry.run.arm.joint_names
+        for j, joint in enumerate(names):
+            rows.append(
+                {
+                    "condition": entry.condition,
+                    "controller": entry.controller,
+                    "joint": joint,
+                    "RMS [rad]": m.rms[j],
+                    "RMS, last half [rad]": m.rms_tail[j],
+                    "ISE [rad^2 s]": m.ise[j],
+                    "IAE [rad s]": m.iae[j],
+                    "ITAE [rad s^2]": m.itae[j],
+                    "energy [(N m)^2 s]": m.energy[j],
+                    "variation [N m]": m.total_variation[j],
+                    "peak torque [N m]": m.peak_torque[j],
+                }
+            )
+    return rows
+
+
+def drop_constant(rows: list[Row], key: str) -> list[Row]:
+    """Leave out a column that says the same in every row."""
+    if len({row[key] for row in rows}) > 1:
+        return rows
+    return [{k: v for k, v in row.items() if k != key} for row in rows]
+
+
+def cell(value: Any) -> str:
+    """Write a value with four significant digits."""
+    return f"{float(value):.4g}" if isinstance(value, (float, np.floating)) else str(value)
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Return a Markdown table."""
+    heads = list(rows[0])
+    lines = ["| " + " | ".join(heads) + " |"]
+    lines.append("|" + "|".join(" ---: " if _numeric(rows, h) else " --- " for h in heads) + "|")
+    for row in rows:
+        cells = [cell(row[h]).replace("|", "\\|") for h in heads]
+        lines.append("| " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def comma_separated(rows: Sequence[Row]) -> str:
+    """Return CSV with every digit."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({k: repr(float(v)) if _is_number(v) else v for k, v in row.items()})
+    return text.getvalue()
+
+
+def rich_table(rows: Sequence[Row], title: str) -> Any:
+    """Return a table for the screen."""
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(title=title, title_justify="left", header_style="bold")
+    for head in rows[0]:
+        table.add_column(Text(head), justify="right" if _numeric(rows, head) else "left")
+    for row in rows:
+        table.add_row(*(Text(cell(value)) for value in row.values()))
+    return table
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (float, np.floating))
+
+
+def _numeric(rows: Sequence[Row], head: str) -> bool:
+    return all(_is_number(row[head]) for row in rows)

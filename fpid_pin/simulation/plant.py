@@ -1,0 +1,93 @@
+"""The true robot: it need not be the one that the controller believes in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.arms import Arm
+from fpid_pin.checks import FloatArray
+from fpid_pin.descriptions import described
+from fpid_pin.simulation.disturbances import Disturbance
+
+if TYPE_CHECKING:
+    from fpid_pin.simulation.experiment import Experiment
+
+
+@described("plant")
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """What is simulated, (6): ``M q'' + C q' + G + F_v q' + F_d sgn(q') = U + d(t)``.
+
+    Parameters
+    ----------
+    arm
+        The true inertias, payload and gravity; None: those of the nominal arm.
+    viscous_friction, dry_friction
+        F_v (N m s/rad) and F_d (N m), scalar or (n,); None: the arm's own.
+    disturbance
+        d(t).
+    effort_limit
+        Where the drives clip, scalar or (n,), N m; None: the arm's own; inf: nowhere.
+    """
+
+    arm: Arm | None = None
+    viscous_friction: ArrayLike | None = None
+    dry_friction: ArrayLike | None = None
+    disturbance: Disturbance | None = None
+    effort_limit: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        if self.arm is not None:
+            checks.instance("plant.arm", self.arm, Arm, "an Arm or None")
+        for name in ("viscous_friction", "dry_friction"):
+            value = getattr(self, name)
+            if value is not None:
+                array = checks.floats(f"plant.{name}", value, low=0.0, max_ndim=1)
+                object.__setattr__(self, name, array)
+        if self.effort_limit is not None:
+            limit = checks.floats(
+                "plant.effort_limit", self.effort_limit, above=0.0, finite=False, max_ndim=1
+            )
+            object.__setattr__(self, "effort_limit", limit)
+        if self.disturbance is not None:
+            checks.instance(
+                "plant.disturbance", self.disturbance, Disturbance, "an object with sample(t)"
+            )
+
+    def resolve(self, nominal: Arm) -> ResolvedPlant:
+        """Fill what is left open from `nominal` and check every length against it."""
+        arm = nominal if self.arm is None else self.arm
+        if arm.n != nominal.n:
+            raise checks.ArgumentError(
+                "plant.arm", f"{nominal.n} joints, as the nominal arm", f"{arm.n} joints"
+            )
+
+        def own(name: str) -> FloatArray:
+            value = getattr(self, name)
+            value = getattr(arm, name) if value is None else value
+            return checks.per_joint(f"plant.{name}", value, arm.n, finite=False)
+
+        return ResolvedPlant(
+            arm, own("viscous_friction"), own("dry_friction"), own("effort_limit"), self.disturbance
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedPlant:
+    """A plant with nothing left open, arrays (n,)."""
+
+    arm: Arm
+    viscous_friction: FloatArray
+    dry_friction: FloatArray
+    effort_limit: FloatArray
+    disturbance: Disturbance | None
+
+
+def plant_of(experiment: Experiment) -> ResolvedPlant:
+    """Return the plant of an experiment; None means the nominal arm, undisturbed."""
+    plant = Plant() if experiment.plant is None else experiment.plant
+    return plant.resolve(experiment.arm)

@@ -1,0 +1,151 @@
+"""What the loop hands on, a block of rows at a time, and who can receive it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from fpid_pin.checks import FloatArray
+
+if TYPE_CHECKING:
+    from fpid_pin.control.controller import Controller
+    from fpid_pin.simulation.experiment import Experiment
+
+ALL_SIGNALS = ("*",)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    Parameters
+    ----------
+    completed
+        Whether it reached its duration.
+    time
+        When it ended, s.
+    joint, cause
+        Which joint ended it, and why; empty where it completed.
+    """
+
+    completed: bool
+    time: float
+    joint: str = ""
+    cause: str = ""
+
+    def __str__(self) -> str:
+        if self.completed:
+            return f"completed at {self.time:g} s"
+        return f"diverged at {self.time:g} s, {self.joint}: {self.cause}"
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """What is common to the runs of one lockstep call."""
+
+    experiments: Sequence[Experiment]
+    controllers: Sequence[Controller]
+    runs: int
+    n: int
+    rows: int
+    step: float
+
+
+@dataclass(eq=False)
+class Block:
+    """Some consecutive rows of all runs; views of the loop's buffers, valid until the next block.
+
+    Attributes
+    ----------
+    first
+        Row number of the first row.
+    t
+        (K,), s.
+    q_ref, v_ref, q, v, torque
+        (K, runs, n); torque is what the drives gave, after their limits.
+    signals
+        The controller's, by name, (K, runs, n) or (K, runs).
+    valid
+        Rows from the block's start that belong to each run, (runs,); fewer than K where a run
+        has diverged.
+    """
+
+    first: int
+    t: FloatArray
+    q_ref: FloatArray
+    v_ref: FloatArray
+    q: FloatArray
+    v: FloatArray
+    torque: FloatArray
+    valid: np.ndarray[tuple[int], np.dtype[np.intp]]
+    signals: dict[str, FloatArray] = field(default_factory=dict)
+
+
+class Recorder(Protocol):
+    """Receives the rows of a lockstep call: the full record, the metrics and costs are recorders.
+
+    Attributes
+    ----------
+    wanted
+        Names of the controller's signals to be recorded; `ALL_SIGNALS` for all it has.
+    """
+
+    wanted: Sequence[str]
+
+    def start(self, batch: Batch) -> None:
+        """Prepare for the rows of `batch`."""
+        ...
+
+    def take(self, block: Block) -> None:
+        """Take the next rows."""
+        ...
+
+
+def total(rows: FloatArray) -> FloatArray:
+    """Sum over the first axis, row after row.
+
+    Over an array with a single column NumPy would sum in pairs, and a run's sums would depend on
+    whether it had company.
+    """
+    if rows[0].size > 1:
+        summed: FloatArray = np.add.reduce(rows, axis=0)
+        return summed
+    last: FloatArray = np.add.accumulate(rows, axis=0)[-1]
+    return last
+
+
+def void(rows: FloatArray, block: Block, most: int) -> FloatArray:
+    """Zero, in place, the rows that do not count: of ended runs, and from row `most` on."""
+    k = len(block.t)
+    last = np.minimum(block.valid, most - block.first)
+    if (last < k).any():
+        rows[np.arange(k)[:, np.newaxis] >= last] = 0.0
+    return rows
+
+
+class FullRecord:
+    """Every row of every signal: what a `Run` is made of."""
+
+    wanted: Sequence[str] = ALL_SIGNALS
+
+    def __init__(self) -> None:
+        self.arrays: dict[str, FloatArray] = {}
+        self._rows = 0
+
+    def start(self, batch: Batch) -> None:
+        """See `Recorder.start`."""
+        self._rows = batch.rows
+
+    def take(self, block: Block) -> None:
+        """See `Recorder.take`."""
+        rows = {name: getattr(block, name) for name in ("q_ref", "v_ref", "q", "v", "torque")}
+        for name, array in (rows | block.signals).items():
+            if name not in self.arrays:
+                # Runs outermost: each Run then owns contiguous arrays.
+                shape = (array.shape[1], self._rows, *array.shape[2:])
+                self.arrays[name] = np.zeros(shape)
+            stop = block.first + len(block.t)
+            self.arrays[name][:, block.first : stop] = array.swapaxes(0, 1)

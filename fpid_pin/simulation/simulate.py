@@ -1,0 +1,211 @@
+"""`simulate` and `evaluate`: the ways into the loop, for one robot or thousands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Sequence
+from concurrent.futures import Executor, Future
+from typing import overload
+
+import numpy as np
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.controller import Controller
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.costs import Cost, QuadraticCost
+from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.loop import Progress, lockstep
+from fpid_pin.simulation.metrics import MetricsRecorder
+from fpid_pin.simulation.recorders import FullRecord
+from fpid_pin.simulation.run import Run, describe_run
+
+# More runs in one call gain nothing: their states no longer fit the processor's cache.
+MOST_RUNS = 240
+
+
+def pair(
+    experiments: Experiment | Sequence[Experiment], controllers: Controller | Sequence[Controller]
+) -> tuple[list[Experiment], list[Controller]]:
+    """Broadcast experiments and controllers against each other: equal lengths, or one is single."""
+    left = [experiments] if isinstance(experiments, Experiment) else list(experiments)
+    right = [controllers] if isinstance(controllers, Controller) else list(controllers)
+    for e in left:
+        checks.instance("experiment", e, Experiment, "an Experiment")
+    for c in right:
+        checks.instance("controller", c, Controller, "a Controller")
+    runs = max(len(left), len(right))
+    if not left or not right or not {len(left), len(right)} <= {1, runs}:
+        raise ArgumentError(
+            "experiments and controllers", "equal numbers, or one of either",
+            f"{len(left)} and {len(right)}",
+        )  # fmt: skip
+    return left * (runs // len(left)), right * (runs // len(right))
+
+
+def batches(
+    experiments: Sequence[Experiment], controllers: Sequence[Controller], most: int
+) -> list[list[int]]:
+    """Sort runs into calls of the loop: what must be alike in one call, at most `most` runs."""
+    groups: dict[Hashable, list[int]] = {}
+    for run, (e, c) in enumerate(zip(experiments, controllers, strict=True)):
+        key = (c.lockstep_key(), id(e.arm), e.step, e.rows, e.integrator)
+        groups.setdefault(key, []).append(run)
+    return [
+        group[start : start + most]
+        for group in groups.values()
+        for start in range(0, len(group), most)
+    ]
+
+
+def _overall(
+    progress: Progress | None, done: int, size: int, runs: int
+) -> Callable[[float], None] | None:
+    if progress is None:
+        return None
+    return lambda part: progress((done + part * size) / runs)
+
+
+@overload
+def simulate(
+    experiment: Experiment, controller: Controller, *, progress: Progress | None = None
+) -> Run: ...
+@overload
+def simulate(
+    experiment: Sequence[Experiment],
+    controller: Controller | Sequence[Controller],
+    *,
+    progress: Progress | None = None,
+) -> list[Run]: ...
+@overload
+def simulate(
+    experiment: Experiment,
+    controller: Sequence[Controller],
+    *,
+    progress: Progress | None = None,
+) -> list[Run]: ...
+
+
+def simulate(
+    experiment: Experiment | Sequence[Experiment],
+    controller: Controller | Sequence[Controller],
+    *,
+    progress: Progress | None = None,
+) -> Run | list[Run]:
+    """Simulate and record everything.
+
+    Parameters
+    ----------
+    experiment, controller
+        One of each gives a `Run`; sequences give a list of runs, a single one serving all.
+    progress
+        Called now and then with the part done, 0 to 1.
+
+    Returns
+    -------
+    Run or list of Run
+        A diverged run is cut where it ended; ``run.outcome`` says why.
+
+    Raises
+    ------
+    ArgumentError, SimulationError
+        Before anything is simulated.
+    """
+    experiments, controllers = pair(experiment, controller)
+    runs: list[Run | None] = [None] * len(experiments)
+    done = 0
+    for members in batches(experiments, controllers, MOST_RUNS):
+        record = FullRecord()
+        es, cs = [experiments[i] for i in members], [controllers[i] for i in members]
+        outcomes = lockstep(es, cs, [record], _overall(progress, done, len(members), len(runs)))
+        done += len(members)
+        for row, (i, outcome) in enumerate(zip(members, outcomes, strict=True)):
+            e, c = experiments[i], controllers[i]
+            h = e.step
+            rows = e.rows if outcome.completed else round(outcome.time / h)
+            arrays = {name: values[row, :rows] for name, values in record.arrays.items()}
+            named = {name: arrays.pop(name) for name in ("q", "v", "q_ref", "v_ref", "torque")}
+            runs[i] = Run(
+                np.arange(rows) * h, **named, signals=arrays, outcome=outcome, step=h,
+                planned_rows=e.rows, meta=describe_run(e, c, getattr(c, "name", "")),
+            )  # fmt: skip
+    single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
+    finished = [run for run in runs if run is not None]
+    return finished[0] if single else finished
+
+
+def evaluate(
+    experiments: Experiment | Sequence[Experiment],
+    controllers: Controller | Sequence[Controller],
+    cost: Cost | Sequence[Cost] | None = None,
+    *,
+    executor: Executor | None = None,
+    shards: int | None = None,
+    progress: Progress | None = None,
+) -> FloatArray:
+    """Simulate and keep only the cost; memory does not depend on the horizon.
+
+    Parameters
+    ----------
+    experiments, controllers
+        As for `simulate`.
+    cost
+        One cost gives (runs,), a sequence gives (runs, costs); None: eq. (33).
+    executor
+        Any `concurrent.futures.Executor` of processes; the runs are dealt out to it. The result
+        is the same to the last bit.
+    shards
+        Number of parts for the executor; None: its number of workers where it tells, else 2.
+    progress
+        As for `simulate`.
+
+    Returns
+    -------
+    ndarray
+        +inf where a run diverged.
+    """
+    es, cs = pair(experiments, controllers)
+    costs = [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
+    if executor is None:
+        table = _evaluate(es, cs, costs, progress)
+    else:
+        parts = shards or getattr(executor, "_max_workers", 2)
+        cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
+        futures: list[Future[FloatArray]] = [
+            executor.submit(_evaluate, [es[i] for i in cut], [cs[i] for i in cut], costs, None)
+            for cut in cuts
+        ]
+        pieces = []
+        for number, future in enumerate(futures, start=1):
+            pieces.append(future.result())
+            if progress is not None:
+                progress(number / len(futures))
+        table = np.concatenate(pieces)
+    return table[:, 0] if cost is None or isinstance(cost, Cost) else table
+
+
+def _evaluate(
+    experiments: Sequence[Experiment],
+    controllers: Sequence[Controller],
+    costs: Sequence[Cost],
+    progress: Progress | None,
+) -> FloatArray:
+    table = np.full((len(experiments), len(costs)), np.inf)
+    needs = _union(cost.needs for cost in costs)
+    done = 0
+    for members in batches(experiments, controllers, MOST_RUNS):
+        recorder = MetricsRecorder(needs)
+        outcomes = lockstep(
+            [experiments[i] for i in members],
+            [controllers[i] for i in members],
+            [recorder],
+            _overall(progress, done, len(members), len(experiments)),
+        )
+        done += len(members)
+        for i, outcome, metrics in zip(members, outcomes, recorder.result(), strict=True):
+            if outcome.completed:
+                table[i] = [cost.of(metrics) for cost in costs]
+    return table
+
+
+def _union(groups: Iterable[Iterable[str]]) -> set[str]:
+    return {name for group in groups for name in group}
