@@ -240,6 +240,8 @@ class FpidState(State):
         np.add.reduce(self._terms, axis=0, out=self._u)
         if self._scale is not None:
             self._u *= self._scale
+        if not acts and not self._saturation.limited:
+            return self._u
         np.copyto(self._torque, self._u)
         if acts and supervision is not None:
             supervision.act(q, v, a_ref, self._e, self._e_dot, self._u)
@@ -260,7 +262,8 @@ class FpidState(State):
 
     def _adaptation_hold(self) -> FloatArray | None:
         # dK.phi has the sign of -S: that is where the adaptation pushes the torque.
-        hold = self._saturation.winds_up(-self._adaptation.surface)
+        saturation = self._saturation
+        hold = saturation.winds_up(-self._adaptation.surface) if saturation.active else None
         supervision = self._supervision
         if supervision is not None and supervision.any_acting:
             acting = np.broadcast_to(supervision.acting[:, np.newaxis], self._e.shape)

@@ -29,7 +29,7 @@ class Saturation:
         self._high = np.ascontiguousarray(np.broadcast_to(effort_limit, shape))
         self._low = -self._high
         self._cut = np.zeros(shape)
-        self._any = False
+        self.active = False
 
     def apply(self, torque: FloatArray) -> FloatArray:
         """Clip `torque`, (runs, n), in place and remember by how much it was cut."""
@@ -38,7 +38,7 @@ class Saturation:
             np.minimum(torque, self._high, out=torque)
             np.maximum(torque, self._low, out=torque)
             np.subtract(self._cut, torque, out=self._cut)
-            self._any = bool(self._cut.any())
+            self.active = bool(self._cut.any())
         return torque
 
     def winds_up(self, push: FloatArray) -> FloatArray | None:
@@ -49,7 +49,7 @@ class Saturation:
         push
             Direction in which the torque would change, (runs, n); only its sign counts.
         """
-        if not self._any:
+        if not self.active:
             return None
         mask: FloatArray = self._cut * push > 0.0
         return mask

@@ -11,6 +11,7 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
+from fpid_pin.simulation.disturbances import Disturbance
 from fpid_pin.simulation.plant import Plant, plant_of
 from fpid_pin.simulation.references import Motion, Reference
 from fpid_pin.simulation.sensors import Sensors
@@ -71,8 +72,8 @@ class Experiment:
         if self.sensors is not None:
             checks.instance("sensors", self.sensors, Sensors, "Sensors or None")
         n = self.arm.n
+        start = self.motion(np.zeros(1))[0][0]
         if self.q0 is None:
-            start = self.motion(np.zeros(1))[0][0]
             object.__setattr__(self, "q0", checks.read_only(start))
         else:
             object.__setattr__(self, "q0", checks.per_joint("q0", self.q0, n))
@@ -84,7 +85,7 @@ class Experiment:
         object.__setattr__(self, "v0", v0)
         checks.choice("integrator", self.integrator, INTEGRATORS)
         object.__setattr__(self, "seed", checks.integer("seed", self.seed, low=0))
-        plant_of(self)
+        _check_disturbance(plant_of(self).disturbance, n)
 
     @property
     def rows(self) -> int:
@@ -113,3 +114,13 @@ class Experiment:
                 )
             out.append(np.broadcast_to(array, (len(t), n)))
         return out[0], out[1], out[2]
+
+
+def _check_disturbance(disturbance: Disturbance | None, n: int) -> None:
+    if disturbance is None:
+        return
+    shape = np.shape(disturbance.sample(np.zeros(1)))
+    if shape not in ((1, n), (1, 1)):
+        raise checks.ArgumentError(
+            "plant.disturbance", f"(K, {n}) at K times (the arm has {n} joints)", f"{shape}"
+        )

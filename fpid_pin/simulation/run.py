@@ -134,7 +134,8 @@ class Run:
         """
         path = Path(path)
         try:
-            with np.load(path, allow_pickle=False) as file:
+            # Opened here: np.load leaves a file that it cannot read open.
+            with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
             meta = _from_json(json.loads(str(arrays.pop("meta"))))
             if not isinstance(meta, dict):

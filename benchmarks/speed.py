@@ -1,0 +1,148 @@
+"""How fast is the lockstep engine beside the loop that a user of Pinocchio would write?
+
+    python benchmarks/speed.py [--steps 2000] [--repeats 5] [--joints]
+
+Both run the paper's experiment with the same law and the same 24 modes, in turn in this process;
+what counts is their ratio, since machines differ and are shared. Also: the part of the time that
+is Pinocchio's, the import time, and (--joints) the cost of a step against the number of joints.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pinocchio as pin
+from plain_loop import plain_loop
+
+import fpid_pin as fp
+from fpid_pin.arms import Fleet
+
+RUNS = (1, 10, 30, 60, 120, 240)
+
+
+def best(action: Callable[[], object], repeats: int) -> float:
+    """Shortest of several times, s: what the code needs when nobody else is on the machine."""
+    times = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        action()
+        times.append(time.perf_counter() - began)
+    return min(times)
+
+
+def population(runs: int, seed: int = 0) -> list[fp.AdaptiveFpid]:
+    """Controllers with different orders, as a genetic algorithm would ask for."""
+    rng = np.random.default_rng(seed)
+    base = fp.paper_controller(supervised=False)
+    return [
+        dataclasses.replace(
+            base, integral_order=rng.uniform(0.5, 1, 2), derivative_order=rng.uniform(0.5, 1, 2)
+        )
+        for _ in range(runs)
+    ]
+
+
+def dynamics_ns(runs: int, repeats: int) -> float:
+    """ns a run of one forward dynamics call for `runs` robots."""
+    fleet = Fleet([fp.Arm.two_link()], runs)
+    rng = np.random.default_rng(0)
+    q, v, tau = rng.normal(size=(3, runs, 2))
+    out = np.empty((runs, 2))
+    calls = 500
+
+    def many() -> None:
+        for _ in range(calls):
+            fleet.forward_dynamics(q, v, tau, out)
+
+    return 1e9 * best(many, repeats) / calls / runs
+
+
+def aba_ns(repeats: int) -> float:
+    """ns of one pin.aba call on the two-link arm: the unit of this machine."""
+    model = fp.Arm.two_link().model
+    data = model.createData()
+    q, v, tau = np.zeros((3, 2))
+
+    def many() -> None:
+        for _ in range(2000):
+            pin.aba(model, data, q, v, tau)
+
+    return 1e9 * best(many, repeats) / 2000
+
+
+def headline(steps: int, repeats: int) -> None:
+    controller = fp.paper_controller(supervised=False)
+    experiment = fp.paper_experiment(duration=steps * 1e-3)
+    rows = experiment.rows
+    check = plain_loop(experiment, controller, rows)
+    apart = np.abs(check - fp.simulate(experiment, controller).q).max()
+    unit = aba_ns(repeats)
+    print(f"the two loops agree within {apart:.1e} rad; one pin.aba call takes {unit:.0f} ns here")
+    print()
+    print("| runs | ns a run-step | plain / ours (median of pairs) | in Pinocchio | pin.aba calls |")
+    print("| ---: | ---: | ---: | ---: | ---: |")
+    for runs in RUNS:
+        controllers = population(runs)
+        pairs = []
+        for _ in range(repeats):
+            began = time.perf_counter()
+            plain_loop(experiment, controller, rows)
+            middle = time.perf_counter()
+            fp.evaluate(experiment, controllers)
+            end = time.perf_counter()
+            pairs.append(((middle - began) / steps, (end - middle) / steps / runs))
+        ratio = float(np.median([plain / ours for plain, ours in pairs]))
+        ours = 1e9 * min(ours for _, ours in pairs)
+        part = dynamics_ns(runs, repeats) / ours
+        print(f"| {runs} | {ours:.0f} | {ratio:.1f} | {100 * part:.0f} % | {ours / unit:.2f} |")
+    plain = 1e9 * best(lambda: plain_loop(experiment, controller, rows), repeats) / steps
+    print(f"| plain loop, 1 | {plain:.0f} | 1 | | {plain / unit:.2f} |")
+
+
+def importing(repeats: int) -> None:
+    code = "import time; t = time.perf_counter(); import fpid_pin; print(time.perf_counter() - t)"
+    times = [
+        float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
+        for _ in range(repeats)
+    ]
+    print(f"\nimport fpid_pin: {min(times):.2f} s at best, {np.median(times):.2f} s median")
+
+
+def joints(repeats: int, runs: int = 60, steps: int = 200) -> None:
+    print(f"\n| joints | us a run-step at {runs} runs | us a joint |")
+    print("| ---: | ---: | ---: |")
+    for n in (2, 5, 10, 20, 30, 40, 50):
+        arm = fp.Arm.planar(np.full(n, 1.0 / n), np.full(n, 2.0 / n))
+        experiment = fp.Experiment(
+            arm, fp.Sinusoid(0.1, 1.0, np.zeros(n)), q0=np.zeros(n), duration=steps * 1e-3,
+            runaway_speed=1e9,
+        )  # fmt: skip
+        controller = fp.AdaptiveFpid(
+            kp=20.0, ki=10.0, kd=2.0, integral_order=0.9, derivative_order=0.9,
+            learning_rate=0.1, scale="inertia",
+        )  # fmt: skip
+        seconds = best(lambda e=experiment, c=controller: fp.evaluate(e, [c] * runs), repeats)
+        each = 1e6 * seconds / steps / runs
+        print(f"| {n} | {each:.2f} | {each / n:.3f} |")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--steps", type=int, default=2000)
+    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--joints", action="store_true", help="also the cost against joints")
+    options = parser.parse_args()
+    headline(options.steps, options.repeats)
+    importing(options.repeats)
+    if options.joints:
+        joints(options.repeats)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,98 @@
+"""Limits of the arm watched: which joint went beyond what, and when first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fpid_pin.checks import FloatArray
+from fpid_pin.simulation.plant import plant_of
+
+if TYPE_CHECKING:
+    from fpid_pin.simulation.experiment import Experiment
+    from fpid_pin.simulation.run import Run
+
+UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}
+
+
+@dataclass(frozen=True)
+class Exceedance:
+    """A joint's first step beyond one of its limits.
+
+    Attributes
+    ----------
+    joint
+        Its name.
+    quantity
+        ``"position"``, ``"velocity"`` or ``"effort"`` (the controller asked for all of it).
+    limit
+        rad, rad/s or N m; for positions the one that was passed.
+    time
+        When first, s.
+    value
+        The worst that followed.
+    part
+        Part of the run's samples beyond the limit.
+    """
+
+    joint: str
+    quantity: str
+    limit: float
+    time: float
+    value: float
+    part: float
+
+    def __str__(self) -> str:
+        unit = UNITS[self.quantity]
+        if self.quantity == "effort":
+            return (
+                f"{self.joint}: at its effort limit of {self.limit:.3g} N m from {self.time:.3g} s "
+                f"on, {100.0 * self.part:.3g} % of the time"
+            )
+        return (
+            f"{self.joint}: {self.quantity} beyond {self.limit:.3g} {unit} at {self.time:.3g} s "
+            f"(worst {self.value:.3g} {unit}, {100.0 * self.part:.3g} % of the time)"
+        )
+
+
+def limit_report(run: Run) -> list[Exceedance]:
+    """Return every limit of the nominal arm that `run` passed, the earliest first.
+
+    Position and velocity limits do not stop a simulated joint; they are watched. A torque cannot
+    pass its limit: listed is where it sat at it.
+    """
+    arm = run.arm
+    found = []
+    for j, joint in enumerate(arm.joint_names):
+        q, v, torque = run.q[:, j], run.v[:, j], run.torque[:, j]
+        watched = (
+            ("position", q, -q + arm.lower[j], float(arm.lower[j])),
+            ("position", q, q - arm.upper[j], float(arm.upper[j])),
+            ("velocity", v, np.abs(v) - arm.velocity_limit[j], float(arm.velocity_limit[j])),
+            ("effort", torque, np.abs(torque) - arm.effort_limit[j], float(arm.effort_limit[j])),
+        )
+        for quantity, values, excess, limit in watched:
+            beyond = excess >= 0.0 if quantity == "effort" else excess > 0.0
+            if np.isfinite(limit) and beyond.any():
+                first, worst = int(np.argmax(beyond)), int(np.argmax(excess))
+                found.append(
+                    Exceedance(
+                        joint, quantity, limit, float(run.t[first]), float(values[worst]),
+                        float(np.mean(beyond)),
+                    )
+                )  # fmt: skip
+    return sorted(found, key=lambda item: item.time)
+
+
+def overloaded_joints(experiment: Experiment) -> list[str]:
+    """Return a line for every joint whose drive cannot carry the plant at the start pose."""
+    plant = plant_of(experiment)
+    weight: FloatArray = np.abs(plant.arm.gravity_vector(np.asarray(experiment.q0)))
+    limit = np.minimum(plant.effort_limit, experiment.arm.effort_limit)
+    return [
+        f"{plant.arm.name}: joint {plant.arm.joint_names[j]}: gravity at the start is "
+        f"{weight[j]:.3g} N m, beyond its effort limit of {limit[j]:.3g} N m"
+        for j in np.flatnonzero(weight > limit)
+    ]

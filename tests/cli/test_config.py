@@ -1,0 +1,146 @@
+"""Configuration files: what they say, and every way in which they can be wrong."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin import descriptions
+from fpid_pin.cli.config import load, parse
+from fpid_pin.cli.experiments import demo_config
+
+TEXT = demo_config().text
+
+
+def faults(text):
+    with pytest.raises(fp.ConfigError) as caught:
+        parse(text, "bad.toml", Path())
+    lines = str(caught.value).splitlines()
+    assert all(line.startswith("bad.toml: ") for line in lines)
+    return [line.removeprefix("bad.toml: ") for line in lines]
+
+
+def test_the_demo_s_file_is_the_api_s_paper_experiment():
+    config = demo_config()
+    assert descriptions.to_dict(config.experiment) == descriptions.to_dict(fp.paper_experiment())
+    for controller, orders in zip(
+        config.controllers.values(), ("symbol", "sign", "integer"), strict=True
+    ):
+        expected = descriptions.to_dict(fp.paper_controller(orders))
+        actual = descriptions.to_dict(controller)
+        for key, value in expected.items():
+            if isinstance(value, (dict, str)):
+                assert actual[key] == value, key
+            else:
+                assert np.broadcast_to(actual[key], 2).tolist() == np.broadcast_to(value, 2).tolist()
+
+
+def test_all_faults_are_reported_at_once_with_their_paths():
+    bad = (
+        TEXT.replace("integral_order = [0.901, 0.931]", "integral_order = [0.9, 1.7]")
+        .replace("k1 = 2.0", "kk = 2.0", 1)
+        .replace("amplitude = [0.4, 0.6]", 'amplitude = "x"')
+        .replace("m_x = 5.0", "m_x = true", 1)
+    )
+    paths = [line.split(":")[0] for line in faults(bad)]
+    assert sorted(paths) == [
+        "controller.0.integral_order.1",
+        "controller.0.kk",
+        "controller.0.supervisor.m_x",
+        "disturbance.0.amplitude",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("format = 1", "format = 7", "format: expected 1, got 7"),
+        ("format = 1", "", "format: expected 1, got 'none'"),
+        ("step = 1e-3", "step = 0.0", "simulation.step: expected a number > 0, got 0"),
+        ("duration = 20.0", "duration = 1e-5", "duration: expected at least one step"),
+        ("duration = 20.0", "durations = 20.0", r"simulation.durations: .*did you mean duration\?"),
+        ("q0 = [0.0, 0.35]", "q0 = [0.0]", r"simulation.q0: expected shape \(2,\)"),
+        ("q0 = [0.0, 0.35]", "q0 = [0.0, nan]", r"simulation.q0.1: .* got nan"),
+        ('"two_link"', '"three_link"', r"arm.kind: expected one of .* \(did you mean two_link\?\)"),
+        ('"cosine"', '"cosinus"', r"disturbance.0.kind: .*did you mean cosine\?"),
+        ('"semi_implicit_euler"', '"rk5"', r"simulation.integrator: .*did you mean rk4\?"),
+        ("[reference]", "[references]", r"references: .*did you mean reference\?"),
+        ("kp = [10.0, 12.0]", "kp = [10.0, 12.0, 1.0]", "expected one length for all joints"),
+        ("kp = [10.0, 12.0]", "kp = -10.0", r"controller.0.kp: expected a number >= 0, got -10"),
+        ("[arm]", "[arm", "not valid TOML"),
+        ("amplitude = [1.0, 1.0]", "amplitude = [1.0, 1.0, 1.0]", r"reference q: expected shape"),
+        ('name = "integer PID"', 'name = "FPID, orders read by sign"', "a name of its own"),
+    ],
+)
+def test_bad_files(old, new, message):
+    assert old in TEXT
+    lines = faults(TEXT.replace(old, new, 1) if "kp" in old else TEXT.replace(old, new))
+    assert any(re.search(message, line) for line in lines), lines
+
+
+CONDITIONS = """
+[[condition]]
+name = "nominal"
+
+[[condition]]
+name = "payload"
+plant = { payload = { mass = 0.5 }, viscous_friction = 0.2 }
+
+[[condition]]
+name = "noise"
+sensors = { velocity_noise = 0.05 }
+disturbance = [{ kind = "pulse", torque = 1.0, start = 1.0, end = 2.0 }, { kind = "cosine", amplitude = 0.1 }]
+"""
+
+
+def test_conditions_replace_parts_of_the_nominal_experiment():
+    config = parse(TEXT + CONDITIONS, "c.toml", Path())
+    assert list(config.conditions) == ["nominal", "payload", "noise"]
+    nominal, payload, noise = config.conditions.values()
+    q = np.array([0.2, 0.3])
+    heavier = payload.plant.arm.gravity_vector(q) - payload.arm.gravity_vector(q)
+    expected = 0.5 * 9.8 * np.array([np.cos(0.2) + 0.8 * np.cos(0.5), 0.8 * np.cos(0.5)])
+    assert np.allclose(heavier, expected, rtol=1e-12)
+    assert payload.plant.disturbance is not None
+    assert noise.sensors.velocity_noise == 0.05
+    assert len(noise.plant.disturbance.parts) == 2
+    assert nominal.sensors is None
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('[[condition]]\nname = "x"\nplants = {}', r"condition.0.plants: .*did you mean plant\?"),
+        ("[[condition]]\nplant = {}", "condition.0.name: expected a name of its own"),
+        ('[[condition]]\nname = "x"\nplant = { payload = { mass = -1.0 } }', "mass"),
+        ('[plant]\neffort_limit = 0.0', "plant.effort_limit: expected a number > 0"),
+        ('[sensors]\ndelay = 1.5', "sensors.delay: expected a whole number"),
+    ],
+)
+def test_bad_surroundings(text, message):
+    lines = faults(f"{TEXT}\n{text}\n")
+    assert any(re.search(message, line) for line in lines), lines
+
+
+def test_missing_and_unreadable_files(tmp_path):
+    with pytest.raises(fp.ConfigError, match="no such file"):
+        load(tmp_path / "none.toml")
+    with pytest.raises(fp.ConfigError, match="cannot be read"):
+        load(tmp_path)
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(fp.ConfigError, match="not a text file"):
+        load(tmp_path / "binary.toml")
+
+
+def test_a_urdf_s_path_starts_at_the_configuration_s_folder(tmp_path):
+    urdf = Path(__file__).parents[2] / "urdf" / "two_link.urdf"
+    (tmp_path / "arm.urdf").write_text(urdf.read_text())
+    text = TEXT.replace('kind = "two_link"', 'kind = "urdf"\npath = "arm.urdf"')
+    config = parse(text, "c.toml", tmp_path)
+    assert config.experiment.arm.n == 2
+    (tmp_path / "arm.urdf").unlink()
+    with pytest.raises(fp.ConfigError, match="arm.urdf"):
+        parse(text, "c.toml", tmp_path)
+

@@ -1,0 +1,96 @@
+"""A run that diverges ends with a cause and leaves the others alone."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+
+EXPERIMENT = fp.paper_experiment(duration=2.0)
+GOOD = fp.paper_controller()
+BAD = dataclasses.replace(GOOD, kd=5000.0)
+
+
+def test_a_runaway_names_time_joint_and_cause():
+    run = fp.simulate(EXPERIMENT, BAD)
+    assert not run.outcome.completed
+    assert run.outcome.joint in EXPERIMENT.arm.joint_names
+    assert "rad/s" in run.outcome.cause or "finite" in run.outcome.cause
+    assert len(run.t) == round(run.outcome.time / 1e-3)
+    assert np.abs(run.v).max() <= EXPERIMENT.runaway_speed
+    assert np.isfinite(run.q).all()
+    assert np.isfinite(run.torque).all()
+
+
+def test_the_others_do_not_notice():
+    alone = fp.simulate(EXPERIMENT, GOOD)
+    runs = fp.simulate(EXPERIMENT, [BAD, GOOD, BAD, GOOD])
+    for run in (runs[1], runs[3]):
+        assert run.outcome.completed
+        assert (run.q == alone.q).all()
+        assert (run.ki == alone.ki).all()
+    first = fp.simulate(EXPERIMENT, BAD)
+    assert runs[2].outcome == first.outcome
+    assert (runs[2].q == first.q).all()
+
+
+class Broken:
+    """A disturbance that turns into NaN."""
+
+    def sample(self, t):
+        d = np.zeros((len(t), 2))
+        d[t > 0.3] = np.nan
+        return d
+
+
+def test_nan_from_outside_ends_the_run_where_it_came_in():
+    plant = fp.Plant(disturbance=Broken())
+    run = fp.simulate(dataclasses.replace(EXPERIMENT, plant=plant), GOOD)
+    assert run.outcome.cause == "speed is not finite"
+    assert run.outcome.time == pytest.approx(0.302, abs=1e-9)
+
+
+class BrokenReference:
+    def sample(self, t):
+        return (np.full((len(t), 2), np.nan),) * 3
+
+
+def test_a_reference_that_is_not_finite_is_refused_before_anything_runs():
+    with pytest.raises(fp.ArgumentError, match=r"reference q: .* NaN or inf at t = 0 s"):
+        fp.Experiment(fp.Arm.two_link(), BrokenReference())
+
+
+def test_a_diverged_run_costs_infinity_and_its_metrics_are_those_of_its_rows():
+    costs = fp.evaluate(EXPERIMENT, [GOOD, BAD])
+    assert np.isfinite(costs[0])
+    assert costs[1] == np.inf
+    run = fp.simulate(EXPERIMENT, BAD)
+    e = run.error
+    assert np.allclose(run.metrics.ise, 1e-3 * (e**2).sum(axis=0), rtol=1e-12)
+    assert np.isnan(run.metrics.rms_tail).all()
+
+
+def test_all_runs_may_diverge():
+    runs = fp.simulate(EXPERIMENT, [BAD, BAD])
+    assert not any(run.outcome.completed for run in runs)
+
+
+def test_a_retired_run_is_exact_zeros_from_then_on():
+    """Denormals would make the whole batch some sixteen times slower."""
+    state = fp.AdaptiveFpid.start_many([GOOD, GOOD], EXPERIMENT.arm, step=1e-3, horizon=2.0)
+    rng = np.random.default_rng(0)
+    inputs = rng.normal(size=(5, 2, 2))
+    for _ in range(50):
+        state.torque(*inputs)
+    state.retire(0)
+    for _ in range(50):
+        torque = state.torque(*inputs)
+        assert (torque[0] == 0.0).all()
+        assert (torque[1] != 0.0).all()
+    assert (state.signals()["kp"][0] == 0.0).all()
+
+
+def test_a_start_beyond_the_runaway_speed_is_refused():
+    with pytest.raises(fp.ArgumentError, match="v0: expected at most runaway_speed"):
+        dataclasses.replace(EXPERIMENT, v0=(2000.0, 0.0))

@@ -1,0 +1,62 @@
+"""Metrics against their definitions; streaming against recorded."""
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.simulation.metrics import MetricsRecorder
+from fpid_pin.simulation.simulate import lockstep
+
+
+@pytest.fixture(scope="module")
+def run():
+    return fp.simulate(fp.paper_experiment(duration=1.5), fp.paper_controller())
+
+
+def test_they_are_what_they_say(run):
+    h, m = 1e-3, run.metrics
+    e, u, t = run.error[:-1], run.torque[:-1], run.t[:-1, np.newaxis]
+    expected = {
+        "ise": h * (e**2).sum(0),
+        "iae": h * np.abs(e).sum(0),
+        "itae": h * (t * np.abs(e)).sum(0),
+        "rms": np.sqrt((e**2).mean(0)),
+        "rms_tail": np.sqrt((e[750:] ** 2).mean(0)),
+        "energy": h * (u**2).sum(0),
+        "total_variation": np.abs(np.diff(u, axis=0)).sum(0),
+        "peak_torque": np.abs(u).max(0),
+    }
+    for name, value in expected.items():
+        assert np.allclose(getattr(m, name), value, rtol=1e-12), name
+
+
+def test_the_last_torque_is_recorded_and_not_counted(run):
+    assert len(run.t) == 1501
+    assert run.planned_rows == 1501
+
+
+def test_streamed_metrics_have_the_bits_of_the_record_s(run):
+    recorder = MetricsRecorder()
+    lockstep([fp.paper_experiment(duration=1.5)], [fp.paper_controller()], [recorder])
+    streamed = recorder.result()[0]
+    for name in MetricsRecorder()._only:
+        assert (getattr(streamed, name) == getattr(run.metrics, name)).all()
+
+
+def test_only_what_a_cost_needs_is_computed():
+    recorder = MetricsRecorder({"ise"})
+    lockstep([fp.paper_experiment(duration=0.1)], [fp.paper_controller()], [recorder])
+    metrics = recorder.result()[0]
+    assert np.isfinite(metrics.ise).all()
+    assert np.isnan(metrics.energy).all()
+
+
+def test_costs_weigh_joints_as_told(run):
+    m = run.metrics
+    cost = fp.QuadraticCost(w1=2.0, w2=1e-3, joint_weights=(1.0, 3.0))
+    assert cost.of(m) == pytest.approx(((2 * m.ise + 1e-3 * m.energy) * [1.0, 3.0]).sum())
+    assert fp.MetricCost("iae").of(m) == pytest.approx(m.iae.sum())
+    with pytest.raises(fp.ArgumentError, match=r"cost.metric: .* \(did you mean itae\?\)"):
+        fp.MetricCost("itea")
+    with pytest.raises(fp.ArgumentError, match="cost.w1: expected a number >= 0, got -1"):
+        fp.QuadraticCost(w1=-1.0)
