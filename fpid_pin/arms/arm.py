@@ -1,0 +1,322 @@
+"""The arm: a fixed-base chain of revolute joints on Pinocchio, with the terms of eq. (5)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.arms import change
+from fpid_pin.arms.catalogue import ExampleSource
+from fpid_pin.arms.chain import require_regular, require_serial
+from fpid_pin.arms.inertia import perturbed_rows
+from fpid_pin.arms.planar import PlanarSource
+from fpid_pin.arms.rigid_body import RigidBody
+from fpid_pin.arms.source import Parts, Source
+from fpid_pin.arms.two_link import TwoLinkSource
+from fpid_pin.arms.urdf import UrdfSource, read_text
+from fpid_pin.checks import FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Arm(RigidBody):
+    """A robot arm with n revolute joints; immutable and picklable.
+
+    Made by `two_link`, `planar`, `from_urdf` or `from_example`, and from other arms by
+    `with_payload` and its kin. The rigid-body terms are those of
+
+        M(q) q'' + C(q, q') q' + G(q) = tau                                             (5)
+
+    without friction, which is kept beside them (`viscous_friction`, `dry_friction`).
+
+    Attributes
+    ----------
+    name : str
+    joint_names : tuple of str
+        In the order of every (n,) array.
+    lower, upper : ndarray, (n,)
+        Position limits, rad; -inf, inf where there are none.
+    effort_limit, velocity_limit : ndarray, (n,)
+        N m and rad/s; inf where none is given (a URDF's 0 means that too).
+    viscous_friction, dry_friction : ndarray, (n,)
+        F_v in N m s/rad and F_d in N m.
+    home : ndarray, (n,)
+        A pose within the limits: the catalogue's, else the middle of the limits, else 0.
+    tool : str
+        The frame that `tool_pose` and `with_payload` mean.
+    model : pinocchio.Model
+        nq = nv = n. Treat it as read-only.
+    """
+
+    lower: FloatArray
+    upper: FloatArray
+    effort_limit: FloatArray
+    velocity_limit: FloatArray
+    viscous_friction: FloatArray
+    dry_friction: FloatArray
+    home: FloatArray
+    _source: Source
+    _changes: tuple[change.Change, ...] = ()
+
+    # ------------------------------------------------------------------ constructors
+
+    @classmethod
+    def two_link(cls) -> Arm:
+        """Return the paper's robot (section 5.1) from ``urdf/two_link.urdf``, g = 9.8 m/s^2."""
+        return assemble(TwoLinkSource())
+
+    @classmethod
+    def planar(
+        cls,
+        lengths: ArrayLike,
+        masses: ArrayLike,
+        gravity: ArrayLike = 9.8,
+        rods: bool = False,
+    ) -> Arm:
+        """Return an n-R arm in the vertical x-z plane; angles are counter-clockwise from x.
+
+        Parameters
+        ----------
+        lengths, masses
+            Link lengths, m, and masses, kg, (n,).
+        gravity
+            m/s^2: a number (along -z) or (3,); 0 for a horizontal arm.
+        rods
+            False: point masses at the link ends (the paper's). True: uniform thin rods.
+
+        Raises
+        ------
+        ArgumentError
+            Lengths or masses that are not positive, or not as many of one as of the other.
+        """
+        return assemble(PlanarSource(lengths, masses, gravity, rods))
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: str | Path,
+        lock: Mapping[str, float] | None = None,
+        gravity: ArrayLike = 9.81,
+        package_dirs: Sequence[str | Path] | None = None,
+    ) -> Arm:
+        """Read a fixed-base serial chain of revolute or continuous joints.
+
+        Parameters
+        ----------
+        path
+            The URDF file.
+        lock
+            Joints to hold still, and where: ``{"finger": 0.02}`` (rad, or m for prismatic joints).
+        gravity
+            m/s^2: a number (along -z) or (3,).
+        package_dirs
+            Folders to look up ``package://`` meshes in, besides those at and above the file.
+
+        Raises
+        ------
+        ArmError
+            A file that is missing or broken; a joint that neither turns nor is locked; a tree;
+            a link without mass that leaves the mass matrix singular.
+        """
+        text = read_text(path)
+        dirs = () if package_dirs is None else package_dirs
+        return assemble(UrdfSource(text, str(path), lock or {}, gravity, dirs))  # type: ignore[arg-type]
+
+    @classmethod
+    def from_example(cls, name: str, lock: Mapping[str, float] | None = None) -> Arm:
+        """Return an arm of example-robot-data by its name (see `fpid_pin.arms.names`).
+
+        Raises
+        ------
+        ArgumentError
+            An unknown name; the message gives the nearest.
+        """
+        return assemble(ExampleSource(name, lock or {}))
+
+    # ------------------------------------------------------------------ what it is
+
+    @property
+    def credit(self) -> str:
+        """Origin and licence of the arm's description, where known."""
+        return self._source.credit
+
+    def __repr__(self) -> str:
+        changes = "".join(f" + {item.name}" for item in self._changes)
+        return f"<Arm {self.name}{changes}, {self.n} joints>"
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Arm):
+            return NotImplemented
+        if self is other:
+            return True
+        limits = ("lower", "upper", "effort_limit", "velocity_limit")
+        arrays = (*limits, "viscous_friction", "dry_friction", "home")
+        return (
+            (self.name, self.joint_names, self.tool) == (other.name, other.joint_names, other.tool)
+            and all(np.array_equal(getattr(self, a), getattr(other, a)) for a in arrays)
+            and self.dynamics_key() == other.dynamics_key()
+            and bool(self.model == other.model)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.joint_names))
+
+    def joint_index(self, joint: str | int) -> int:
+        """Return the index of a joint given by name (or by index, which is checked).
+
+        Raises
+        ------
+        ArgumentError
+            An unknown name (the message gives the nearest), or an index out of range.
+        """
+        if isinstance(joint, str):
+            return self.joint_names.index(checks.choice("joint", joint, self.joint_names))
+        return checks.integer("joint", joint, low=0, high=self.n - 1)
+
+    # ------------------------------------------------------------------ other arms
+
+    def with_payload(
+        self,
+        mass: float,
+        com: ArrayLike = (0.0, 0.0, 0.0),
+        frame: str | None = None,
+        inertia: ArrayLike | None = None,
+    ) -> Arm:
+        """Return the arm holding a body of `mass` kg at `com` (m) of `frame` (the tool's if None).
+
+        `inertia` is the body's (3, 3) rotational inertia about its centre of mass; None: a point.
+        """
+        return self._changed(change.Payload(mass, com, frame, inertia))
+
+    def with_friction(self, viscous: ArrayLike | None = None, dry: ArrayLike | None = None) -> Arm:
+        """Return the arm with other F_v (N m s/rad) or F_d (N m); what is None stays."""
+        return self._changed(change.Friction(viscous, dry))
+
+    def with_limits(
+        self, effort: ArrayLike | None = None, velocity: ArrayLike | None = None
+    ) -> Arm:
+        """Return the arm with other effort (N m) or velocity (rad/s) limits; 0 or inf: none."""
+        return self._changed(change.Limits(effort, velocity))
+
+    def with_gravity(self, gravity: ArrayLike) -> Arm:
+        """Return the arm under another gravity, m/s^2: a number (along -z) or (3,)."""
+        return self._changed(change.Gravity(gravity))
+
+    def with_armature(self, armature: ArrayLike) -> Arm:
+        """Return the arm with other rotor inertias, kg m^2 at the joint."""
+        return self._changed(change.Armature(armature))
+
+    def perturbed(
+        self,
+        rng: np.random.Generator,
+        mass: float = 0.2,
+        com: float = 0.0,
+        inertia: float = 0.0,
+        friction: float = 0.0,
+    ) -> Arm:
+        """Return an arm whose true parameters differ from this one's, at random.
+
+        Parameters
+        ----------
+        rng
+            Where chance comes from; the same state gives the same arm.
+        mass
+            Relative spread of each link's mass (and of its rotational inertia with it), in [0, 1).
+        com
+            Each centre of mass moves by up to this many m along each axis.
+        inertia
+            Further relative spread of the rotational inertia about the centre of mass, in [0, 1).
+        friction
+            Relative spread of F_v and F_d per joint, in [0, 1].
+
+        Notes
+        -----
+        All spreads are uniform. Whatever is drawn is physically consistent if this arm is.
+        """
+        checks.instance("rng", rng, np.random.Generator, "a numpy.random.Generator")
+        for name, value in (("mass", mass), ("inertia", inertia), ("friction", friction)):
+            checks.number(name, value, low=0.0, high=1.0 if name == "friction" else 1.0 - 1e-9)
+        checks.number("com", com, low=0.0)
+        rows = perturbed_rows(self.model, rng, mass, com, inertia)
+        arm = self._changed(change.Inertias(rows))
+        if friction:
+            scale = rng.uniform(1.0 - friction, 1.0 + friction, (2, self.n))
+            viscous, dry = scale[0] * self.viscous_friction, scale[1] * self.dry_friction
+            arm = arm.with_friction(viscous, dry)
+        return arm
+
+    def visual(self) -> tuple[Any, Any]:
+        """Return (model, visual ``pinocchio.GeometryModel``) for a viewer, loaded on first use.
+
+        Warns
+        -----
+        FpidWarning
+            Once, when meshes are missing; the geometry is then incomplete.
+        """
+        if "visual" not in self._cache:
+            self._cache["visual"] = self._source.visual(self.model)
+        model, geometry = self._cache["visual"]
+        return model, geometry.copy()
+
+    # ------------------------------------------------------------------ files
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the table that `fpid_pin.descriptions.from_dict` rebuilds the arm from."""
+        table = {"kind": self._source.kind, **self._source.table()}
+        if self._changes:
+            table["changes"] = [item.table() for item in self._changes]
+        return table
+
+    # ------------------------------------------------------------------ inside
+
+    def _changed(self, item: change.Change) -> Arm:
+        parts = Parts(
+            self.model.copy(),
+            self.name,
+            lower=self.lower,
+            upper=self.upper,
+            effort_limit=self.effort_limit,
+            velocity_limit=self.velocity_limit,
+            viscous_friction=self.viscous_friction,
+            dry_friction=self.dry_friction,
+            home=self.home,
+            tool=self.tool,
+        )
+        item.apply(parts)
+        return _finish(parts, self._source, (*self._changes, item))
+
+
+def assemble(source: Source, changes: Sequence[change.Change] = ()) -> Arm:
+    """Build an arm from its source and changes, with every check."""
+    parts = source.build()
+    require_serial(parts.model, parts.name)
+    parts.settle()
+    require_regular(parts.model, parts.name, parts.home)
+    for item in changes:
+        item.apply(parts)
+    return _finish(parts, source, tuple(changes))
+
+
+def _finish(parts: Parts, source: Source, changes: tuple[change.Change, ...]) -> Arm:
+    home, tool = parts.settle()
+    names = tuple(str(name) for name in list(parts.model.names)[1:])
+    return Arm(
+        parts.model,
+        parts.name,
+        names,
+        tool,
+        checks.read_only(parts.lower),
+        checks.read_only(parts.upper),
+        checks.read_only(parts.effort_limit),
+        checks.read_only(parts.velocity_limit),
+        checks.read_only(parts.viscous_friction),
+        checks.read_only(parts.dry_friction),
+        checks.read_only(home),
+        source,
+        changes,
+    )

@@ -1,0 +1,236 @@
+"""Changes to an arm that keep its geometry: payload, friction, limits, gravity, inertias.
+
+Each is a small description with a table of its own, so that an arm in a saved run can be rebuilt:
+its source, then its changes in the order in which they were made.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.arms.chain import last_frame
+from fpid_pin.arms.inertia import inertia_of
+from fpid_pin.arms.source import Parts, given_or_inf, gravity_entry, gravity_vector
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArgumentError
+
+
+class Change(ABC):
+    """One alteration of an arm."""
+
+    name: ClassVar[str]
+
+    @abstractmethod
+    def apply(self, parts: Parts) -> None:
+        """Alter `parts` in place, after checking that the change fits them."""
+
+    def table(self) -> dict[str, Any]:
+        """Return ``{name: {field: value}}`` with plain values; what is None is left out."""
+        fields: dict[str, Any] = {}
+        for item in dataclasses.fields(self):  # type: ignore[arg-type]
+            value = getattr(self, item.name)
+            if value is not None:
+                fields[item.name] = value.tolist() if isinstance(value, np.ndarray) else value
+        return {self.name: fields}
+
+
+def from_table(table: Any, name: str = "changes") -> Change:
+    """Build the change that ``{name: {field: value}}`` stands for.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown change or field, or a value that it refuses.
+    """
+    known = {cls.name: cls for cls in (Payload, Friction, Limits, Gravity, Armature, Inertias)}
+    if not isinstance(table, Mapping) or len(table) != 1:
+        raise ArgumentError(name, "a table with one of " + ", ".join(known), repr(table))
+    (key, fields) = next(iter(table.items()))
+    cls = known[checks.choice(name, key, known)]
+    if not isinstance(fields, Mapping):
+        raise ArgumentError(f"{name}.{key}", "a table", repr(fields))
+    for field in fields:
+        checks.choice(f"key in {name}.{key}", field, [f.name for f in dataclasses.fields(cls)])
+    try:
+        return cls(**fields)
+    except TypeError:
+        required = [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING]
+        raise ArgumentError(f"{name}.{key}", "keys " + ", ".join(required), repr(fields)) from None
+
+
+@dataclass(frozen=True, eq=False)
+class Payload(Change):
+    """A rigid body held at `frame`: `mass` kg, centre of mass `com` m in that frame.
+
+    `inertia` is its (3, 3) rotational inertia about its centre of mass, kg m^2; None is a point.
+    """
+
+    mass: float
+    com: ArrayLike = (0.0, 0.0, 0.0)
+    frame: str | None = None
+    inertia: ArrayLike | None = None
+
+    name: ClassVar[str] = "payload"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "mass", checks.number("mass", self.mass, low=0.0))
+        com = checks.floats("com", self.com)
+        if com.shape != (3,):
+            raise ArgumentError("com", "shape (3,)", f"shape {com.shape}")
+        object.__setattr__(self, "com", com)
+        if self.inertia is not None:
+            inertia = checks.floats("inertia", self.inertia)
+            if inertia.shape != (3, 3):
+                raise ArgumentError("inertia", "shape (3, 3)", f"shape {inertia.shape}")
+            if not np.array_equal(inertia, inertia.T):
+                raise ArgumentError("inertia", "a symmetric matrix", inertia.tolist())
+            moments = np.linalg.eigvalsh(inertia)
+            if moments[0] < 0.0 or moments[:2].sum() < moments[2] * (1.0 - 1e-9):
+                expected = "principal moments >= 0, none above the sum of the others"
+                raise ArgumentError("inertia", expected, moments.tolist())
+            object.__setattr__(self, "inertia", inertia)
+
+    def apply(self, parts: Parts) -> None:
+        """Alter `parts` in place."""
+        model = parts.model
+        name = self.frame or parts.tool or last_frame(model)
+        checks.choice("frame", name, [str(frame.name) for frame in model.frames])
+        frame = model.frames[model.getFrameId(name)]
+        if frame.parentJoint == 0:
+            raise ArgumentError("frame", "a frame that moves with the arm", repr(name))
+        about_com = np.zeros((3, 3)) if self.inertia is None else np.array(self.inertia)
+        body = pin.Inertia(self.mass, np.array(self.com), about_com)
+        if self.mass > 0.0:
+            joint = frame.parentJoint
+            model.inertias[joint] = model.inertias[joint] + frame.placement.act(body)
+
+
+@dataclass(frozen=True, eq=False)
+class Friction(Change):
+    """Viscous friction F_v, N m s/rad, and dry friction F_d, N m, per joint; None leaves it."""
+
+    viscous: ArrayLike | None = None
+    dry: ArrayLike | None = None
+
+    name: ClassVar[str] = "friction"
+
+    def __post_init__(self) -> None:
+        for name in ("viscous", "dry"):
+            value = getattr(self, name)
+            if value is not None:
+                object.__setattr__(self, name, checks.floats(f"{name} friction", value, low=0.0))
+
+    def apply(self, parts: Parts) -> None:
+        """Alter `parts` in place."""
+        n = parts.model.nv
+        if self.viscous is not None:
+            parts.viscous_friction = checks.per_joint("viscous friction", self.viscous, n)
+        if self.dry is not None:
+            parts.dry_friction = checks.per_joint("dry friction", self.dry, n)
+
+
+@dataclass(frozen=True, eq=False)
+class Limits(Change):
+    """Effort limits, N m, and velocity limits, rad/s, per joint; 0 or inf: none; None leaves it."""
+
+    effort: ArrayLike | None = None
+    velocity: ArrayLike | None = None
+
+    name: ClassVar[str] = "limits"
+
+    def __post_init__(self) -> None:
+        for name in ("effort", "velocity"):
+            value = getattr(self, name)
+            if value is not None:
+                limit = checks.floats(f"{name} limit", value, low=0.0, finite=False)
+                object.__setattr__(self, name, checks.read_only(given_or_inf(limit)))
+
+    def apply(self, parts: Parts) -> None:
+        """Alter `parts` in place."""
+        n = parts.model.nv
+        if self.effort is not None:
+            parts.effort_limit = checks.per_joint("effort limit", self.effort, n, finite=False)
+        if self.velocity is not None:
+            limit = checks.per_joint("velocity limit", self.velocity, n, finite=False)
+            parts.velocity_limit = limit
+
+    def table(self) -> dict[str, Any]:
+        """As elsewhere, but with 0 for "no limit": inf is not a number in JSON."""
+        table = super().table()
+        for name in table[self.name]:
+            values = np.asarray(getattr(self, name))
+            table[self.name][name] = np.where(np.isinf(values), 0.0, values).tolist()
+        return table
+
+
+@dataclass(frozen=True, eq=False)
+class Gravity(Change):
+    """Gravity, m/s^2: a number (downwards) or (3,) in the world frame."""
+
+    gravity: ArrayLike
+
+    name: ClassVar[str] = "gravity"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "gravity", gravity_vector(self.gravity))
+
+    def apply(self, parts: Parts) -> None:
+        """Alter `parts` in place."""
+        parts.model.gravity.linear = np.array(self.gravity)
+
+    def table(self) -> dict[str, Any]:
+        """Return ``{"gravity": {"gravity": ...}}``, a number where it points down."""
+        return {self.name: {"gravity": gravity_entry(np.asarray(self.gravity))}}
+
+
+@dataclass(frozen=True, eq=False)
+class Armature(Change):
+    """Rotor inertia seen at the joint, kg m^2, per joint; it replaces what there was."""
+
+    armature: ArrayLike
+
+    name: ClassVar[str] = "armature"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "armature", checks.floats("armature", self.armature, low=0.0))
+
+    def apply(self, parts: Parts) -> None:
+        """Alter `parts` in place."""
+        armature = checks.per_joint("armature", self.armature, parts.model.nv)
+        parts.model.armature = np.array(armature)
+
+
+@dataclass(frozen=True, eq=False)
+class Inertias(Change):
+    """Other inertias for all links, (n, 10).
+
+    A row is mass, centre of mass (3) in the joint's frame and rotational inertia about it:
+    xx, xy, yy, xz, yz, zz. These are Pinocchio's own numbers, so that nothing is rounded.
+    """
+
+    rows: ArrayLike
+
+    name: ClassVar[str] = "inertias"
+
+    def __post_init__(self) -> None:
+        rows = checks.floats("inertias", self.rows)
+        if rows.ndim != 2 or rows.shape[1] != 10:
+            raise ArgumentError("inertias", "shape (n, 10)", f"shape {rows.shape}")
+        object.__setattr__(self, "rows", rows)
+
+    def apply(self, parts: Parts) -> None:
+        """Alter `parts` in place."""
+        rows: FloatArray = np.asarray(self.rows)
+        if rows.shape[0] != parts.model.nv:
+            raise ArgumentError("inertias", f"shape ({parts.model.nv}, 10)", f"shape {rows.shape}")
+        for joint, row in enumerate(rows, start=1):
+            parts.model.inertias[joint] = inertia_of(row)

@@ -1,0 +1,154 @@
+"""The rigid-body terms of eq. (5), each in one call of Pinocchio."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.arms.inertia import row_of
+from fpid_pin.checks import FloatArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class RigidBody:
+    """A chain of n revolute joints and links, without friction.
+
+    Its terms are those of
+
+        M(q) q'' + C(q, q') q' + G(q) = tau                                             (5)
+
+    Vectors of joints are (n,) and checked; results are fresh arrays. See `Arm` for the attributes.
+    """
+
+    model: Any
+    name: str
+    joint_names: tuple[str, ...]
+    tool: str
+    _cache: dict[str, Any] = field(default_factory=dict, kw_only=True)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_cache": {}}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        for name, value in state.items():
+            # An array comes out of a pickle writable.
+            fixed = checks.read_only(value) if isinstance(value, np.ndarray) else value
+            object.__setattr__(self, name, fixed)
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def gravity(self) -> float:
+        """Magnitude of gravity, m/s^2; its direction is ``model.gravity.linear``."""
+        return math.hypot(*self.model.gravity.linear)
+
+    @property
+    def armature(self) -> FloatArray:
+        """Rotor inertia seen at the joints, kg m^2, (n,); it is part of M."""
+        return np.array(self.model.armature, dtype=np.float64)
+
+    def mass_matrix(self, q: ArrayLike) -> FloatArray:
+        """Return M(q), (n, n), kg m^2: symmetric, rotor inertia included."""
+        upper = np.triu(pin.crba(self.model, self._data, self._joint("q", q)))
+        return np.asarray(upper + np.triu(upper, 1).T)
+
+    def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> FloatArray:
+        """Return C(q, q'), (n, n), in Christoffel's form: M' - 2 C is skew.
+
+        The paper's C in eq. (35) is another matrix with the same C q'.
+        """
+        q, v = self._joint("q", q), self._joint("v", v)
+        return np.array(pin.computeCoriolisMatrix(self.model, self._data, q, v))
+
+    def gravity_vector(self, q: ArrayLike) -> FloatArray:
+        """Return G(q), (n,), N m."""
+        data = self._data
+        return np.array(pin.computeGeneralizedGravity(self.model, data, self._joint("q", q)))
+
+    def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
+        """Return tau = M q'' + C q' + G, (n,), N m (recursive Newton-Euler)."""
+        q, v, a = self._joint("q", q), self._joint("v", v), self._joint("a", a)
+        return np.array(pin.rnea(self.model, self._data, q, v, a))
+
+    def forward_dynamics(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> FloatArray:
+        """Return q'' = M^-1 (tau - C q' - G), (n,), rad/s^2 (articulated bodies).
+
+        In the world convention, as the fleet's: the two agree to the last bit.
+        """
+        q, v, tau = self._joint("q", q), self._joint("v", v), self._joint("tau", tau)
+        return np.array(pin.aba(self.model, self._data, q, v, tau, pin.Convention.WORLD))
+
+    def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> float:
+        """Return 1/2 q'^T M q', J, rotor inertia included."""
+        v = self._joint("v", v)
+        return float(0.5 * v @ self.mass_matrix(q) @ v)
+
+    def potential_energy(self, q: ArrayLike) -> float:
+        """Return the energy of gravity, J, zero when all mass is at the world's origin."""
+        data = self._data
+        return float(pin.computePotentialEnergy(self.model, data, self._joint("q", q)))
+
+    def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
+        """Return Y, (n, 10 n), with tau = Y @ inertial_parameters + armature * a.
+
+        Rotor inertia is not among the ten parameters of a link, so it stands apart.
+        """
+        q, v, a = self._joint("q", q), self._joint("v", v), self._joint("a", a)
+        return np.array(pin.computeJointTorqueRegressor(self.model, self._data, q, v, a))
+
+    @property
+    def inertial_parameters(self) -> FloatArray:
+        """The links' parameters, (10 n,): m, m c (3), and I about the joint xx xy yy xz yz zz."""
+        bodies = list(self.model.inertias)[1:]
+        return np.concatenate([body.toDynamicParameters() for body in bodies])
+
+    def tool_pose(self, q: ArrayLike) -> FloatArray:
+        """Return the tool frame's pose in the world, a (4, 4) homogeneous matrix, m."""
+        data = self._data
+        pin.forwardKinematics(self.model, data, self._joint("q", q))
+        pose = pin.updateFramePlacement(self.model, data, self.model.getFrameId(self.tool))
+        return np.array(pose.homogeneous)
+
+    def tool_jacobian(self, q: ArrayLike) -> FloatArray:
+        """Return J, (6, n): the tool's linear then angular velocity in world axes is J q'."""
+        frame = self.model.getFrameId(self.tool)
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        q = self._joint("q", q)
+        return np.array(pin.computeFrameJacobian(self.model, self._data, q, frame, axes))
+
+    def dynamics_key(self) -> bytes:
+        """Return bytes that are equal for arms with the same rigid-body dynamics, bit for bit."""
+        key: bytes | None = self._cache.get("key")
+        if key is None:
+            model = self.model
+            numbers = [np.asarray(model.gravity.vector), np.asarray(model.armature)]
+            for joint in range(1, model.njoints):
+                shape = model.joints[joint]
+                axis = shape.createData()
+                shape.calc(axis, np.zeros(shape.nq))
+                place = model.jointPlacements[joint]
+                numbers += [axis.S, place.rotation.ravel(), place.translation]
+                numbers.append(np.array(row_of(model.inertias[joint])))
+            kinds = ",".join(model.joints[joint].shortname() for joint in range(1, model.njoints))
+            key = kinds.encode() + np.concatenate([np.ravel(x) for x in numbers]).tobytes()
+            self._cache["key"] = key
+        return key
+
+    @property
+    def _data(self) -> Any:
+        data = self._cache.get("data")
+        if data is None:
+            data = self._cache["data"] = self.model.createData()
+        return data
+
+    def _joint(self, name: str, value: ArrayLike) -> FloatArray:
+        return checks.vector(name, value, self.n)

@@ -1,0 +1,99 @@
+"""The paper's robot against eq. (35), written out here."""
+
+import numpy as np
+import pytest
+
+from fpid_pin.arms import Arm, Fleet
+
+M1 = M2 = 1.0
+L1, L2, G = 1.0, 0.8, 9.8
+
+
+def paper(q, v):
+    """M, C q', G of eq. (35) with m3 = 0."""
+    s2, c2 = np.sin(q[1]), np.cos(q[1])
+    m12 = M2 * L2**2 + M2 * L1 * L2 * c2
+    mass = np.array([[(M1 + M2) * L1**2 + M2 * L2**2 + 2 * M2 * L1 * L2 * c2, m12], [m12, 0.0]])
+    mass[1, 1] = M2 * L2**2
+    k = M2 * L1 * L2 * s2
+    coriolis = np.array([[-2 * k * v[1], -k * v[1]], [k * v[0], 0.0]])
+    g2 = G * M2 * L2 * np.cos(q[0] + q[1])
+    g1 = G * (M1 + M2) * L1 * np.cos(q[0]) + g2
+    return mass, coriolis @ v, np.array([g1, g2])
+
+
+def states(count, seed=0):
+    rng = np.random.default_rng(seed)
+    return zip(rng.uniform(-np.pi, np.pi, (count, 2)), rng.normal(0, 2, (count, 2)), strict=True)
+
+
+def test_terms_are_those_of_equation_35():
+    arm = Arm.two_link()
+    for q, v in states(1000):
+        mass, coriolis, gravity = paper(q, v)
+        np.testing.assert_allclose(arm.mass_matrix(q), mass, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(arm.coriolis_matrix(q, v) @ v, coriolis, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(arm.gravity_vector(q), gravity, rtol=0, atol=1e-12)
+
+
+def test_angles_turn_counter_clockwise_in_the_vertical_plane():
+    arm = Arm.two_link()
+    for q, _ in states(20):
+        x = L1 * np.cos(q[0]) + L2 * np.cos(q.sum())
+        z = L1 * np.sin(q[0]) + L2 * np.sin(q.sum())
+        np.testing.assert_allclose(arm.tool_pose(q)[:3, 3], [x, 0, z], atol=1e-14)
+
+
+def test_energy_is_kept_over_ten_seconds():
+    arm = Arm.two_link()
+    fleet, rest = Fleet([arm], 1), np.zeros((1, 2))
+
+    def slope(q, v):
+        a = np.empty((1, 2))
+        fleet.forward_dynamics(q, v, rest, a)
+        return a
+
+    h, q, v = 1e-3, np.array([[0.0, 0.35]]), np.array([[-0.2, 0.5]])
+    start = arm.kinetic_energy(q[0], v[0]) + arm.potential_energy(q[0])
+    peak = drift = 0.0
+    for k in range(1, 10_001):
+        k1 = slope(q, v)
+        k2 = slope(q + h / 2 * v, v + h / 2 * k1)
+        k3 = slope(q + h / 2 * v + h**2 / 4 * k1, v + h / 2 * k2)
+        k4 = slope(q + h * v + h**2 / 2 * k2, v + h * k3)
+        q, v = q + h * v + h**2 / 6 * (k1 + k2 + k3), v + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        if k % 10 == 0:
+            kinetic = arm.kinetic_energy(q[0], v[0])
+            peak = max(peak, kinetic)
+            drift = max(drift, abs(kinetic + arm.potential_energy(q[0]) - start))
+    assert peak > 10.0
+    assert drift < 1e-8 * peak
+
+
+def test_no_limits_and_no_friction_are_given():
+    arm = Arm.two_link()
+    assert arm.n == 2
+    assert arm.joint_names == ("joint1", "joint2")
+    assert arm.gravity == 9.8
+    assert np.isinf(arm.effort_limit).all()
+    assert np.isinf(arm.velocity_limit).all()
+    assert np.isinf(arm.lower).all()
+    assert np.isinf(arm.upper).all()
+    assert not arm.viscous_friction.any()
+    assert not arm.dry_friction.any()
+    assert not arm.home.any()
+
+
+def test_the_planar_constructor_gives_the_same_robot():
+    two, planar = Arm.two_link(), Arm.planar((L1, L2), (M1, M2))
+    for q, v in states(50, seed=1):
+        np.testing.assert_allclose(planar.mass_matrix(q), two.mass_matrix(q), atol=1e-14)
+        tau = np.array([1.0, -2.0])
+        a, b = planar.forward_dynamics(q, v, tau), two.forward_dynamics(q, v, tau)
+        np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(planar.tool_pose(q), two.tool_pose(q), atol=1e-14)
+
+
+@pytest.mark.parametrize("q", [(0.0, 0.0), (1.0, np.pi), (-2.0, 3.0)])
+def test_mass_matrix_is_positive_definite_in_every_pose(q):
+    assert np.linalg.eigvalsh(Arm.two_link().mass_matrix(q))[0] > 0.1
