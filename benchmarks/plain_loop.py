@@ -19,9 +19,11 @@ Array = NDArray[np.float64]
 
 
 class FractionalDerivative:
-    """D^alpha of two joints' signals whose rates are known: exact newest step, modes for the rest."""
+    """D^alpha of two joints' signals whose rates are known: exact newest step, then modes."""
 
-    def __init__(self, order: Array, design: fp.fractional.Design, h: float, horizon: float) -> None:
+    def __init__(
+        self, order: Array, design: fp.fractional.Design, h: float, horizon: float
+    ) -> None:
         found = design.coefficients(order, step=h, horizon=horizon)
         p, self.g = found.poles[:, np.newaxis], found.weights
         theta, weight = np.polynomial.legendre.leggauss(40)
@@ -59,8 +61,12 @@ def plain_loop(experiment: fp.Experiment, controller: fp.AdaptiveFpid, rows: int
     q, v = np.array(experiment.q0), np.array(experiment.v0)
     kp, ki, kd = (np.array(k) for k in (controller.kp, controller.ki, controller.kd))
     gamma, k0, k1 = (float(x) for x in (controller.learning_rate, controller.k0, controller.k1))
-    integral_term = FractionalDerivative(1 - controller.integral_order, controller.design, h, horizon)
-    derivative_term = FractionalDerivative(controller.derivative_order, controller.design, h, horizon)
+    integral_term = FractionalDerivative(
+        1 - controller.integral_order, controller.design, h, horizon
+    )
+    derivative_term = FractionalDerivative(
+        controller.derivative_order, controller.design, h, horizon
+    )
     integral = np.zeros(2)
     last_e, last_rate = None, None
     angles = np.empty((rows, 2))

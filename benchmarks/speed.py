@@ -1,4 +1,4 @@
-"""How fast is the lockstep engine beside the loop that a user of Pinocchio would write?
+"""Time the lockstep engine beside the loop that a user of Pinocchio would write.
 
     python benchmarks/speed.py [--steps 2000] [--repeats 5] [--joints]
 
@@ -27,7 +27,7 @@ RUNS = (1, 10, 30, 60, 120, 240)
 
 
 def best(action: Callable[[], object], repeats: int) -> float:
-    """Shortest of several times, s: what the code needs when nobody else is on the machine."""
+    """Return the shortest of several times, s: what is needed when nobody else is there."""
     times = []
     for _ in range(repeats):
         began = time.perf_counter()
@@ -37,7 +37,7 @@ def best(action: Callable[[], object], repeats: int) -> float:
 
 
 def population(runs: int, seed: int = 0) -> list[fp.AdaptiveFpid]:
-    """Controllers with different orders, as a genetic algorithm would ask for."""
+    """Return controllers with different orders, as a genetic algorithm would ask for."""
     rng = np.random.default_rng(seed)
     base = fp.paper_controller(supervised=False)
     return [
@@ -49,7 +49,7 @@ def population(runs: int, seed: int = 0) -> list[fp.AdaptiveFpid]:
 
 
 def dynamics_ns(runs: int, repeats: int) -> float:
-    """ns a run of one forward dynamics call for `runs` robots."""
+    """Ns a run of one forward dynamics call for `runs` robots."""
     fleet = Fleet([fp.Arm.two_link()], runs)
     rng = np.random.default_rng(0)
     q, v, tau = rng.normal(size=(3, runs, 2))
@@ -64,7 +64,7 @@ def dynamics_ns(runs: int, repeats: int) -> float:
 
 
 def aba_ns(repeats: int) -> float:
-    """ns of one pin.aba call on the two-link arm: the unit of this machine."""
+    """Ns of one pin.aba call on the two-link arm: the unit of this machine."""
     model = fp.Arm.two_link().model
     data = model.createData()
     q, v, tau = np.zeros((3, 2))
@@ -85,7 +85,7 @@ def headline(steps: int, repeats: int) -> None:
     unit = aba_ns(repeats)
     print(f"the two loops agree within {apart:.1e} rad; one pin.aba call takes {unit:.0f} ns here")
     print()
-    print("| runs | ns a run-step | plain / ours (median of pairs) | in Pinocchio | pin.aba calls |")
+    print("| runs | ns a run-step | plain / ours | in Pinocchio | pin.aba calls |")
     print("| ---: | ---: | ---: | ---: | ---: |")
     for runs in RUNS:
         controllers = population(runs)

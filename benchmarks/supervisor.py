@@ -23,7 +23,8 @@ def main() -> None:
     base = fp.paper_controller()
     threshold = dataclasses.replace(base.supervisor, m_x=3.0).threshold
     print(f"V_M = {threshold:.3f}, V(0) = 1.200\n")
-    print("| step [ms] | boundary layer | largest V / V_M | acting [s] | peak torque [N m] | variation of u_s [N m] |")  # noqa: E501
+    heads = ("step [ms]", "boundary layer", "largest V / V_M", "acting [s]", "peak torque [N m]")
+    print("| " + " | ".join((*heads, "variation of u_s [N m]")) + " |")
     print("| ---: | ---: | ---: | ---: | ---: | ---: |")
     for step in (1e-3, 2.5e-4):
         experiment = dataclasses.replace(

@@ -14,6 +14,22 @@ from numpy.typing import ArrayLike, NDArray
 from fpid_pin.exceptions import ArgumentError
 
 FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+__all__ = [
+    "ArgumentError",
+    "BoolArray",
+    "FloatArray",
+    "choice",
+    "floats",
+    "instance",
+    "integer",
+    "number",
+    "per_joint",
+    "read_only",
+    "sample_count",
+    "vector",
+]
 
 
 def read_only(values: ArrayLike) -> FloatArray:

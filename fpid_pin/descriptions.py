@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import Any, TypeVar, cast
 
@@ -40,7 +40,7 @@ def described(kind: str, *families: str) -> Callable[[D], D]:
 
     def register(cls: D) -> D:
         _KINDS[kind] = cls
-        cls._kind = kind
+        cls._kind = kind  # type: ignore[attr-defined]
         for name in {base.__name__ for base in cls.__mro__} | set(families):
             _FAMILIES.setdefault(name, set()).add(kind)
         return cls
@@ -93,7 +93,7 @@ def _plain(value: Any) -> Any:
 # ---------------------------------------------------------------------- from a table
 
 
-def from_dict(table: Any, family: type[T], name: str = "") -> T:
+def from_dict(table: Any, family: Callable[..., T], name: str = "") -> T:
     """Build the description that `table` holds.
 
     Parameters
@@ -111,7 +111,7 @@ def from_dict(table: Any, family: type[T], name: str = "") -> T:
         The first fault: an unknown kind or key, or whatever a constructor refuses.
     """
     faults: list[FpidError] = []
-    thing = build(table, family, name, faults)
+    thing = build(table, cast("type", family), name, faults)
     if faults:
         raise faults[0]
     return cast("T", thing)
@@ -181,7 +181,7 @@ def _types(hint: Any) -> list[Any]:
     if origin is None:
         return [hint]
     if origin in (typing.Union, types.UnionType) or (
-        isinstance(origin, type) and issubclass(origin, (list, tuple, typing.Sequence))  # type: ignore[arg-type]
+        isinstance(origin, type) and issubclass(origin, (list, tuple, Sequence))
     ):
         return [t for part in typing.get_args(hint) for t in _types(part)]
     return [origin]

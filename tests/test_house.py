@@ -72,7 +72,9 @@ def test_the_public_names_are_sorted_and_exist():
 
 
 def test_every_file_is_readable_in_one_sitting():
-    long = {p.name: n for p in PACKAGE.rglob("*.py") if (n := len(p.read_text().splitlines())) > 500}
+    long = {
+        p.name: n for p in PACKAGE.rglob("*.py") if (n := len(p.read_text().splitlines())) > 500
+    }
     assert long == {}
 
 

@@ -132,7 +132,9 @@ class _Reader:
             if changed is not None:
                 named[label] = changed
         for label, controller in controllers.items():
-            self._try(f"controller {label!r}", lambda c=controller: c.start(arm, step=experiment.step))
+            self._try(
+                f"controller {label!r}", lambda c=controller: c.start(arm, step=experiment.step)
+            )
         title = table.get("title", "")
         if not isinstance(title, str):
             faults.append(ArgumentError("title", "a text", repr(title)))
@@ -187,9 +189,7 @@ class _Reader:
             named[name] = controller
         return named
 
-    def _surroundings(
-        self, table: Mapping[str, Any], path: str, arm: Arm | None
-    ) -> dict[str, Any]:
+    def _surroundings(self, table: Mapping[str, Any], path: str, arm: Arm | None) -> dict[str, Any]:
         """Build plant (with its disturbance) and sensors from the tables under `path`."""
         prefix = f"{path}." if path else ""
         parts: dict[str, Any] = {}
@@ -221,9 +221,7 @@ class _Reader:
             payload = self._section(f"{path}.payload", payload)
             self._known(f"{path}.payload", payload, ("mass", "com", "frame"))
             base = true_arm
-            true_arm = self._try(
-                path, lambda: base.with_payload(**{"mass": None, **payload})
-            )
+            true_arm = self._try(path, lambda: base.with_payload(**{"mass": None, **payload}))
         if "disturbance" in table:
             self._faults.append(
                 ArgumentError(f"{path}.disturbance", "[[disturbance]] tables instead", "a key")
@@ -234,9 +232,7 @@ class _Reader:
             return plant
         return dataclasses.replace(plant, arm=true_arm)
 
-    def _conditions(
-        self, arm: Arm | None, parts: dict[str, Any]
-    ) -> dict[str, dict[str, Any]]:
+    def _conditions(self, arm: Arm | None, parts: dict[str, Any]) -> dict[str, dict[str, Any]]:
         named: dict[str, dict[str, Any]] = {}
         for k, value in enumerate(self._list("condition", self._table.get("condition", []))):
             path = f"condition.{k}"
@@ -260,13 +256,12 @@ class _Reader:
         disturbance = parts.get("disturbance")
         if disturbance is not None:
             plant = dataclasses.replace(plant or Plant(), disturbance=disturbance)
-        return self._try(
+        sensors = parts.get("sensors")
+        experiment: Experiment | None = self._try(
             "simulation",
-            lambda: Experiment(
-                arm=arm, reference=reference, plant=plant, sensors=parts.get("sensors"),
-                **simulation,
-            ),
-        )  # fmt: skip
+            lambda: Experiment(arm, reference, plant=plant, sensors=sensors, **simulation),
+        )
+        return experiment
 
     def _try(self, path: str, action: Any) -> Any:
         try:

@@ -28,14 +28,12 @@ def demo_config() -> Config:
 
 def run_demo(out: Path) -> None:
     """Run section 5.1 with fractional (two readings) and integer orders."""
-    from fpid_pin.view import plots
+    from fpid_pin.view import figures
 
     config = demo_config()
     with OutputFolder(out) as folder:
         entries = simulate_all(config)
-        runs = [entry.run for entry in entries]
-        figures = plots.figures(runs)
-        write(folder, config, entries, figures)
+        write(folder, config, entries, figures([entry.run for entry in entries]))
     show(entries, config.title, out)
 
 
@@ -109,7 +107,9 @@ def write(
     joints = summary.drop_constant(summary.joint_rows(entries), "condition")
     (folder / "summary.csv").write_text(summary.comma_separated(rows), encoding="utf-8")
     (folder / "joints.csv").write_text(summary.comma_separated(joints), encoding="utf-8")
-    text = f"# {config.title or config.path}\n\n{summary.markdown(rows)}\n{summary.markdown(joints)}"
+    text = (
+        f"# {config.title or config.path}\n\n{summary.markdown(rows)}\n{summary.markdown(joints)}"
+    )
     (folder / "summary.md").write_text(text, encoding="utf-8")
     for name, figure in figures.items():
         plots.save_figure(figure, folder / f"{name}.svg")
@@ -131,8 +131,7 @@ def show(entries: Sequence[Entry], title: str, out: Path) -> None:
     rows = summary.drop_constant(summary.run_rows(entries), "condition")
     console = Console()
     console.print(summary.rich_table(rows, title or "Result"))
-    console.print(f"{out}: report.html, figures, summary.md, summary.csv, joints.csv, runs (.npz)",
-                  highlight=False)  # fmt: skip
+    console.print(f"Written to {out}: report.html (open it in a browser), figures, tables, runs")
 
 
 def _slug(name: str) -> str:

@@ -28,6 +28,9 @@ Row = dict[str, Any]
 def run_rows(entries: Sequence[Entry], cost: Cost | None = None) -> list[Row]:
     """Return one row a run: figures over all joints.
 
+    RMS and tail are root mean squares over the joints of their RMS errors (whole run, last
+    half); energy and total variation are sums, peak the largest of any joint.
+
     Parameters
     ----------
     entries
@@ -45,11 +48,11 @@ def run_rows(entries: Sequence[Entry], cost: Cost | None = None) -> list[Row]:
                 "condition": entry.condition,
                 "controller": entry.controller,
                 "cost (33)": cost.of(m) if completed else float("inf"),
-                "RMS error [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms**2))),
-                "RMS, last half [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms_tail**2))),
-                "energy [(N m)^2 s]": float(m.energy.sum()),
+                "RMS [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms**2))),
+                "tail [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms_tail**2))),
+                "energy [N²m²s]": float(m.energy.sum()),
                 "variation [N m]": float(m.total_variation.sum()),
-                "peak torque [N m]": float(m.peak_torque.max()),
+                "peak [N m]": float(m.peak_torque.max()),
                 "outcome": "completed" if completed else str(entry.run.outcome),
             }
         )
@@ -68,11 +71,11 @@ def joint_rows(entries: Sequence[Entry]) -> list[Row]:
                     "controller": entry.controller,
                     "joint": joint,
                     "RMS [rad]": m.rms[j],
-                    "RMS, last half [rad]": m.rms_tail[j],
+                    "RMS tail [rad]": m.rms_tail[j],
                     "ISE [rad^2 s]": m.ise[j],
                     "IAE [rad s]": m.iae[j],
                     "ITAE [rad s^2]": m.itae[j],
-                    "energy [(N m)^2 s]": m.energy[j],
+                    "energy [N²m²s]": m.energy[j],
                     "variation [N m]": m.total_variation[j],
                     "peak torque [N m]": m.peak_torque[j],
                 }
@@ -114,13 +117,23 @@ def comma_separated(rows: Sequence[Row]) -> str:
 
 
 def rich_table(rows: Sequence[Row], title: str) -> Any:
-    """Return a table for the screen."""
+    """Return a table for the screen: units under their names, and no column of mere successes."""
+    from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    table = Table(title=title, title_justify="left", header_style="bold")
+    if all(row.get("outcome") == "completed" for row in rows):
+        rows = drop_constant(list(rows), "outcome")
+    table = Table(
+        title=title, title_justify="left", header_style="bold", box=box.SIMPLE, pad_edge=False
+    )
     for head in rows[0]:
-        table.add_column(Text(head), justify="right" if _numeric(rows, head) else "left")
+        justify: Any = "right" if _numeric(rows, head) else "left"
+        table.add_column(
+            Text(head.replace(" [", "\n[").replace(" (", "\n(")),
+            justify=justify,
+            no_wrap=head == "controller",
+        )
     for row in rows:
         table.add_row(*(Text(cell(value)) for value in row.values()))
     return table

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.descriptions import described
 
 
@@ -24,7 +24,8 @@ class Safeguards:
     Parameters
     ----------
     minimum, maximum
-        Projection: each of Kp, Ki, Kd stays within, scalars, (n,) or (3, n).
+        Projection: each of Kp, Ki, Kd stays within, initial ones included; scalars, (n,) or
+        (3, n).
     sigma
         Leakage towards the initial gains, 1/s: ``K' = ... - sigma (K - K(0))``
         (Ioannou and Kokotovic 1984).
@@ -102,14 +103,14 @@ class Adaptation:
         self._drive = np.empty_like(self._step_rate)
         self._guard = None
         if any(guard is not None for guard in safeguards):
-            self._guard = _Guard(safeguards, gains, step, rate)
+            self._guard = _Guard(safeguards, self.gains, step, rate)
 
     def measure(self, signals: FloatArray) -> None:
         """Evaluate S from [int e, e, e'], (3, runs, n)."""
         np.multiply(self._weights, signals, out=self._work)
         np.add.reduce(self._work, axis=0, out=self.surface)
 
-    def advance(self, regressors: FloatArray, hold: FloatArray | None) -> None:
+    def advance(self, regressors: FloatArray, hold: BoolArray | None) -> None:
         """Move the gains by one step along -gamma S phi, except where `hold`, (runs, n), says so."""
         guard = self._guard
         surface = self.surface if guard is None else guard.dead_zone(self.surface)
@@ -144,7 +145,6 @@ class _Guard:
         rate: FloatArray,
     ) -> None:
         runs, n = gains.shape[1:]
-        self._initial = gains.copy()
         self._low = np.full_like(gains, -np.inf)
         self._high = np.full_like(gains, np.inf)
         sigma = np.zeros((runs, 1))
@@ -159,6 +159,8 @@ class _Guard:
         self._sigma = step * sigma
         self._nu = step * rate * nu
         self._dead = dead
+        self.project(gains)
+        self._initial = gains.copy()
 
     def dead_zone(self, surface: FloatArray) -> FloatArray:
         excess: FloatArray = surface - np.clip(surface, -self._dead, self._dead)

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
 
+_INPUTS = ("q", "v", "q_ref", "v_ref", "a_ref")
+
+
 class Controller(ABC):
     """A control law and its parameters for one robot.
 
@@ -108,6 +111,7 @@ class Loop:
         self.state = state
         self._n = n
         self._inputs = np.zeros((5, 1, n))
+        self._rest = np.zeros(n)
 
     def torque(
         self,
@@ -131,24 +135,18 @@ class Loop:
         ArgumentError
             Wrong length, NaN or inf. The state is then as before the call.
         """
-        names = ("q", "v", "q_ref", "v_ref", "a_ref")
-        rows = self._inputs
-        arrays = []
-        for name, value in zip(names, (q, v, q_ref, v_ref, a_ref), strict=True):
-            if value is None:
-                value = 0.0 if name == "a_ref" else np.nan
-            array = np.asarray(value, dtype=np.float64)
-            if array.shape != (self._n,) and not (name == "a_ref" and array.ndim == 0):
-                checks.vector(name, value, self._n)
-            arrays.append(array)
-        fresh = np.empty_like(rows)
-        for row, array in zip(fresh, arrays, strict=True):
+        rows, shape = self._inputs, (self._n,)
+        given = (q, v, q_ref, v_ref, self._rest if a_ref is None else a_ref)
+        for row, name, value in zip(rows, _INPUTS, given, strict=True):
+            array = np.asarray(value)
+            if array.shape != shape or array.dtype.kind not in "fiu":
+                array = checks.vector(name, value, self._n)
             row[0] = array
-        if not np.isfinite(fresh).all():
-            for name, row in zip(names, fresh, strict=True):
+        if not np.isfinite(rows).all():
+            for row, name in zip(rows, _INPUTS, strict=True):
                 checks.vector(name, row[0], self._n)
-        rows[:] = fresh
-        return self.state.torque(rows[0], rows[1], rows[2], rows[3], rows[4])[0].copy()
+        torque = self.state.torque(*rows)
+        return torque[0].copy()
 
     def signals(self) -> dict[str, FloatArray]:
         """Return copies of the law's inner signals at the last tick, (n,) or scalars."""

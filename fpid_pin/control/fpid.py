@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.adaptation import Adaptation, Safeguards
 from fpid_pin.control.controller import Controller, State
 from fpid_pin.control.saturation import Saturation
@@ -191,8 +191,8 @@ class FpidState(State):
         self._fractional = self._phi[1:]
         self._printed = first.regressors == "integer"
         self._regressors = np.zeros((3, *shape)) if self._printed else self._phi
-        # int e += h (e + e_)/2 + h^2 (e'_ - e')/12 splits into a part of the new sample, c e - d e',
-        # and one kept from the old, c e_ + d e'_.
+        # int e += h (e + e_)/2 + h^2 (e'_ - e')/12 splits into a part of the new sample,
+        # c e - d e', and one kept from the old, c e_ + d e'_.
         self._parts = np.zeros((2, *shape))
         self._part_weights = np.array([step / 2.0, step * step / 12.0]).reshape(2, 1, 1)
         self._kept = np.zeros(shape)
@@ -248,7 +248,7 @@ class FpidState(State):
             self._torque += supervision.torque
         return self._saturation.apply(self._torque)
 
-    def _integrate(self, hold: FloatArray | None) -> None:
+    def _integrate(self, hold: BoolArray | None) -> None:
         np.multiply(self._part_weights, self._signals[1:], out=self._parts)
         new, old = self._parts
         if self._started:
@@ -260,7 +260,7 @@ class FpidState(State):
         self._started = True
         np.add(new, old, out=self._kept)
 
-    def _adaptation_hold(self) -> FloatArray | None:
+    def _adaptation_hold(self) -> BoolArray | None:
         # dK.phi has the sign of -S: that is where the adaptation pushes the torque.
         saturation = self._saturation
         hold = saturation.winds_up(-self._adaptation.surface) if saturation.active else None
@@ -305,12 +305,11 @@ class FpidState(State):
 
     def retire(self, run: int) -> None:
         """See `State.retire`."""
-        for array in (self._signals, self._phi, self._terms):
-            array[:, run] = 0.0
-        for array in (self._kept, self._u, self._torque):
-            array[run] = 0.0
+        for rows in (self._signals, self._phi, self._terms):
+            rows[:, run] = 0.0
+        for row in (self._kept, self._u, self._torque):
+            row[run] = 0.0
         self._bank.retire((slice(None), run))
         self._adaptation.retire(run)
         if self._supervision is not None:
             self._supervision.retire(run)
-

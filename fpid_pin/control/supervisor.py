@@ -166,9 +166,7 @@ class Supervision:
             if s.gravity_bound is None:
                 self._own_gravity[run] = True
             else:
-                self._bound[run] += checks.per_joint(
-                    "supervisor.gravity_bound", s.gravity_bound, n
-                )
+                self._bound[run] += checks.per_joint("supervisor.gravity_bound", s.gravity_bound, n)
         self.torque = np.zeros(shape)
         self.value = np.zeros(runs)
         self.acting = np.zeros(runs, dtype=bool)

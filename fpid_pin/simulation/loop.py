@@ -12,8 +12,9 @@ from typing import Protocol
 
 import numpy as np
 
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.simulation.disturbances import Disturbance
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.integrators import integrator
 from fpid_pin.simulation.metrics import BLOCK_ROWS
@@ -31,7 +32,9 @@ class _Retirable(Protocol):
 class _Columns:
     """Samples what runs are given from outside; what several runs share is sampled once."""
 
-    def __init__(self, sources: Sequence[tuple[object, Callable[[FloatArray], FloatArray]]]) -> None:
+    def __init__(
+        self, sources: Sequence[tuple[object, Callable[[FloatArray], FloatArray]]]
+    ) -> None:
         self._groups: dict[int, tuple[Callable[[FloatArray], FloatArray], list[int]]] = {}
         # Objects are told apart by identity; keep them alive so that no identity is reused.
         self._keys = [key for key, _ in sources]
@@ -59,14 +62,13 @@ def _disturbances(experiments: Sequence[Experiment], n: int) -> _Columns | None:
     plants = [plant_of(e) for e in experiments]
     if all(p.disturbance is None for p in plants):
         return None
-    sources = []
-    for plant in plants:
-        d = plant.disturbance
+
+    def sampler(d: Disturbance | None) -> Callable[[FloatArray], FloatArray]:
         if d is None:
-            sources.append((None, lambda t: np.zeros((len(t), n))))
-        else:
-            sources.append((d, lambda t, d=d: np.broadcast_to(d.sample(t), (len(t), n))))
-    return _Columns(sources)
+            return lambda t: np.zeros((len(t), n))
+        return lambda t: np.broadcast_to(d.sample(t), (len(t), n))
+
+    return _Columns([(p.disturbance, sampler(p.disturbance)) for p in plants])
 
 
 def lockstep(
@@ -112,8 +114,8 @@ def lockstep(
 
     k_most = min(BLOCK_ROWS, rows)
     x = np.zeros((k_most + 1, 2, runs, n))
-    x[0, 0] = [e.q0 for e in experiments]
-    x[0, 1] = [e.v0 for e in experiments]
+    x[0, 0] = np.array([e.q0 for e in experiments])
+    x[0, 1] = np.array([e.v0 for e in experiments])
     ref = np.zeros((3, k_most, runs, n))
     torque = np.zeros((k_most, runs, n))
     offsets = motion.offsets
@@ -135,7 +137,7 @@ def lockstep(
     with np.errstate(all="ignore"):
         for row in range(0, rows, k_most):
             size = min(k_most, rows - row)
-            t = np.arange(row, row + size) * h
+            t: FloatArray = np.arange(row, row + size, dtype=np.float64) * h
             references.fill(t, ref[:, :size])
             if disturbances is not None:
                 for part, offset in zip(force, offsets, strict=True):
@@ -178,7 +180,7 @@ def lockstep(
 
 
 def _divergences(
-    block: Block, alive: FloatArray, runaway: FloatArray, batch: Batch
+    block: Block, alive: BoolArray, runaway: FloatArray, batch: Batch
 ) -> list[tuple[int, Outcome]]:
     """Find the runs that end in this block; cut `block.valid` there."""
     slow = np.abs(block.v) <= runaway
@@ -186,7 +188,8 @@ def _divergences(
     if sound.all():
         return []
     found = []
-    for run in np.flatnonzero(alive & ~sound.all(axis=(0, 2))):
+    ends = alive & ~np.asarray(sound.all(axis=(0, 2)))
+    for run in map(int, np.flatnonzero(ends)):
         k, joint = (int(i) for i in np.argwhere(~sound[:, run])[0])
         speed = block.v[k, run, joint]
         if not np.isfinite(speed):
@@ -199,5 +202,5 @@ def _divergences(
             cause = "angle is not finite"
         name = batch.experiments[run].arm.joint_names[joint]
         block.valid[run] = k
-        found.append((int(run), Outcome(False, float(block.t[k]), name, cause)))
+        found.append((run, Outcome(False, float(block.t[k]), name, cause)))
     return found

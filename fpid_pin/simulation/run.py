@@ -202,7 +202,7 @@ def describe_run(experiment: Experiment, controller: Controller, name: str) -> d
     }
 
 
-class replacing:  # noqa: N801 - used like a function, in a with statement
+class replacing:
     """Give a temporary path beside `path` that replaces it when the block ends without an error."""
 
     def __init__(self, path: str | Path) -> None:
@@ -252,5 +252,3 @@ def _from_json(value: Any) -> Any:
     if isinstance(value, list):
         return [_from_json(item) for item in value]
     return value
-
-

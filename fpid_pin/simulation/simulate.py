@@ -125,7 +125,7 @@ def simulate(
             arrays = {name: values[row, :rows] for name, values in record.arrays.items()}
             named = {name: arrays.pop(name) for name in ("q", "v", "q_ref", "v_ref", "torque")}
             runs[i] = Run(
-                np.arange(rows) * h, **named, signals=arrays, outcome=outcome, step=h,
+                np.arange(rows, dtype=np.float64) * h, **named, signals=arrays, outcome=outcome, step=h,
                 planned_rows=e.rows, meta=describe_run(e, c, getattr(c, "name", "")),
             )  # fmt: skip
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
@@ -168,7 +168,7 @@ def evaluate(
     if executor is None:
         table = _evaluate(es, cs, costs, progress)
     else:
-        parts = shards or getattr(executor, "_max_workers", 2)
+        parts = shards or int(getattr(executor, "_max_workers", 2))
         cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
         futures: list[Future[FloatArray]] = [
             executor.submit(_evaluate, [es[i] for i in cut], [cs[i] for i in cut], costs, None)

@@ -34,7 +34,9 @@ def test_the_demo_s_file_is_the_api_s_paper_experiment():
             if isinstance(value, (dict, str)):
                 assert actual[key] == value, key
             else:
-                assert np.broadcast_to(actual[key], 2).tolist() == np.broadcast_to(value, 2).tolist()
+                assert (
+                    np.broadcast_to(actual[key], 2).tolist() == np.broadcast_to(value, 2).tolist()
+                )
 
 
 def test_all_faults_are_reported_at_once_with_their_paths():
@@ -91,7 +93,10 @@ plant = { payload = { mass = 0.5 }, viscous_friction = 0.2 }
 [[condition]]
 name = "noise"
 sensors = { velocity_noise = 0.05 }
-disturbance = [{ kind = "pulse", torque = 1.0, start = 1.0, end = 2.0 }, { kind = "cosine", amplitude = 0.1 }]
+disturbance = [
+    { kind = "pulse", torque = 1.0, start = 1.0, end = 2.0 },
+    { kind = "cosine", amplitude = 0.1 },
+]
 """
 
 
@@ -115,8 +120,8 @@ def test_conditions_replace_parts_of_the_nominal_experiment():
         ('[[condition]]\nname = "x"\nplants = {}', r"condition.0.plants: .*did you mean plant\?"),
         ("[[condition]]\nplant = {}", "condition.0.name: expected a name of its own"),
         ('[[condition]]\nname = "x"\nplant = { payload = { mass = -1.0 } }', "mass"),
-        ('[plant]\neffort_limit = 0.0', "plant.effort_limit: expected a number > 0"),
-        ('[sensors]\ndelay = 1.5', "sensors.delay: expected a whole number"),
+        ("[plant]\neffort_limit = 0.0", "plant.effort_limit: expected a number > 0"),
+        ("[sensors]\ndelay = 1.5", "sensors.delay: expected a whole number"),
     ],
 )
 def test_bad_surroundings(text, message):
@@ -143,4 +148,3 @@ def test_a_urdf_s_path_starts_at_the_configuration_s_folder(tmp_path):
     (tmp_path / "arm.urdf").unlink()
     with pytest.raises(fp.ConfigError, match="arm.urdf"):
         parse(text, "c.toml", tmp_path)
-

@@ -1,0 +1,79 @@
+"""`fpid-pin live`: the control loop of a configuration in real time, to be seen and pushed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+
+from fpid_pin import checks
+from fpid_pin.cli.config import load
+from fpid_pin.exceptions import ArgumentError, ConfigError
+
+
+def run_live(
+    config_path: Path,
+    *,
+    controller: str | None = None,
+    duration: float | None = None,
+    fps: float = 40.0,
+    browser: bool = True,
+    port: int | None = None,
+    joint: str | None = None,
+    push: float | None = None,
+    priority: bool = True,
+    baseline: float = 3.0,
+    console: Console | None = None,
+) -> None:
+    """Run one controller of a configuration in real time and show it.
+
+    Parameters
+    ----------
+    config_path
+        A configuration as `fpid-pin run` takes it.
+    controller
+        Which one, by name; None: the first.
+    duration
+        s; None: until Ctrl-C or ``q``.
+    fps, browser, port, priority
+        As for `fpid_pin.view.live`.
+    joint, push
+        Which joint + and - push at first, and by how much, N m.
+    baseline
+        How long to run without the view first, s, so that the period can be compared; 0: not.
+    console
+        Where to print.
+    """
+    from fpid_pin.view.live import HELP, live
+
+    console = console or Console()
+    config = load(config_path)
+    try:
+        chosen = controller or next(iter(config.controllers))
+        law = config.controllers[checks.choice("--controller", chosen, config.controllers)]
+        wait = checks.number("--baseline", baseline, low=0.0)
+    except ArgumentError as error:
+        raise ConfigError(f"{config_path}: {error}") from None
+
+    def say(text: str) -> None:
+        console.print(text, highlight=False)
+
+    if wait:
+        say(f"{wait:g} s without the view, to compare ...")
+        alone = live(config.experiment, law, duration=wait, view=False, priority=priority)
+        say(f"without the view: {alone.timing}")
+    say(HELP)
+    report = live(
+        config.experiment, law, duration=duration, fps=fps, open_browser=browser, port=port,
+        push_joint=joint or 0, push_torque=push, priority=priority, announce=say,
+    )  # fmt: skip
+    say(f"with the view:    {report.timing}")
+    if report.send_times.size:
+        median = 1e3 * float(np.median(report.send_times))
+        say(
+            f"{report.send_times.size} frames sent, median {median:.3f} ms each, "
+            f"{report.dropped} dropped"
+        )
+    if report.fault:
+        say(report.fault)

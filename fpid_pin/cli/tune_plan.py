@@ -1,0 +1,126 @@
+"""The ``[tune]`` table of a configuration, checked.
+
+[tune]
+controller = "name"          # which [[controller]] to start from; default: the first
+population = 60              # and generations, crossover, mutation, seeds: as for `tune`
+reduce = "worst"             # or "mean": over every [[condition]]; default: nominal alone
+map_points = 21              # a side of the cost map over (lambda, mu); 0: none
+[tune.cost]                  # kind and arguments of a cost; default: eq. (33)
+[tune.space]                 # by parameter: [low, high], then "log", "shared" as needed
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from fpid_pin import checks, descriptions
+from fpid_pin.cli.config import Config
+from fpid_pin.control import Controller
+from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
+from fpid_pin.simulation import Cost, Experiment, QuadraticCost
+from fpid_pin.tuning import RobustCost, Space
+from fpid_pin.tuning.robust import REDUCTIONS
+from fpid_pin.tuning.search import Settings
+
+KEYS = ("controller", "population", "generations", "crossover", "mutation", "seeds", "reduce",
+        "map_points", "cost", "space")  # fmt: skip
+_MOST_MAP_POINTS = 201
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plan:
+    """What a ``[tune]`` table asks for.
+
+    Attributes
+    ----------
+    controller
+        Where the search starts from.
+    experiments
+        By condition; every candidate goes through all of them.
+    cost, space, settings
+        What `tune` takes.
+    map_points
+        A side of the cost map; 0: none.
+    """
+
+    controller: Controller
+    experiments: Mapping[str, Experiment]
+    cost: Cost
+    space: Space
+    settings: Settings
+    map_points: int
+
+
+def read_plan(config: Config) -> Plan:
+    """Check the ``[tune]`` table.
+
+    Raises
+    ------
+    ConfigError
+        A line for every fault.
+    """
+    table = dict(config.tune)
+    faults: list[FpidError] = []
+    made: dict[str, Any] = {}
+
+    def attempt(name: str, action: Callable[[], Any]) -> None:
+        try:
+            made[name] = action()
+        except ArgumentError as error:
+            faults.append(ArgumentError(f"tune.{error.name}", error.expected, error.got))
+        except FpidError as error:
+            faults.append(error)
+
+    for key in table:
+        attempt("known", partial(checks.choice, key, key, KEYS))
+    if "space" not in table:
+        faults.append(ArgumentError("tune.space", "a table of parameters with bounds", "none"))
+    first = next(iter(config.controllers))
+    attempt("name", lambda: checks.choice(
+        "controller", table.get("controller", first), config.controllers))  # fmt: skip
+    attempt("cost", lambda: _cost(table))
+    attempt("space", lambda: _space(table))
+    given = {f.name: table[f.name] for f in dataclasses.fields(Settings) if f.name in table}
+    if "seeds" in given:
+        seeds = given["seeds"]
+        given["seeds"] = tuple(seeds) if isinstance(seeds, list) else (seeds,)
+    attempt("settings", lambda: Settings(**given))
+    attempt("map_points", lambda: checks.integer(
+        "map_points", table.get("map_points", 21), low=0, high=_MOST_MAP_POINTS))  # fmt: skip
+    controller = config.controllers.get(made.get("name", ""))
+    if controller is not None and "space" in made:
+        attempt("bound", lambda: made["space"].bind(controller, config.experiment.arm.n))
+    if faults or controller is None:
+        raise ConfigError("\n".join(f"{config.path}: {fault}" for fault in faults))
+    robust = isinstance(made["cost"], RobustCost)
+    return Plan(
+        controller=controller,
+        experiments=config.conditions if robust else {"nominal": config.experiment},
+        cost=made["cost"],
+        space=made["space"],
+        settings=made["settings"],
+        map_points=made["map_points"] if _has_orders(controller) else 0,
+    )
+
+
+def _cost(table: Mapping[str, Any]) -> Cost:
+    cost: Cost = QuadraticCost()
+    if "cost" in table:
+        cost = descriptions.from_dict(table["cost"], Cost, "cost")
+    if "reduce" in table:
+        cost = RobustCost(cost, checks.choice("reduce", table["reduce"], REDUCTIONS))
+    return cost
+
+
+def _space(table: Mapping[str, Any]) -> Space:
+    genes = table.get("space", {})
+    if not isinstance(genes, Mapping):
+        raise ArgumentError("space", "a table of parameters with bounds", repr(genes))
+    return Space(**genes)
+
+
+def _has_orders(controller: Controller) -> bool:
+    return hasattr(controller, "integral_order") and hasattr(controller, "derivative_order")

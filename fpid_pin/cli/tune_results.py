@@ -1,0 +1,205 @@
+"""What a search is worth: the tuned controller beside its rivals, and the folder of results."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import tomllib
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from fpid_pin import checks, descriptions
+from fpid_pin.cli import summary
+from fpid_pin.cli.config import Config
+from fpid_pin.cli.progress import progress_bar
+from fpid_pin.cli.summary import Entry, Row
+from fpid_pin.cli.tune_plan import Plan
+from fpid_pin.control import AdaptiveFpid, Controller
+from fpid_pin.simulation import simulate
+from fpid_pin.simulation.paper import PUBLISHED_ORDERS
+from fpid_pin.tuning import TuningResult, cost_map
+from fpid_pin.tuning.robust import over_scenarios
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def _named(controller: Controller, name: str, **changes: object) -> Controller:
+    return cast(
+        "Controller",
+        dataclasses.replace(cast("Any", controller), name=name, **changes),
+    )
+
+
+def _rivals(plan: Plan, result: TuningResult) -> list[Controller]:
+    """Return the tuned controller and those it has to be better than."""
+    base = plan.controller
+    if not isinstance(base, AdaptiveFpid):
+        return [result.controller, base]
+    n = next(iter(plan.experiments.values())).arm.n
+    rivals = [result.controller, base if base.name else _named(base, "as configured")]
+    here = [
+        checks.per_joint(name, getattr(base, name), n).tolist()
+        for name in ("integral_order", "derivative_order")
+    ]
+    published, integer = PUBLISHED_ORDERS["symbol"], ((1.0,) * n, (1.0,) * n)
+    for name, orders in (("published orders", published), ("integer orders", integer)):
+        # The paper's orders are those of its two joints.
+        if len(orders[0]) == n and here != [list(order) for order in orders]:
+            rivals.append(_named(base, name, integral_order=orders[0], derivative_order=orders[1]))
+    return rivals
+
+
+def compare(plan: Plan, result: TuningResult) -> list[Entry]:
+    """Simulate the tuned controller and its rivals under every condition."""
+    rivals = _rivals(plan, result)
+    keys = [(condition, rival) for condition in plan.experiments for rival in rivals]
+    with progress_bar(f"simulating {len(keys)} runs") as progress:
+        runs = simulate(
+            [plan.experiments[condition] for condition, _ in keys],
+            [rival for _, rival in keys],
+            progress=progress,
+        )
+    return [Entry(condition, run.name, run) for (condition, _), run in zip(keys, runs, strict=True)]
+
+
+def draw(plan: Plan, result: TuningResult, pool: Executor | None) -> dict[str, Figure]:
+    """Draw convergence and, for a law with orders, the cost map."""
+    from fpid_pin.view import plots
+
+    figures = {"convergence": plots.convergence(result.history.curves())}
+    if plan.map_points:
+        grid = np.linspace(0.0, 1.0, plan.map_points) if plan.map_points > 1 else [1.0]
+        with progress_bar(f"cost map, {plan.map_points**2} candidates") as progress:
+            found = cost_map(
+                list(plan.experiments.values()),
+                result.controller,
+                plan.cost,
+                integral_orders=grid,
+                derivative_orders=grid,
+                executor=pool,
+                progress=progress,
+            )
+        n = next(iter(plan.experiments.values())).arm.n
+        figures["cost-map"] = plots.cost_map(
+            found.integral_orders, found.derivative_orders, found.costs, _marks(result, n)
+        )
+    return figures
+
+
+def _marks(result: TuningResult, n: int) -> dict[str, Sequence[float]]:
+    """Return what the map points out: ours, the paper's and the integer corners."""
+    law = cast("AdaptiveFpid", result.controller)
+    tuned = [
+        checks.per_joint("order", order, n) for order in (law.integral_order, law.derivative_order)
+    ]
+    marks: dict[str, Sequence[float]] = {}
+    if n == 2 and any(order[0] != order[1] for order in tuned):
+        marks = {f"tuned, joint {j + 1}": [float(o[j]) for o in tuned] for j in range(n)}
+    else:
+        name = "tuned" if n == 1 else "tuned (mean)"
+        marks[name] = [float(np.mean(order)) for order in tuned]
+    # The paper's two joints lie closer together than a mark is wide.
+    marks["published (mean)"] = [float(np.mean(order)) for order in PUBLISHED_ORDERS["symbol"]]
+    for corner in ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.0)):
+        marks[f"integer ({corner[0]:g}, {corner[1]:g})"] = corner
+    return marks
+
+
+def cost_rows(plan: Plan, entries: Sequence[Entry]) -> list[Row]:
+    """Return the cost that was tuned for, a row a controller, beside its ratio to the best."""
+    costs: dict[str, list[float]] = {}
+    for entry in entries:
+        done = entry.run.outcome.completed
+        costs.setdefault(entry.controller, []).append(
+            plan.cost.of(entry.run.metrics) if done else np.inf
+        )
+    total = {
+        name: float(over_scenarios(plan.cost, np.array(each)[:, np.newaxis])[0])
+        for name, each in costs.items()
+    }
+    tuned = next(iter(total.values()))
+    return [
+        {"controller": name, "cost tuned for": cost, "tuned over this": tuned / cost}
+        for name, cost in total.items()
+    ]
+
+
+def write(
+    folder: Path,
+    out: Path,
+    config: Config,
+    plan: Plan,
+    result: TuningResult,
+    entries: Sequence[Entry],
+    figures: dict[str, Figure],
+) -> list[Row]:
+    """Write everything into `folder`, which will be `out`; return the table of costs."""
+    from fpid_pin.view import plots
+    from fpid_pin.view.report import report_html
+
+    costs = cost_rows(plan, entries)
+    rows = summary.drop_constant(summary.run_rows(entries), "condition")
+    joints = summary.drop_constant(summary.joint_rows(entries), "condition")
+    seeds = [
+        {"seed": seed, "best cost": float(cost)}
+        for seed, cost in zip(result.history.seeds, result.costs, strict=True)
+    ]
+    for condition in plan.experiments:
+        runs = [entry.run for entry in entries if entry.condition == condition]
+        name = "comparison" if len(plan.experiments) == 1 else f"comparison-{_slug(condition)}"
+        figures[name] = plots.comparison(runs)
+    for name, figure in figures.items():
+        for suffix in ("svg", "png"):
+            plots.save_figure(figure, folder / f"{name}.{suffix}")
+    many = len(plan.experiments) > 1
+    for entry in entries:
+        parts = [entry.condition, entry.controller] if many else [entry.controller]
+        entry.run.save(folder / f"{'-'.join(map(_slug, parts))}.npz")
+    tables = {"Cost tuned for": costs, "Seeds": seeds, "All joints": rows, "Each joint": joints}
+    text = "".join(f"## {head}\n\n{summary.markdown(table)}\n" for head, table in tables.items())
+    title = config.title or Path(config.path).stem
+    files = {
+        "config.toml": config.text,
+        "tuned.toml": _tuned_toml(config, result, out),
+        "history.csv": result.history.comma_separated(),
+        "summary.csv": summary.comma_separated(rows),
+        "joints.csv": summary.comma_separated(joints),
+        "summary.md": f"# {title}, tuned\n\n{result}\n\n{text}",
+    }
+    for name, content in files.items():
+        (folder / name).write_text(content, encoding="utf-8")
+    report_html(
+        folder / "report.html",
+        [entry.run for entry in entries],
+        title=f"{title}, tuned",
+        tables={head: [list(t[0]), *(list(r.values()) for r in t)] for head, t in tables.items()},
+        figures=figures,
+        config_text=config.text,
+    )
+    return costs
+
+
+def _tuned_toml(config: Config, result: TuningResult, out: Path) -> str:
+    """Return the configuration with the tuned controller alone, as TOML that `run` takes."""
+    import tomli_w
+
+    table = tomllib.loads(config.text)
+    table.pop("tune", None)
+    table["controller"] = [descriptions.to_dict(result.controller)]
+    table["title"] = f"{config.title or Path(config.path).stem}, tuned"
+    source = Path(config.path).resolve().parent
+    for arm in (table["arm"], table.get("plant", {}).get("arm")):
+        if isinstance(arm, dict) and isinstance(arm.get("path"), str):
+            # Paths start at the file that names them, and this one lies elsewhere.
+            arm["path"] = os.path.relpath(source / arm["path"], out.resolve())
+    return tomli_w.dumps(table)
+
+
+def _slug(name: str) -> str:
+    kept = "".join(c if c.isalnum() else "-" for c in name.lower())
+    return "-".join(part for part in kept.split("-") if part) or "run"

@@ -1,0 +1,166 @@
+"""The command line as a person uses it: results whole, errors on one line, status 2."""
+
+import csv
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
+
+SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.2")
+
+
+@pytest.fixture
+def config(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def test_compare_writes_runs_tables_figures_and_report(config, capsys):
+    assert main(["compare", str(config)]) == 0
+    out = config.parent / "runs" / "short"
+    names = {path.name for path in out.iterdir()}
+    assert {"report.html", "summary.md", "summary.csv", "joints.csv", "config.toml"} <= names
+    assert {"fpid-published-orders.npz", "integer-pid.npz"} <= names
+    assert any(name.endswith(".svg") for name in names)
+    printed = capsys.readouterr().out
+    assert "integer PID" in printed
+    assert "report.html" in printed
+    run = fp.Run.load(out / "integer-pid.npz")
+    with open(out / "summary.csv", newline="") as file:
+        rows = {row["controller"]: row for row in csv.DictReader(file)}
+    expected = fp.QuadraticCost().of(run.metrics)
+    assert float(rows["integer PID"]["cost (33)"]) == expected
+    assert (out / "config.toml").read_text() == SHORT
+
+
+def test_run_takes_one_controller_by_name(config, capsys):
+    assert main(["run", str(config), "--controller", "integer PID", "--out", "one"]) == 0
+    assert (config.parent / "one" / "integer-pid.npz").exists()
+    assert main(["run", str(config), "--out", "two"]) == 2
+    assert "expected one controller" in capsys.readouterr().err
+    assert main(["run", str(config), "--controller", "integr PID"]) == 2
+    assert "did you mean integer PID?" in capsys.readouterr().err
+    assert not (config.parent / "two").exists()
+
+
+def test_the_demo_is_the_paper_s_comparison(tmp_path, monkeypatch, capsys):
+    from fpid_pin.cli import experiments
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        experiments, "demo_config", lambda: experiments.parse(SHORT, "demo.toml", tmp_path)
+    )
+    assert main(["demo"]) == 0
+    names = {path.name for path in (tmp_path / "runs" / "demo").iterdir()}
+    assert {"fig4.svg", "fig5.svg", "gains.svg", "fig4.png", "report.html"} <= names
+
+
+def test_results_are_replaced_whole_and_other_folders_are_left_alone(config, capsys):
+    assert main(["run", str(config), "--controller", "integer PID", "--out", "kept"]) == 0
+    stale = config.parent / "kept" / "stale.txt"
+    stale.write_text("old")
+    assert main(["run", str(config), "--controller", "integer PID", "--out", "kept"]) == 0
+    assert not stale.exists()
+    own = config.parent / "own"
+    own.mkdir()
+    (own / "thesis.txt").write_text("mine")
+    assert main(["run", str(config), "--controller", "integer PID", "--out", "own"]) == 2
+    assert "expected a new folder or one that fpid-pin made" in capsys.readouterr().err
+    assert [path.name for path in own.iterdir()] == ["thesis.txt"]
+
+
+def test_a_failure_leaves_nothing_half_written(config, monkeypatch):
+    from fpid_pin.cli import experiments
+
+    def fail(*_, **__):
+        raise fp.SimulationError("broken on purpose")
+
+    monkeypatch.setattr(experiments, "write", fail)
+    assert main(["compare", str(config)]) == 2
+    left = [path.name for path in config.parent.rglob("*") if path.name != "runs"]
+    assert left == ["short.toml"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run"], "Missing argument"),
+        (["rn", "x.toml"], "No such command"),
+        (["run", "none.toml"], "none.toml: no such file"),
+        (["compare", "bad.toml"], "controller.0.integral_order.1: expected a number in [0, 1]"),
+        (["view", "none.npz"], "none.npz"),
+        (["view", "bad.toml", "--html", "x.html"], "bad.toml"),
+        (["operators", "--order", "1.7"], "1.7"),
+        (["operators", "--step", "0"], "step"),
+        (["tune", "none.toml"], "none.toml: no such file"),
+        (["live", "none.toml"], "none.toml: no such file"),
+    ],
+)
+def test_wrong_input_is_plain_lines_and_status_2(arguments, message, config, capsys):
+    (config.parent / "bad.toml").write_text(SHORT.replace("[0.901, 0.931]", "[0.9, 1.7]"))
+    before = sorted(config.parent.iterdir())
+    assert main(arguments) == 2
+    err = capsys.readouterr().err
+    assert message in err
+    assert "Traceback" not in err
+    assert all(line.startswith("fpid-pin: ") for line in err.strip().splitlines())
+    assert sorted(config.parent.iterdir()) == before
+
+
+def test_the_installed_command_ends_with_the_status(config):
+    code = "from fpid_pin.cli.main import main; import sys; sys.exit(main())"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "run", "none.toml"], capture_output=True, text=True
+    )
+    assert done.returncode == 2
+    assert done.stderr == "fpid-pin: none.toml: no such file\n"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
+def test_a_folder_without_permission_is_refused_before_any_work(config, capsys):
+    locked = config.parent / "locked"
+    locked.mkdir(mode=0o500)
+    assert main(["compare", str(config), "--out", str(locked / "x")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_a_diverged_run_is_a_result(config, capsys):
+    config.write_text(SHORT.replace("kd = [20.0, 15.0]", "kd = [9000.0, 9000.0]", 1))
+    assert main(["compare", str(config)]) == 0
+    printed = capsys.readouterr().out
+    assert "diverged" in printed
+    table = (config.parent / "runs" / "short" / "summary.csv").read_text()
+    assert "diverged at" in table
+    assert "inf" in table
+
+
+def test_lists_and_reports_print(capsys):
+    assert main(["operators", "--order", "0.5"]) == 0
+    assert "0.5" in capsys.readouterr().out
+    assert main(["arms"]) == 0
+    assert "ur5" in capsys.readouterr().out
+
+
+def test_a_page_is_made_of_a_run(config, tmp_path):
+    run = fp.simulate(fp.paper_experiment(duration=0.1), fp.paper_controller())
+    path = run.save(tmp_path / "r.npz")
+    assert main(["view", str(path), "--html", str(tmp_path / "page.html")]) == 0
+    page = (tmp_path / "page.html").read_text()
+    assert page.lstrip().lower().startswith("<!doctype html")
+
+
+def test_paths_with_spaces_work(config):
+    folder = config.parent / "my runs"
+    folder.mkdir()
+    path = Path(folder / "my config.toml")
+    path.write_text(SHORT)
+    assert main(["run", str(path), "--controller", "integer PID", "--out", "my out"]) == 0
+    assert (config.parent / "my out" / "report.html").exists()
