@@ -1,0 +1,277 @@
+"""Designs as continuous or sampled linear systems of SciPy and python-control.
+
+A design's continuous form, from f to D^alpha f, is
+
+    H(s) = sum g_i s/(s + p_i)
+
+For an exponential sum the kernel's excess within the newest step, where the sum stays finite and
+t^-alpha does not, is added as one fast mode of the same area and the same mean lag. Everything is
+kept diagonal; no polynomial is formed.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.special import rgamma
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArgumentError, DesignError
+from fpid_pin.fractional.crone import Oustaloup
+from fpid_pin.fractional.design import DEFAULT_HORIZON, Coefficients, Design, check_grid
+from fpid_pin.fractional.rows import rows
+
+if TYPE_CHECKING:
+    # scipy.signal takes longer to load than the rest of the package: imported where used.
+    from scipy.signal import StateSpace, ZerosPolesGain
+
+
+def continuous_modes(
+    design: Design, order: float, *, step: float, horizon: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return poles (modes,) [1/s], 0 first, and weights of ``sum g s/(s + p)``, order below 1."""
+    alpha = checks.number("order", order, low=0.0, high=1.0)
+    step, horizon = check_grid(step, horizon)
+    if alpha == 1.0:
+        raise ArgumentError("order", "a number below 1 (order 1 is s, not proper)", "1")
+    c = design.coefficients(alpha, step=step, horizon=horizon)
+    if not isinstance(c, Coefficients):
+        raise ArgumentError("design", "one with modes", type(design).__name__)
+    poles, weights = c.poles, c.weights
+    if not isinstance(design, Oustaloup) and alpha > 0.0:
+        area, mean_lag = _excess(alpha, poles, weights, step)
+        # A sum of very few modes may have nothing to add to.
+        if area > 0.0 and mean_lag > 0.0:
+            poles = np.append(poles, 1.0 / mean_lag)
+            weights = np.append(weights, area / mean_lag)
+    used = (weights != 0.0) | (poles == 0.0)
+    return poles[used], weights[used]
+
+
+def _excess(
+    alpha: float, poles: FloatArray, weights: FloatArray, step: float
+) -> tuple[float, float]:
+    """Return area [s^(1-alpha)] and mean lag [s] of kernel minus sum on the newest step."""
+    q = poles[1:] * step
+    area = step ** (1.0 - alpha) * rgamma(2.0 - alpha) - weights[0] * step
+    area -= float((weights[1:] * -np.expm1(-q) / poles[1:]).sum())
+    moment = step ** (2.0 - alpha) * rgamma(1.0 - alpha) / (2.0 - alpha) - weights[0] * step**2 / 2
+    inner = (-np.expm1(-q) - q * np.exp(-q)) / poles[1:] ** 2
+    moment -= float((weights[1:] * inner).sum())
+    return float(area), float(moment / area)
+
+
+def state_space(
+    design: Design,
+    order: float,
+    *,
+    step: float,
+    horizon: float = DEFAULT_HORIZON,
+    sampled: bool = False,
+    rate: str = "measured",
+) -> StateSpace:
+    """Return one operator as a `scipy.signal.StateSpace`.
+
+    Parameters
+    ----------
+    design
+        One with modes.
+    order
+        Order alpha in [0, 1); 1 as well where `sampled`.
+    step, horizon
+        Sampling step and fitted horizon [s].
+    sampled
+        False: continuous, from f to D^alpha f. True: what the bank does, exactly, at steps of
+        `step`: from (f, f'), or from f where the rate is differenced.
+    rate
+        As in `Bank`, where `sampled`.
+
+    Raises
+    ------
+    ArgumentError
+        Order 1 in continuous time (not proper), a design without modes.
+    """
+    from scipy.signal import StateSpace
+
+    if sampled:
+        return _sampled(design, order, step, horizon, rate)
+    poles, weights = continuous_modes(design, order, step=step, horizon=horizon)
+    d = weights.sum()
+    p, g = poles[1:], weights[1:]
+    if p.size == 0:
+        return StateSpace(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), [[d]])
+    # g s/(s + p) = g - g p/(s + p); sqrt(p) on both sides keeps the entries within range.
+    root = np.sqrt(p)
+    return StateSpace(np.diag(-p), root[:, None], -(g * root)[None, :], [[d]])
+
+
+def _sampled(design: Design, order: float, step: float, horizon: float, rate: str) -> StateSpace:
+    from scipy.signal import StateSpace
+
+    alpha = np.asarray(checks.number("order", order, low=0.0, high=1.0))
+    step, horizon = check_grid(step, horizon)
+    measured = checks.choice("rate", rate, ("measured", "differenced")) == "measured"
+    c = design.coefficients(alpha, step=step, horizon=horizon)
+    if not isinstance(c, Coefficients):
+        raise ArgumentError("design", "one with modes", type(design).__name__)
+    r = rows(c, measured=measured, from_rest=False, channels=1)
+    inputs = 2 if measured else 1
+    weights = r.weights[:, 0].copy()
+    if float(alpha) == 0.0:
+        weights[0] = 1.0
+    modes = r.decay.shape[0]
+    a = np.zeros((inputs + modes, inputs + modes))
+    b = np.zeros((inputs + modes, inputs))
+    b[:inputs] = np.eye(inputs)
+    a[inputs:, inputs:] = np.diag(r.decay[:, 0])
+    b[inputs:, 0] = 1.0
+    if measured:
+        b[inputs:, 1] = r.sigma[:, 0]
+    return StateSpace(a, b, weights[None, inputs:], weights[None, :inputs], dt=step)
+
+
+def zeros_poles_gain(
+    design: Design, order: float, *, step: float, horizon: float = DEFAULT_HORIZON
+) -> ZerosPolesGain:
+    """Return one continuous operator as a `scipy.signal.ZerosPolesGain`.
+
+    A CRONE filter's are those of its formula. Those of an exponential sum are found between its
+    poles, with which they interlace.
+
+    Parameters
+    ----------
+    design, order, step, horizon
+        As in `state_space`.
+    """
+    from scipy.optimize import brentq
+    from scipy.signal import ZerosPolesGain
+
+    if isinstance(design, Oustaloup):
+        return ZerosPolesGain(*design.zpk(order))
+    poles, weights = continuous_modes(design, order, step=step, horizon=horizon)
+    used = np.argsort(poles[1:]) + 1
+    p, g, direct = poles[used], weights[used], weights[0]
+
+    def value(log_s: float) -> float:
+        s = -np.exp(log_s)
+        return float(direct + (g * s / (s + p)).sum())
+
+    edges = np.log(p)
+    below = edges[0] - 1.0
+    while p.size and value(below) <= 0.0 and below > -700.0:
+        below -= 5.0
+    ends = np.concatenate([[below], edges])
+    zeros = []
+    for low, high in itertools.pairwise(ends):
+        gap = 1e-13 * max(1.0, abs(high), abs(low))
+        a, b = (low if low == below else low + gap), high - gap
+        if value(a) * value(b) > 0.0:
+            # A zero closer to a pole than rounding resolves: the pair cancels.
+            zeros.append(-np.exp(a if abs(value(a)) < abs(value(b)) else b))
+        else:
+            zeros.append(-np.exp(brentq(value, a, b, xtol=1e-15, rtol=1e-15)))
+    return ZerosPolesGain(np.array(zeros), -p, float(weights.sum()))
+
+
+def fpid_state_space(
+    *,
+    kp: float,
+    ki: float,
+    kd: float,
+    integral_order: float,
+    derivative_order: float,
+    design: Design,
+    step: float,
+    horizon: float = DEFAULT_HORIZON,
+    filter_time: float | None = None,
+) -> StateSpace:
+    """Return a fixed-gain FPID, u = kp e + ki I^lambda e + kd D^mu e (10), from e to u.
+
+    Continuous, for Bode plots and margins. The modes of both terms are one set of states where
+    their poles are shared.
+
+    Parameters
+    ----------
+    kp, ki, kd
+        Gains.
+    integral_order, derivative_order
+        lambda and mu in [0, 1].
+    design
+        One with modes.
+    step, horizon
+        Sampling step and fitted horizon [s].
+    filter_time
+        Time constant [s] of the filter that mu = 1 needs, ``s/(1 + filter_time s)``.
+
+    Raises
+    ------
+    ArgumentError
+        An order outside [0, 1], gains that are not numbers.
+    DesignError
+        mu = 1 without `filter_time`: a pure derivative is not a state space.
+    """
+    from scipy.signal import StateSpace
+
+    kp, ki, kd = (checks.number(n, v) for n, v in (("kp", kp), ("ki", ki), ("kd", kd)))
+    lam = checks.number("integral_order", integral_order, low=0.0, high=1.0)
+    mu = checks.number("derivative_order", derivative_order, low=0.0, high=1.0)
+    direct, parts = kp, []
+    if ki != 0.0:
+        # I^lambda e = D^(1-lambda) int e: s/(s + p) becomes 1/(s + p).
+        if lam == 0.0:
+            direct += ki
+        else:
+            poles, weights = continuous_modes(design, 1.0 - lam, step=step, horizon=horizon)
+            parts.append((poles, ki * weights))
+    if kd != 0.0:
+        if mu == 1.0:
+            if filter_time is None:
+                raise DesignError(
+                    "derivative_order: expected a number below 1, or a filter_time, got 1"
+                )
+            tau = checks.number("filter_time", filter_time, above=0.0)
+            poles, weights = np.array([0.0, 1.0 / tau]), np.array([0.0, 1.0 / tau])
+        else:
+            poles, weights = continuous_modes(design, mu, step=step, horizon=horizon)
+        direct += kd * float(weights.sum())
+        parts.append((poles, -kd * weights * poles))
+    poles, residues = _merge(parts)
+    if poles.size == 0:
+        poles, residues = np.zeros(1), np.zeros(1)
+    return StateSpace(
+        np.diag(-poles), np.ones((poles.size, 1)), residues[None, :], [[float(direct)]]
+    )
+
+
+def _merge(parts: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
+    """Add residues of equal poles; drop those that are zero."""
+    if not parts:
+        return np.zeros(0), np.zeros(0)
+    poles = np.concatenate([p for p, _ in parts])
+    residues = np.concatenate([r for _, r in parts])
+    distinct, where = np.unique(poles, return_inverse=True)
+    total = np.zeros(distinct.size)
+    np.add.at(total, where, residues)
+    return distinct[total != 0.0], total[total != 0.0]
+
+
+def to_control(system: StateSpace) -> Any:
+    """Return a SciPy state space as python-control's `StateSpace`.
+
+    Raises
+    ------
+    DesignError
+        python-control is not installed (``pip install fpid_pin[control]``).
+    """
+    try:
+        import control
+    except ImportError:
+        raise DesignError(
+            "control: expected python-control to be installed (pip install 'fpid_pin[control]'),"
+            " got none"
+        ) from None
+    dt = 0 if system.dt is None else system.dt
+    return control.StateSpace(system.A, system.B, system.C, system.D, dt)

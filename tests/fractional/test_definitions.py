@@ -1,0 +1,157 @@
+import exact_derivatives as exact
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.special import binom, gamma
+
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.fractional import (
+    L1,
+    Bank,
+    Crone,
+    ExponentialSum,
+    GrunwaldLetnikov,
+    caputo,
+    grunwald_letnikov,
+    riemann_liouville,
+)
+
+STEP = 0.01
+T = np.arange(400) * STEP
+SIGNAL = np.sin(3 * T) + 0.7
+
+
+@pytest.mark.parametrize("order", [0.2, 0.5, 0.9])
+def test_grunwald_letnikov_is_the_sum_as_printed(order):
+    got = grunwald_letnikov(SIGNAL, order, STEP)
+    j = np.arange(T.size)
+    weights = (-1.0) ** j * binom(order, j) * STEP**-order
+    want = [weights[: k + 1] @ SIGNAL[k::-1] for k in range(T.size)]
+    assert np.abs(got - want).max() < 1e-9 * np.abs(want).max()
+
+
+@pytest.mark.parametrize("order", [0.2, 0.5, 0.9])
+def test_caputo_is_the_integral_of_the_differenced_rate_and_riemann_liouville_adds_the_start(order):
+    got = caputo(SIGNAL, order, STEP)
+    j = np.arange(T.size - 1)
+    weights = ((j + 1.0) ** (1 - order) - j ** (1 - order)) * STEP**-order / gamma(2 - order)
+    want = [0.0] + [weights[: k + 1] @ np.diff(SIGNAL)[k::-1] for k in range(T.size - 1)]
+    assert np.abs(got - want).max() < 1e-10
+    start = SIGNAL[0] * T[1:] ** -order / gamma(1 - order)
+    both = riemann_liouville(SIGNAL, order, STEP)
+    assert np.abs(both[1:] - got[1:] - start).max() < 1e-10
+    assert both[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("function", "rate", "expected"), [(caputo, 1.4, 0.15), (grunwald_letnikov, 1.0, 0.15)]
+)
+def test_halving_the_step_shows_the_order_of_convergence(function, rate, expected):
+    order, errors = 0.6, []
+    for step in (4e-3, 2e-3, 1e-3):
+        t = np.arange(round(2.0 / step) + 1) * step
+        got = function(t**2, order, step)[-1]
+        errors.append(abs(got - exact.of_power(order, 2.0, 2)))
+    found = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.abs(found - rate).max() < expected
+
+
+@pytest.mark.parametrize("order", [0.1, 0.5, 0.9])
+def test_a_known_rate_is_far_more_accurate(order):
+    t = np.arange(5001) * 1e-3
+    got = caputo(np.sin(t), order, 1e-3, rate=np.cos(t))[[10, 700, 5000]]
+    want = exact.table(exact.of_sin, [order], t[[10, 700, 5000]])[:, 0]
+    assert np.abs(got - want).max() < 2e-10
+
+
+def test_any_axis_and_an_order_for_each_channel():
+    rng = np.random.default_rng(3)
+    signal = rng.normal(size=(3, 50, 2)).cumsum(axis=1)
+    order = rng.uniform(0, 1, (3, 2))
+    for function in (caputo, riemann_liouville, grunwald_letnikov):
+        got = function(signal, order, STEP, axis=1)
+        assert got.shape == signal.shape
+        for i in range(3):
+            for j in range(2):
+                alone = function(signal[i, :, j], order[i, j], STEP)
+                assert np.abs(got[i, :, j] - alone).max() < 1e-9
+
+
+@pytest.mark.parametrize("function", [caputo, riemann_liouville, grunwald_letnikov])
+def test_orders_0_and_1_are_exact_ends(function):
+    rate = 3 * np.cos(3 * T)
+    assert np.array_equal(function(SIGNAL, 0.0, STEP), SIGNAL)
+    assert np.array_equal(function(SIGNAL, 0.0, STEP, rate=rate), SIGNAL)
+    assert np.array_equal(function(SIGNAL, 1.0, STEP, rate=rate), rate)
+    difference = function(SIGNAL, 1.0, STEP)[1:]
+    assert np.abs(difference - np.diff(SIGNAL) / STEP).max() < 1e-10
+
+
+@pytest.mark.parametrize("word", ["caputo", "riemann_liouville", "grunwald_letnikov"])
+@pytest.mark.parametrize(
+    "design",
+    [L1(), GrunwaldLetnikov(), L1(0.5), GrunwaldLetnikov(0.5), ExponentialSum(30)],
+    ids=repr,
+)
+def test_streamed_and_recorded_rules_agree(design, word):
+    order = np.array([0.0, 0.2, 0.7, 1.0])
+    signal = np.repeat(SIGNAL[:, None], 4, axis=1)
+    bank = Bank(design, order, step=STEP, horizon=T[-1], initialisation=word, rate="differenced")
+    got = caputo(signal, order, STEP, axis=0, initialisation=word, design=design)
+    assert np.abs(got - exact.stream(bank, signal)).max() < 1e-9 * np.abs(got).max()
+
+
+def test_a_short_memory_forgets():
+    order = 0.5
+    for design in (L1(0.1), GrunwaldLetnikov(0.1)):
+        step = np.where(T > 0.5, 1.0, 0.0)
+        full = caputo(step, order, STEP, design=type(design)())
+        short = caputo(step, order, STEP, design=design)
+        soon, late = (T > 0.5) & (T < 0.58), T > 0.75
+        assert np.allclose(short[soon], full[soon], rtol=1e-9)
+        assert np.abs(short[late] - full[late]).min() > 0.2
+
+
+def test_a_filter_serves_as_well():
+    got = caputo(SIGNAL, 0.5, STEP, rate=3 * np.cos(3 * T), design=Crone(1e-3, 1e4, 12))
+    want = caputo(SIGNAL, 0.5, STEP, rate=3 * np.cos(3 * T))
+    assert np.abs(got - want).max() < 0.03 * np.abs(want).max()
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.floats(0, 1), st.floats(-5, 5), st.integers(0, 100))
+def test_a_constant_has_no_caputo_derivative(order, constant, seed):
+    noise = np.random.default_rng(seed).normal(size=60)
+    a, b = caputo(noise, order, STEP), caputo(noise + constant, order, STEP)
+    want = constant if order == 0.0 else 0.0
+    assert np.abs(b - a - want).max() < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"signal": np.r_[np.ones(17), np.nan, 1.0]}, r"nan at sample 17 \(t = 0.17 s\)"),
+        ({"signal": [[1.0, 2.0], [0.0, np.inf]]}, r"inf at sample 1 .*channel \(1,\)"),
+        ({"rate": np.r_[np.ones(399), np.nan]}, "rate: expected finite numbers, got nan"),
+        ({"rate": np.ones(7)}, r"rate: expected shape \(400,\), got shape \(7,\)"),
+        ({"signal": [1.0]}, "signal: expected at least 2 samples, got 1"),
+        ({"signal": "abc"}, "signal: expected an array of numbers"),
+        ({"order": 1.01}, r"order: expected a number in \[0, 1\], got 1.01"),
+        ({"order": [0.1, 0.2]}, r"order: expected a shape that broadcasts to \(\)"),
+        ({"step": -1.0}, "step: expected a number > 0"),
+        ({"axis": 3}, "axis: expected an axis of signal"),
+        ({"initialisation": "zero"}, "initialisation: expected one of caputo"),
+        ({"design": 3}, "design: expected a fractional design, got int"),
+    ],
+)
+@pytest.mark.parametrize("function", [caputo, riemann_liouville, grunwald_letnikov])
+def test_bad_input_says_what_and_where(function, arguments, words):
+    given = {"signal": SIGNAL, "order": 0.5, "step": STEP} | arguments
+    with pytest.raises(ArgumentError, match=words):
+        function(given.pop("signal"), given.pop("order"), given.pop("step"), **given)
+
+
+def test_memory_must_be_positive():
+    with pytest.raises(ArgumentError, match="memory: expected a number > 0, got 0"):
+        L1(memory=0.0)
