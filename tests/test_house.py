@@ -22,7 +22,7 @@ TIERS = [
 ]
 HEAVY = (
     "matplotlib", "pymoo", "meshcat", "example_robot_data", "pydantic", "typer", "rich",
-    "scipy.signal", "scipy.optimize", "scipy.stats", "scipy.linalg", "control", "sympy",
+    "scipy", "control", "sympy", "tornado",
 )  # fmt: skip
 
 

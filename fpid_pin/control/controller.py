@@ -145,8 +145,8 @@ class Loop:
         if not np.isfinite(rows).all():
             for row, name in zip(rows, _INPUTS, strict=True):
                 checks.vector(name, row[0], self._n)
-        torque = self.state.torque(*rows)
-        return torque[0].copy()
+        torque: FloatArray = self.state.torque(*rows)[0].copy()
+        return torque
 
     def signals(self) -> dict[str, FloatArray]:
         """Return copies of the law's inner signals at the last tick, (n,) or scalars."""

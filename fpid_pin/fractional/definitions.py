@@ -14,8 +14,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import fft
-from scipy.special import rgamma
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
@@ -25,6 +23,7 @@ from fpid_pin.fractional.design import Design
 from fpid_pin.fractional.exponential_sum import ExponentialSum
 from fpid_pin.fractional.history import L1, GrunwaldLetnikov, HistoryDesign
 from fpid_pin.fractional.recorded import run_modes
+from fpid_pin.fractional.special import rgamma
 
 _RATE_TOLERANCE = 1e-10
 
@@ -198,6 +197,9 @@ def _convolve(
         past = np.diff(value, axis=0, prepend=first[None])
     else:
         past = value if from_rest else value - first
+    # Imported late, as all of SciPy is.
+    from scipy import fft
+
     size = fft.next_fast_len(samples + len(weights) - 1, real=True)
     spectrum = fft.rfft(past, size, axis=0) * fft.rfft(weights, size, axis=0)
     out = fft.irfft(spectrum, size, axis=0)[:samples]

@@ -23,13 +23,13 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import gamma, gammaln, rgamma
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.fractional.design import Coefficients, Design, check_grid, check_order
+from fpid_pin.fractional.special import gamma, gammaln, rgamma
 
 _DEFAULT_MODES = 24
 _MAX_MODES = 128

@@ -16,13 +16,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import rgamma
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
 from fpid_pin.fractional.bank import _NEVER, Bank
 from fpid_pin.fractional.design import Design, check_grid, check_order
+from fpid_pin.fractional.special import rgamma
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,6 @@ import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import rgamma
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
@@ -23,6 +22,7 @@ from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.fractional.crone import Oustaloup
 from fpid_pin.fractional.design import DEFAULT_HORIZON, Coefficients, Design, check_grid
 from fpid_pin.fractional.rows import rows
+from fpid_pin.fractional.special import rgamma
 
 if TYPE_CHECKING:
     # scipy.signal takes longer to load than the rest of the package: imported where used.

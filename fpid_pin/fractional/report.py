@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import rgamma
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
@@ -24,6 +23,7 @@ from fpid_pin.fractional.response import (
     modal_rows,
     noise_gains,
 )
+from fpid_pin.fractional.special import rgamma
 
 TRUSTED_WITHIN = 0.01
 

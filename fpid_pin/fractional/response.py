@@ -7,7 +7,6 @@ import warnings
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import gamma, gammaln, rgamma, zeta
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
@@ -15,6 +14,7 @@ from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.fractional.design import Coefficients, Design, check_grid, check_order
 from fpid_pin.fractional.history import GrunwaldLetnikov, HistoryDesign
 from fpid_pin.fractional.rows import Rows, rows
+from fpid_pin.fractional.special import gamma, gammaln, rgamma, zeta
 
 ComplexArray = NDArray[np.complex128]
 

@@ -86,7 +86,9 @@ class Pulse:
         # A sample may fall a rounding error before the instant it stands for.
         slack = 1e-9
         on = (t >= self.start - slack) & (t < self.end - slack)
-        return np.multiply.outer(on.astype(np.float64), np.atleast_1d(np.asarray(self.torque)))
+        torque = np.atleast_1d(np.asarray(self.torque))
+        pulse: FloatArray = np.multiply.outer(on.astype(np.float64), torque)
+        return pulse
 
 
 @described("sum", "Disturbance")

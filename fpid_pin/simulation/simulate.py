@@ -122,10 +122,11 @@ def simulate(
             e, c = experiments[i], controllers[i]
             h = e.step
             rows = e.rows if outcome.completed else round(outcome.time / h)
+            t = np.arange(rows, dtype=np.float64) * h
             arrays = {name: values[row, :rows] for name, values in record.arrays.items()}
             named = {name: arrays.pop(name) for name in ("q", "v", "q_ref", "v_ref", "torque")}
             runs[i] = Run(
-                np.arange(rows, dtype=np.float64) * h, **named, signals=arrays, outcome=outcome, step=h,
+                t, **named, signals=arrays, outcome=outcome, step=h,
                 planned_rows=e.rows, meta=describe_run(e, c, getattr(c, "name", "")),
             )  # fmt: skip
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
