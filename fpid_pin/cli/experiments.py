@@ -121,6 +121,7 @@ def write(
         tables={"All joints": rows, "Each joint": joints},
         figures=figures,
         config_text=config.text,
+        captions=[f"{e.controller}, {e.condition}" if many else e.controller for e in entries],
     )
 
 
@@ -131,6 +132,10 @@ def show(entries: Sequence[Entry], title: str, out: Path) -> None:
     rows = summary.drop_constant(summary.run_rows(entries), "condition")
     console = Console()
     console.print(summary.rich_table(rows, title or "Result"))
+    for entry in entries:
+        if not entry.run.outcome.completed:
+            label = f"{entry.controller}, {entry.condition}"
+            console.print(f"{label}: {entry.run.outcome}", highlight=False)
     console.print(f"Written to {out}: report.html (open it in a browser), figures, tables, runs")
 
 

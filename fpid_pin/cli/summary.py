@@ -117,13 +117,12 @@ def comma_separated(rows: Sequence[Row]) -> str:
 
 
 def rich_table(rows: Sequence[Row], title: str) -> Any:
-    """Return a table for the screen: units under their names, and no column of mere successes."""
+    """Return a table for the screen, units under their names; how runs ended is left to prose."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
-    if all(row.get("outcome") == "completed" for row in rows):
-        rows = drop_constant(list(rows), "outcome")
+    rows = [{head: value for head, value in row.items() if head != "outcome"} for row in rows]
     table = Table(
         title=title, title_justify="left", header_style="bold", box=box.SIMPLE, pad_edge=False
     )

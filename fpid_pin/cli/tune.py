@@ -5,17 +5,19 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import load
 from fpid_pin.cli.output import OutputFolder
 from fpid_pin.cli.search_bar import search_bar
 from fpid_pin.cli.summary import Row
-from fpid_pin.cli.tune_plan import read_plan
+from fpid_pin.cli.tune_plan import Plan, read_plan
 from fpid_pin.cli.tune_results import compare, draw, write
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.tuning import TuningResult, WorkerPool, tune
@@ -40,25 +42,13 @@ def run_tuning(
     kept = out / "checkpoint.npz"
     if resume and kept.exists() and not checkpoint.exists():
         shutil.copyfile(kept, checkpoint)
-    settings = plan.settings
     with ExitStack() as stack:
         pool = None if workers is None else stack.enter_context(WorkerPool(workers))
-        with search_bar() as told:
-            result = tune(
-                list(plan.experiments.values()),
-                plan.controller,
-                plan.space,
-                plan.cost,
-                population=settings.population,
-                generations=settings.generations,
-                crossover=settings.crossover,
-                mutation=settings.mutation,
-                seeds=settings.seeds,
-                executor=pool,
-                checkpoint=checkpoint,
-                resume=resume,
-                progress=told,
-            )
+        try:
+            result = _search(plan, pool, checkpoint, resume)
+        except KeyboardInterrupt:
+            Console(stderr=True).print(f"{checkpoint}: --resume goes on from here", highlight=False)
+            raise
         figures = draw(plan, result, pool)
     with OutputFolder(out) as folder:
         entries = compare(plan, result)
@@ -66,6 +56,26 @@ def run_tuning(
     os.replace(checkpoint, kept)
     _show(rows, result, out)
     return result
+
+
+def _search(plan: Plan, pool: Executor | None, checkpoint: Path, resume: bool) -> TuningResult:
+    settings = plan.settings
+    with search_bar() as told:
+        return tune(
+            list(plan.experiments.values()),
+            plan.controller,
+            plan.space,
+            plan.cost,
+            population=settings.population,
+            generations=settings.generations,
+            crossover=settings.crossover,
+            mutation=settings.mutation,
+            seeds=settings.seeds,
+            executor=pool,
+            checkpoint=checkpoint,
+            resume=resume,
+            progress=told,
+        )
 
 
 def _check_writable(out: Path) -> None:
@@ -77,8 +87,6 @@ def _check_writable(out: Path) -> None:
 
 
 def _show(rows: Sequence[Row], result: TuningResult, out: Path) -> None:
-    from rich.console import Console
-
     console = Console()
     console.print(summary.rich_table(rows, "Tuned"))
     console.print(str(result), highlight=False)

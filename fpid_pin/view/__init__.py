@@ -1,0 +1,26 @@
+"""Seeing runs: replays in one file, live views, figures and reports.
+
+Matplotlib and the web server are imported by the functions that need them, not with this package.
+"""
+
+from __future__ import annotations
+
+from fpid_pin.view import plots
+from fpid_pin.view.export import export_html
+from fpid_pin.view.figures import figures
+from fpid_pin.view.live import LiveReport, live
+from fpid_pin.view.player import play
+from fpid_pin.view.plots import plot, save_figure
+from fpid_pin.view.report import report_html
+
+__all__ = [
+    "LiveReport",
+    "export_html",
+    "figures",
+    "live",
+    "play",
+    "plot",
+    "plots",
+    "report_html",
+    "save_figure",
+]

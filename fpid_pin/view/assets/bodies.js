@@ -1,0 +1,216 @@
+"use strict";
+// Solids, arms, tubes and arcs for three.js (which meshcat brings along).
+const THREE = MeshCat.THREE;
+
+const BUFFERS = SCENE.buffers.map(({type, data}) => {
+  const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
+  const kinds = {f4: Float32Array, u2: Uint16Array, u4: Uint32Array};
+  return new kinds[type](bytes.buffer);
+});
+
+// Faces that meet at less than this share a normal: round parts look round, edges stay sharp.
+const CREASE = Math.cos((40 * Math.PI) / 180);
+
+function meshGeometry({low, scale, vertices, triangles}) {
+  const grid = BUFFERS[vertices], index = BUFFERS[triangles], faces = index.length / 3;
+  const points = new Float32Array(grid.length);
+  for (let i = 0; i < grid.length; i++) points[i] = low[i % 3] + scale[i % 3] * grid[i];
+  const face = new Float32Array(3 * faces), size = new Float32Array(faces);
+  const first = new Uint32Array(grid.length / 3 + 1);
+  for (let f = 0; f < faces; f++) {
+    const [a, b, c] = [3 * index[3 * f], 3 * index[3 * f + 1], 3 * index[3 * f + 2]];
+    const u = [0, 1, 2].map((k) => points[b + k] - points[a + k]);
+    const v = [0, 1, 2].map((k) => points[c + k] - points[a + k]);
+    const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+    size[f] = Math.hypot(...n);
+    for (let k = 0; k < 3; k++) {
+      face[3 * f + k] = size[f] > 0 ? n[k] / size[f] : 0;
+      first[index[3 * f + k] + 1]++;
+    }
+  }
+  for (let i = 1; i < first.length; i++) first[i] += first[i - 1];
+  const around = new Uint32Array(index.length), next = first.slice();
+  for (let i = 0; i < index.length; i++) around[next[index[i]]++] = Math.floor(i / 3);
+  const position = new Float32Array(3 * index.length), normal = new Float32Array(3 * index.length);
+  for (let i = 0; i < index.length; i++) {
+    const own = 3 * Math.floor(i / 3), corner = index[i];
+    for (let k = 0; k < 3; k++) position[3 * i + k] = points[3 * corner + k];
+    for (let j = first[corner]; j < first[corner + 1]; j++) {
+      const other = 3 * around[j];
+      const cosine = face[own] * face[other] + face[own + 1] * face[other + 1]
+        + face[own + 2] * face[other + 2];
+      if (cosine < CREASE) continue;
+      for (let k = 0; k < 3; k++) normal[3 * i + k] += size[around[j]] * face[other + k];
+    }
+  }
+  const geometry = new THREE.BufferGeometry();
+  geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
+  geometry.setAttribute("normal", new THREE.BufferAttribute(normal, 3));
+  geometry.normalizeNormals();
+  return geometry;
+}
+
+function solidGeometry(shape) {
+  const [a, b, c] = shape.size;
+  // three.js draws round solids along y, robot files along z.
+  const upright = (geometry) => geometry.rotateX(Math.PI / 2);
+  switch (shape.kind) {
+    case "mesh": return meshGeometry(shape);
+    case "box": return new THREE.BoxGeometry(a, b, c);
+    case "sphere": return new THREE.SphereGeometry(a, 32, 24);
+    case "ellipsoid": return new THREE.SphereGeometry(1, 32, 24).scale(a, b, c);
+    case "cylinder": return upright(new THREE.CylinderGeometry(a, a, b, 40));
+    case "cone": return upright(new THREE.ConeGeometry(a, b, 40));
+    case "capsule": {
+      const profile = [];
+      for (let i = 0; i <= 24; i++) {
+        const angle = -Math.PI / 2 + (Math.PI * i) / 24;
+        const y = a * Math.sin(angle) + (i <= 12 ? -b / 2 : b / 2);
+        profile.push(new THREE.Vector2(Math.max(a * Math.cos(angle), 0), y));
+      }
+      return upright(new THREE.LatheGeometry(profile, 32));
+    }
+  }
+  throw new Error(`unknown shape ${shape.kind}`);
+}
+
+const GEOMETRIES = SCENE.arms.map((arm) => arm.shapes.map(solidGeometry));
+
+// One arm in the scene; ghost: in one translucent colour.
+class ArmBody {
+  constructor(kind, parent, ghost) {
+    this.table = SCENE.arms[kind];
+    this.root = new THREE.Group();
+    parent.add(this.root);
+    this.turns = [];
+    this.frames = [];
+    let above = this.root;
+    for (const joint of this.table.joints) {
+      const frame = new THREE.Group();
+      new THREE.Matrix4().fromArray(joint.placement)
+        .decompose(frame.position, frame.quaternion, frame.scale);
+      const turn = new THREE.Group();
+      frame.add(turn);
+      above.add(frame);
+      this.frames.push(frame);
+      this.turns.push([turn, new THREE.Vector3(...joint.axis)]);
+      above = turn;
+    }
+    this.table.shapes.forEach((shape, i) => {
+      // The base does not move: a ghost of it would only flicker.
+      if (ghost && shape.joint < 0) return;
+      const [r, g, b, opacity] = ghost ? [...GHOST, 0.32] : shape.colour;
+      const material = new THREE.MeshPhongMaterial({
+        color: new THREE.Color(r, g, b), opacity, transparent: opacity < 1, shininess: 25,
+        side: THREE.DoubleSide,
+        // Where the two arms nearly coincide the real one wins, without shimmer.
+        polygonOffset: ghost, polygonOffsetFactor: 2, polygonOffsetUnits: 1500,
+        depthWrite: !ghost,
+      });
+      const mesh = new THREE.Mesh(GEOMETRIES[kind][i], material);
+      new THREE.Matrix4().fromArray(shape.placement)
+        .decompose(mesh.position, mesh.quaternion, mesh.scale);
+      (shape.joint < 0 ? this.root : this.turns[shape.joint][0]).add(mesh);
+    });
+  }
+
+  pose(q) {
+    this.turns.forEach(([turn, axis], j) => turn.quaternion.setFromAxisAngle(axis, q[j]));
+  }
+
+  // Where the tool is at q, in the arm's own base frame.
+  tool(q) {
+    const place = new THREE.Matrix4(), turn = new THREE.Matrix4(), at = this.table.tool;
+    for (let j = 0; j <= at.joint; j++) {
+      place.multiply(turn.fromArray(this.table.joints[j].placement));
+      place.multiply(turn.makeRotationAxis(this.turns[j][1], q[j]));
+    }
+    place.multiply(turn.fromArray(at.placement));
+    return new THREE.Vector3().setFromMatrixPosition(place);
+  }
+}
+
+const SIDES = 6;
+
+// A tube through points, drawn up to any of them: WebGL lines are one pixel wide.
+class Tube {
+  constructor(parent, radius, colour, opacity) {
+    this.radius = radius;
+    const material = new THREE.MeshBasicMaterial({
+      color: colour, opacity, transparent: opacity < 1, side: THREE.DoubleSide,
+    });
+    this.mesh = new THREE.Mesh(new THREE.BufferGeometry(), material);
+    this.mesh.frustumCulled = false;
+    parent.add(this.mesh);
+  }
+
+  set(points) {
+    const n = points.length, position = new Float32Array(3 * SIDES * n);
+    const index = new Uint32Array(6 * SIDES * Math.max(n - 1, 0));
+    const tangent = new THREE.Vector3(), normal = new THREE.Vector3(1, 0.3, 0.2);
+    const side = new THREE.Vector3(), step = new THREE.Vector3();
+    for (let i = 0; i < n; i++) {
+      step.subVectors(points[Math.min(i + 1, n - 1)], points[Math.max(i - 1, 0)]);
+      if (step.lengthSq() > 1e-16) tangent.copy(step).normalize();
+      normal.addScaledVector(tangent, -normal.dot(tangent));
+      if (normal.lengthSq() < 1e-8) normal.set(tangent.y, tangent.z, -tangent.x);
+      normal.addScaledVector(tangent, -normal.dot(tangent)).normalize();
+      side.crossVectors(tangent, normal);
+      for (let s = 0; s < SIDES; s++) {
+        const angle = (2 * Math.PI * s) / SIDES, k = 3 * (SIDES * i + s);
+        const c = this.radius * Math.cos(angle), d = this.radius * Math.sin(angle);
+        position[k] = points[i].x + c * normal.x + d * side.x;
+        position[k + 1] = points[i].y + c * normal.y + d * side.y;
+        position[k + 2] = points[i].z + c * normal.z + d * side.z;
+        if (i + 1 < n) {
+          const a = SIDES * i + s, b = SIDES * i + ((s + 1) % SIDES);
+          index.set([a, b, a + SIDES, b, b + SIDES, a + SIDES], 6 * a);
+        }
+      }
+    }
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
+    geometry.setIndex(new THREE.BufferAttribute(index, 1));
+    this.mesh.geometry.dispose();
+    this.mesh.geometry = geometry;
+    return this;
+  }
+
+  upTo(segments) {
+    this.mesh.geometry.setDrawRange(0, 6 * SIDES * segments);
+  }
+}
+
+const HALF = 48;
+const CALM = new THREE.Color(0.17, 0.48, 0.71), BUSY = new THREE.Color(0.94, 0.77, 0.1);
+const FULL = new THREE.Color(0.84, 0.1, 0.11);
+
+function loadColour(part) {
+  const colour = CALM.clone();
+  return part < 0.5 ? colour.lerp(BUSY, 2 * part)
+    : colour.copy(BUSY).lerp(FULL, Math.min(2 * part - 1, 1));
+}
+
+// A joint's torque as an arc about its axis: half a turn is the limit, the sense is the sign.
+class TorqueArc {
+  constructor(frame, axis, radius) {
+    const turn = new THREE.Group();
+    turn.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis);
+    frame.add(turn);
+    const circle = (turns, parts) => Array.from({length: parts + 1}, (_, i) =>
+      new THREE.Vector3(radius * Math.cos((turns * 2 * Math.PI * i) / parts),
+        radius * Math.sin((turns * 2 * Math.PI * i) / parts), 0));
+    new Tube(turn, 0.018 * radius, 0x808080, 0.55).set(circle(1, 2 * HALF));
+    this.sense = new THREE.Group();
+    turn.add(this.sense);
+    this.arc = new Tube(this.sense, 0.075 * radius, 0x000000, 1).set(circle(0.5, HALF));
+  }
+
+  show(part) {
+    // Half a turn about x makes a clockwise arc of a counter-clockwise one.
+    this.sense.rotation.x = part < 0 ? Math.PI : 0;
+    const size = Math.min(Math.abs(part), 1);
+    this.arc.upTo(Math.round(HALF * size));
+    this.arc.mesh.material.color.copy(loadColour(size));
+  }
+}

@@ -1,0 +1,148 @@
+"""Where to look from: a view direction, the room to fit in, the floor, side by side places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from fpid_pin.arms import Arm
+from fpid_pin.checks import FloatArray
+from fpid_pin.view.shapes import joint_axis
+
+_UP = np.array((0.0, 0.0, 1.0))
+_POSES = 120
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Where the arms stand and how they are looked at; world frame, z up, m.
+
+    Attributes
+    ----------
+    offsets
+        Where each run's base stands, (runs, 3).
+    heights
+        Top of each run's motion, (runs,), for its caption.
+    towards
+        Unit vector from the scene to the camera, (3,).
+    centre, extent
+        Middle of the room to fit in, (3,), and its half sizes to the right, up and in depth, (3,).
+    floor
+        Height of the grid.
+    reach
+        Size of the largest arm.
+    planar
+        Whether the first arm moves in a plane through its base.
+    """
+
+    offsets: FloatArray
+    heights: FloatArray
+    towards: FloatArray
+    centre: FloatArray
+    extent: FloatArray
+    floor: float
+    reach: float
+    planar: bool
+
+
+def joint_origins(arm: Arm, poses: FloatArray) -> FloatArray:
+    """Return base, joint origins and tool for poses (K, n): (K, n + 2, 3), m."""
+    model, data = arm.model, arm.model.createData()
+    tool = model.getFrameId(arm.tool)
+    points = np.zeros((len(poses), arm.n + 2, 3))
+    for k, q in enumerate(poses):
+        pin.forwardKinematics(model, data, q)
+        for joint in range(1, arm.n + 1):
+            points[k, joint] = data.oMi[joint].translation
+        points[k, -1] = pin.updateFramePlacement(model, data, tool).translation
+    return points
+
+
+def reach_of(arm: Arm) -> float:
+    """Return how far the tool can be from the first joint at most, m."""
+    lengths = [
+        np.linalg.norm(arm.model.jointPlacements[j].translation) for j in range(2, arm.n + 1)
+    ]
+    frame = arm.model.frames[arm.model.getFrameId(arm.tool)]
+    return max(float(sum(lengths) + np.linalg.norm(frame.placement.translation)), 1e-3)
+
+
+def _planar_axis(arm: Arm) -> FloatArray | None:
+    """Return the common axis in the world if all joints turn about parallel axes, else None."""
+    data = arm.model.createData()
+    pin.forwardKinematics(arm.model, data, np.zeros(arm.n))
+    axes = np.array([data.oMi[j + 1].rotation @ joint_axis(arm.model, j) for j in range(arm.n)])
+    parallel = np.abs(axes @ axes[0]) > 1.0 - 1e-9
+    return axes[0] if parallel.all() else None
+
+
+def _side(arm: Arm, points: FloatArray) -> FloatArray:
+    """Return the unit vector towards the camera for one arm that moves through `points`."""
+    axis = _planar_axis(arm)
+    if axis is not None and abs(axis[2]) > 0.9:
+        towards = np.array((0.0, -0.35, 1.0))
+    else:
+        if axis is None:
+            # Look across the direction in which the arm is spread out most.
+            flat = points.reshape(-1, 3)[:, :2]
+            flat = flat - flat.mean(axis=0)
+            spread = np.linalg.eigh(flat.T @ flat)[1][:, -1]
+            across, aside, above = np.array((spread[1], -spread[0], 0.0)), 0.45, 0.45
+        else:
+            across, aside, above = np.array((axis[0], axis[1], 0.0)), 0.18, 0.16
+        across /= np.linalg.norm(across)
+        # Of the two sides take the one from which +x (or else +y) is on the right.
+        right = np.cross(_UP, across)
+        if right[0] < -1e-6 or (abs(right[0]) <= 1e-6 and right[1] < 0.0):
+            across, right = -across, -right
+        towards = across + aside * right + above * _UP
+    return np.asarray(towards / np.linalg.norm(towards))
+
+
+def stage(arms: list[Arm], motions: list[FloatArray]) -> Stage:
+    """Place the runs side by side and fit the camera around them.
+
+    Parameters
+    ----------
+    arms
+        One a run.
+    motions
+        Poses each arm goes through, actual and desired, (K, n) each.
+    """
+    clouds = []
+    for arm, motion in zip(arms, motions, strict=True):
+        rows = np.linspace(0, len(motion) - 1, min(_POSES, len(motion))).astype(int)
+        clouds.append(joint_origins(arm, motion[rows]))
+    reach = max(reach_of(arm) for arm in arms)
+    towards = _side(arms[0], clouds[0])
+    right = np.cross(_UP, towards)
+    right /= np.linalg.norm(right)
+    up = np.cross(towards, right)
+    pad = 0.12 * reach
+    low = np.array([(cloud @ right).min() for cloud in clouds]) - pad
+    high = np.array([(cloud @ right).max() for cloud in clouds]) + pad
+    places = np.zeros(len(arms))
+    for k in range(1, len(arms)):
+        places[k] = places[k - 1] + high[k - 1] - low[k] + pad
+    level = right * (1.0, 1.0, 0.0)
+    offsets = (places - places.mean())[:, np.newaxis] * level / np.linalg.norm(level)
+    everything = np.concatenate(
+        [(c + o).reshape(-1, 3) for c, o in zip(clouds, offsets, strict=True)]
+    )
+    axes = np.stack([right, up, towards])
+    room = everything @ axes.T
+    centre = (room.min(axis=0) + room.max(axis=0)) / 2.0 @ axes
+    extent = (room.max(axis=0) - room.min(axis=0)) / 2.0 + pad
+    lowest = float(everything[:, 2].min())
+    return Stage(
+        offsets=offsets,
+        heights=np.array([cloud[..., 2].max() for cloud in clouds]),
+        towards=towards,
+        centre=centre,
+        extent=extent,
+        floor=lowest - pad if lowest < -0.1 * reach else 0.0,
+        reach=reach,
+        planar=_planar_axis(arms[0]) is not None,
+    )

@@ -1,0 +1,205 @@
+"""The control loop in real time, and a look at it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from fpid_pin import checks
+from fpid_pin.arms import Arm
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.controller import Controller
+from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.view.camera import stage
+from fpid_pin.view.keyboard import Keyboard
+from fpid_pin.view.link import LiveLink
+from fpid_pin.view.page import render
+from fpid_pin.view.realtime import Timing, keep_time, urgent
+from fpid_pin.view.robot import LiveRobot
+from fpid_pin.view.scene import live_scene
+
+HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"
+_PUSH_TIME = 0.2
+# The reference is looked at this far ahead to place the camera, s.
+_PREVIEW = 20.0
+
+
+@dataclass(frozen=True, eq=False)
+class LiveReport:
+    """What came of a live session.
+
+    Attributes
+    ----------
+    timing
+        How the control loop kept its period.
+    send_times
+        How long each frame took to send, s; empty without a view.
+    dropped
+        Frames that the server had no room for.
+    pushes
+        Disturbances given: (time in s, joint, torque in N m).
+    q, q_ref
+        Where the arm was at the end, and where it should have been, (n,), rad.
+    fault
+        Why the robot ended it; empty where it did not.
+    """
+
+    timing: Timing
+    send_times: FloatArray
+    dropped: int
+    pushes: tuple[tuple[float, str, float], ...]
+    q: FloatArray
+    q_ref: FloatArray
+    fault: str
+
+
+def push_torques(arm: Arm) -> FloatArray:
+    """Return a push worth seeing for each joint, (n,), N m: a fifth of the limit, or of gravity."""
+    limit = arm.effort_limit
+    free = np.maximum(2.0 * np.abs(arm.gravity_vector(np.zeros(arm.n))), 1.0)
+    return np.where(np.isfinite(limit), 0.2 * limit, free)
+
+
+class _Hands:
+    """Turns keys into pushes."""
+
+    def __init__(
+        self, robot: LiveRobot, arm: Arm, joint: int, torque: FloatArray,
+        announce: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self._robot, self._arm, self._joint, self._torque = robot, arm, joint, torque
+        self.say = announce
+        self.pushes: list[tuple[float, str, float]] = []
+
+    def take(self, keys: str) -> bool:
+        """Obey keys; False for the one that ends the session."""
+        for key in keys:
+            if key == "q":
+                return False
+            if key.isdecimal() and 1 <= int(key) <= self._arm.n:
+                self._joint = int(key) - 1
+                self.say(f"joint {self._arm.joint_names[self._joint]}")
+            elif key in "+=-_":
+                torque = float(self._torque[self._joint]) * (1.0 if key in "+=" else -1.0)
+                name = self._arm.joint_names[self._joint]
+                self._robot.push(self._joint, torque, _PUSH_TIME)
+                self.pushes.append((self._robot.t, name, torque))
+                self.say(f"t = {self._robot.t:.2f} s: {torque:+.1f} N m on {name}")
+        return True
+
+
+def live(
+    experiment: Experiment,
+    controller: Controller,
+    *,
+    duration: float | None = None,
+    fps: float = 40.0,
+    view: bool = True,
+    open_browser: bool = True,
+    port: int | None = None,
+    push_joint: str | int = 0,
+    push_torque: float | None = None,
+    priority: bool = True,
+    announce: Callable[[str], None] | None = None,
+) -> LiveReport:
+    """Run a controller in real time at its step, and show it; Ctrl-C or ``q`` ends it.
+
+    The loop computes and sends in this process; the page is served by another and drawn by the
+    browser, so drawing does not disturb the period. Keys, in the terminal or in the page, choose
+    a joint and push it.
+
+    Parameters
+    ----------
+    experiment
+        Arm, plant, reference, step; its own duration does not count.
+    controller
+        The law.
+    duration
+        s; None: until told to end.
+    fps
+        Frames a second, 1 to 240.
+    view
+        False: only the loop.
+    open_browser, port
+        As for `play`.
+    push_joint
+        The joint that + and - push at first.
+    push_torque
+        N m; None: a fifth of the joint's limit, or what gravity asks of it where it has none.
+    priority
+        Ask the system to run the loop before other programs; without its permission (Linux grants
+        it to root and to those allowed ``rtprio``) they may delay it.
+    announce
+        Told what happens; None: what needs the user goes to the package's logger.
+
+    Returns
+    -------
+    LiveReport
+
+    Raises
+    ------
+    ArgumentError
+        An argument out of range, an unknown joint.
+    FpidError
+        The server did not start.
+    """
+    checks.instance("experiment", experiment, Experiment, "an Experiment")
+    checks.instance("controller", controller, Controller, "a Controller")
+    fps = checks.number("fps", fps, low=1.0, high=240.0)
+    if duration is not None:
+        duration = checks.number("duration", duration, above=0.0)
+    arm, step = experiment.arm, experiment.step
+    torque = push_torques(arm)
+    if push_torque is not None:
+        torque = np.full(arm.n, checks.number("push_torque", push_torque))
+    robot = LiveRobot(experiment, controller, horizon=duration or 3600.0)
+    hands = _Hands(robot, arm, arm.joint_index(push_joint), torque, announce or (lambda text: None))
+    last = None if duration is None else round(duration / step)
+    sent: list[float] = []
+    link: LiveLink | None = None
+    if view:
+        motion = experiment.motion(np.linspace(0.0, _PREVIEW, 200))[0]
+        motion = np.concatenate([np.asarray(experiment.q0).reshape(1, -1), motion])
+        scene = live_scene([arm], [""], stage([arm], [motion]))
+        title = getattr(controller, "name", "") or "live"
+        scene["runs"][0]["caption"] = title
+        link = LiveLink(render(scene, title), port=port, announce=announce)
+
+    def tick() -> bool:
+        return robot.tick() and (last is None or robot.t < last * step - 0.5 * step)
+
+    with Keyboard() as keyboard:
+
+        def idle() -> bool:
+            if link is not None:
+                start = time.perf_counter()
+                link.send(robot.t, [(robot.q, robot.q_ref, robot.torque)])
+                sent.append(time.perf_counter() - start)
+                if not hands.take(link.keys()):
+                    return False
+            return hands.take(keyboard.keys())
+
+        try:
+            if link is not None:
+                link.show(open_browser)
+            with urgent(priority) as granted:
+                if priority and not granted:
+                    hands.say(
+                        "no permission for real-time priority: other programs may delay the loop"
+                    )
+                timing = keep_time(tick, step, idle=idle, every=1.0 / fps)
+        finally:
+            if link is not None:
+                link.close()
+    return LiveReport(
+        timing=timing,
+        send_times=np.array(sent),
+        dropped=0 if link is None else link.dropped,
+        pushes=tuple(hands.pushes),
+        q=robot.q.copy(),
+        q_ref=robot.q_ref.copy(),
+        fault=robot.fault,
+    )

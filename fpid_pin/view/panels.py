@@ -1,0 +1,125 @@
+"""What figures of runs are made of: panels, curves, legends, and what a run has to show."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.simulation.run import Run
+from fpid_pin.view.style import new_figure, thinned
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH = 7.0
+# Beside a curve in a cycle colour the reference must be told apart in grey, too: dashed.
+REFERENCE: dict[str, Any] = {"color": "#262626", "linestyle": (0, (4, 2)), "linewidth": 1.0}
+GAINS = (("kp", "$K_P$"), ("ki", "$K_I$"), ("kd", "$K_D$"))
+# Of the gains over rad, and over rad and the scale's kg m^2.
+GAIN_UNITS = {
+    "none": ("N m/rad", r"N m/(rad s$^\lambda$)", r"N m s$^\mu$/rad"),
+    "scaled": ("s$^{-2}$", r"s$^{-2-\lambda}$", r"s$^{\mu-2}$"),
+}
+# More joints than this share a row of panels rather than take one each.
+_TALL = 4
+
+
+def names_of(run: Run) -> list[str]:
+    """Return the joints' names, or numbers where the arm cannot be rebuilt."""
+    try:
+        return list(run.arm.joint_names)
+    except (KeyError, FpidError):
+        return [f"joint {j + 1}" for j in range(run.q.shape[1])]
+
+
+def line(axes: Axes, t: FloatArray, y: FloatArray, label: str = "", **look: Any) -> None:
+    """Draw one curve over time, thinned to what can be seen."""
+    axes.plot(*thinned(t, y), label=label or "_", **look)
+
+
+def legend(axes: Axes, columns: int) -> None:
+    """Put the legend above the panel, where no data can be."""
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1,
+        handlelength=1.8, columnspacing=1.2,
+    )  # fmt: skip
+
+
+def grid(run: Run, height: float) -> tuple[Figure, list[Axes]]:
+    """Return a figure with one panel a joint, in one column or two."""
+    n = run.q.shape[1]
+    columns = 1 if n <= _TALL else 2
+    rows = -(-n // columns)
+    width = WIDTH if columns == 1 else 1.35 * WIDTH
+    figure, axes = new_figure(rows, columns, width, 0.5 + height * rows)
+    flat = [a for row in axes for a in row]
+    for spare in flat[n:]:
+        spare.set_visible(False)
+    for bottom in flat[n - columns : n]:
+        bottom.set_xlabel("time, s")
+        bottom.tick_params(labelbottom=True)
+    return figure, flat[:n]
+
+
+def draw_tracking(panel: Axes, run: Run, joint: int) -> None:
+    """Draw one joint's angle over its reference."""
+    line(panel, run.t, run.q[:, joint], "actual")
+    line(panel, run.t, run.q_ref[:, joint], "desired", **REFERENCE)
+
+
+def limits_of(run: Run) -> FloatArray:
+    """Return the effort limits of the nominal arm, inf where they are not known."""
+    try:
+        return run.arm.effort_limit
+    except (KeyError, FpidError):
+        return np.full(run.q.shape[1], np.inf)
+
+
+def draw_torque(panel: Axes, run: Run, joint: int, limit: float) -> None:
+    """Draw one joint's torque; its limits are drawn where they are near."""
+    values = run.torque[:, joint]
+    line(panel, run.t, values, "applied")
+    peak = float(np.nanmax(np.abs(values), initial=0.0))
+    if np.isfinite(limit) and peak > 0.25 * limit:
+        for k, sign in enumerate((1.0, -1.0)):
+            panel.axhline(sign * limit, label="_" if k else "limit", color="#D55E00", linestyle=":")
+    elif np.isfinite(limit):
+        text = f"limit $\\pm${limit:g} N m"
+        panel.annotate(
+            text, (1.0, 1.02), xycoords="axes fraction", ha="right", va="bottom", fontsize=8
+        )
+
+
+def has_gains(run: Run) -> bool:
+    """Whether a run recorded kp, ki and kd."""
+    return all(name in run.signals for name, _ in GAINS)
+
+
+def has_supervisor(run: Run) -> bool:
+    """Whether a run's controller had a supervisor."""
+    given = run.meta["controller"].get("supervisor") is not None
+    return given and {"lyapunov", "u_s"} <= set(run.signals)
+
+
+def threshold_of(run: Run) -> float | None:
+    """Return V_M of the run's supervisor, eq. (16); None where it cannot be rebuilt."""
+    try:
+        supervisor = getattr(run.controller, "supervisor", None)
+        value = getattr(supervisor, "threshold", None)
+        return float(value(run.q.shape[1]) if callable(value) else value)  # type: ignore[arg-type]
+    except (TypeError, ValueError, KeyError):
+        return None
+
+
+def require_same_joints(runs: Sequence[Run]) -> None:
+    """Refuse runs that cannot share panels: none, or of different numbers of joints."""
+    if not runs:
+        raise ArgumentError("runs", "at least one run", "none")
+    counts = [run.q.shape[1] for run in runs]
+    if len(set(counts)) > 1:
+        raise ArgumentError("runs", "one number of joints", ", ".join(map(str, counts)))

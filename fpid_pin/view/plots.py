@@ -1,0 +1,215 @@
+"""Figures of runs; each function returns a matplotlib `Figure` without touching pyplot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.run import Run
+from fpid_pin.view.export import as_runs
+from fpid_pin.view.panels import (
+    GAIN_UNITS,
+    GAINS,
+    REFERENCE,
+    WIDTH,
+    draw_torque,
+    draw_tracking,
+    grid,
+    has_gains,
+    has_supervisor,
+    legend,
+    limits_of,
+    line,
+    names_of,
+    require_same_joints,
+    threshold_of,
+)
+from fpid_pin.view.scene import captions_of
+from fpid_pin.view.searches import convergence, cost_map
+from fpid_pin.view.style import figure_bytes, new_figure, save_figure, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+__all__ = [
+    "comparison",
+    "convergence",
+    "cost_map",
+    "error",
+    "figure_bytes",
+    "gains",
+    "lyapunov",
+    "phase_plane",
+    "plot",
+    "save_figure",
+    "torque",
+    "tracking",
+]
+
+
+@styled
+def tracking(run: Run) -> Figure:
+    """Draw each joint's angle and its reference over time."""
+    figure, axes = grid(run, 1.6)
+    for j, (panel, name) in enumerate(zip(axes, names_of(run), strict=True)):
+        draw_tracking(panel, run, j)
+        panel.set(title=name, ylabel="angle, rad")
+    legend(axes[0], 2)
+    return figure
+
+
+@styled
+def error(runs: Run | Sequence[Run]) -> Figure:
+    """Draw each joint's tracking error, of one run or several."""
+    several = as_runs(runs)
+    require_same_joints(several)
+    figure, axes = grid(several[0], 1.5)
+    for j, (panel, name) in enumerate(zip(axes, names_of(several[0]), strict=True)):
+        for run, caption in zip(several, captions_of(several, None), strict=True):
+            line(panel, run.t, run.error[:, j], caption)
+        panel.set(title=name, ylabel="$q_d - q$, rad")
+    if len(several) > 1:
+        legend(axes[0], len(several))
+    return figure
+
+
+@styled
+def torque(run: Run) -> Figure:
+    """Draw each joint's torque, with its limit where there is one."""
+    figure, axes = grid(run, 1.5)
+    limits = limits_of(run)
+    for j, (panel, name) in enumerate(zip(axes, names_of(run), strict=True)):
+        draw_torque(panel, run, j, float(limits[j]))
+        panel.set(title=name, ylabel="torque, N m")
+    if np.isfinite(limits).any():
+        legend(axes[int(np.argmax(np.isfinite(limits)))], 2)
+    return figure
+
+
+@styled
+def gains(run: Run) -> Figure:
+    """Draw the adapted gains K_P, K_I, K_D of every joint over time.
+
+    Raises
+    ------
+    ArgumentError
+        The run's controller has no such gains.
+    """
+    if not has_gains(run):
+        raise ArgumentError(
+            "run", "a run that recorded kp, ki, kd", f"one with {sorted(run.signals)}"
+        )
+    figure, axes = new_figure(3, 1, WIDTH, 5.0)
+    units = GAIN_UNITS[
+        "none" if run.meta["controller"].get("scale", "none") == "none" else "scaled"
+    ]
+    for (panel,), (name, label), unit in zip(axes, GAINS, units, strict=True):
+        for j, joint in enumerate(names_of(run)):
+            line(panel, run.t, run.signals[name][:, j], joint)
+        panel.set(ylabel=f"{label}, {unit}")
+    axes[0][0].set_title(run.name)
+    legend(axes[0][0], min(run.q.shape[1], 4))
+    axes[-1][0].set_xlabel("time, s")
+    return figure
+
+
+@styled
+def phase_plane(run: Run) -> Figure:
+    """Draw each joint's error rate over its error, from start (ring) to end (dot)."""
+    n = run.q.shape[1]
+    columns = min(n, 3)
+    rows = -(-n // columns)
+    figure, axes = new_figure(rows, columns, 2.4 * columns + 0.4, 2.3 * rows, share_x=False)
+    flat = [a for row in axes for a in row]
+    for spare in flat[n:]:
+        spare.set_visible(False)
+    e, rate = run.error, run.v_ref - run.v
+    for j, (panel, name) in enumerate(zip(flat, names_of(run), strict=False)):
+        stride = max(len(run.t) // 6000, 1)
+        panel.plot(e[::stride, j], rate[::stride, j], linewidth=0.9)
+        panel.plot(e[0, j], rate[0, j], "o", color="#262626", fillstyle="none", markersize=5)
+        panel.plot(e[-1, j], rate[-1, j], "o", color="#D55E00", markersize=4)
+        panel.set(title=name, xlabel="error $e$, rad", ylabel="$\\dot e$, rad/s")
+    return figure
+
+
+@styled
+def lyapunov(run: Run) -> Figure:
+    """Draw the supervisor's V over time with its threshold V_M, and the torque it gave.
+
+    Raises
+    ------
+    ArgumentError
+        The run's controller had no supervisor.
+    """
+    if not has_supervisor(run):
+        raise ArgumentError("run", "a run with a supervisor", "one without")
+    figure, axes = new_figure(2, 1, WIDTH, 3.8)
+    (upper,), (lower,) = axes
+    line(upper, run.t, run.signals["lyapunov"], "$V$")
+    threshold = threshold_of(run)
+    if threshold is not None:
+        upper.axhline(threshold, label="$V_M$", color="#D55E00", linestyle=":")
+    upper.set(ylabel="$V$", title=f"{run.name}: Lyapunov function")
+    legend(upper, 2)
+    for j, name in enumerate(names_of(run)):
+        line(lower, run.t, run.signals["u_s"][:, j], name)
+    acting = np.abs(run.signals["u_s"]).max(axis=1) > 0.0
+    part = 100.0 * float(acting.mean())
+    lower.set(
+        ylabel="$u_s$, N m", xlabel="time, s", title=f"supervisor, acting {part:.3g} % of the time"
+    )
+    legend(lower, min(run.q.shape[1], 4))
+    return figure
+
+
+@styled
+def comparison(runs: Sequence[Run]) -> Figure:
+    """Draw several runs over each other: error and torque of every joint."""
+    several = as_runs(runs)
+    require_same_joints(several)
+    n = several[0].q.shape[1]
+    figure, axes = new_figure(n, 2, 1.35 * WIDTH, 0.6 + 1.5 * n)
+    for j, name in enumerate(names_of(several[0])):
+        left, right = axes[j]
+        for run, caption in zip(several, captions_of(several, None), strict=True):
+            line(left, run.t, run.error[:, j], caption, alpha=0.9)
+            line(right, run.t, run.torque[:, j], caption, alpha=0.9)
+        left.set(title=name, ylabel="$q_d - q$, rad")
+        right.set(ylabel="torque, N m")
+    for panel in axes[-1]:
+        panel.set_xlabel("time, s")
+    legend(axes[0][1], len(several))
+    return figure
+
+
+@styled
+def plot(run: Run) -> Figure:
+    """Draw a run at a glance: angles and references, errors, torques, gains where it has any."""
+    n, names = run.q.shape[1], names_of(run)
+    rows = 4 if has_gains(run) else 3
+    figure, axes = new_figure(rows, 1, WIDTH, 1.7 * rows + 0.3)
+    angle, e, u = (row[0] for row in axes[:3])
+    for j, name in enumerate(names):
+        line(angle, run.t, run.q[:, j], name, color=f"C{j % 7}")
+        line(angle, run.t, run.q_ref[:, j], "desired" if j == n - 1 else "", **REFERENCE)
+        line(e, run.t, run.error[:, j])
+        line(u, run.t, run.torque[:, j])
+    angle.set(ylabel="angle, rad")
+    figure.suptitle(f"{run.name}: {run.outcome}", fontsize=10)
+    legend(angle, min(n + 1, 4))
+    e.set(ylabel="$q_d - q$, rad")
+    u.set(ylabel="torque, N m")
+    if rows == 4:
+        last = axes[3][0]
+        for j in range(n):
+            for (name, label), dash in zip(GAINS, ("-", "--", ":"), strict=True):
+                shown = label if j == 0 else ""
+                line(last, run.t, run.signals[name][:, j], shown, color=f"C{j % 7}", linestyle=dash)
+        last.set(ylabel="gains")
+        legend(last, 3)
+    axes[-1][0].set_xlabel("time, s")
+    return figure

@@ -1,0 +1,199 @@
+"""A replay as one table of plain values: arms, their motion, camera; what the page draws from."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpid_pin import checks
+from fpid_pin.arms import Arm
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.view.camera import Stage, stage
+from fpid_pin.view.shapes import Shape, joint_axis, shapes_of, tool_placement
+
+if TYPE_CHECKING:
+    from fpid_pin.simulation.run import Run
+
+_CODES = {"float32": "f4", "uint16": "u2", "uint32": "u4"}
+_STEPS = 65535
+
+
+class Buffers:
+    """Arrays on their way into a text: each becomes a number, and is written once."""
+
+    def __init__(self) -> None:
+        self.table: list[dict[str, str]] = []
+
+    def add(self, array: NDArray[Any]) -> int:
+        """Store a float32, uint16 or uint32 array and return its number."""
+        little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        data = base64.b64encode(little.tobytes()).decode("ascii")
+        self.table.append({"type": _CODES[array.dtype.name], "data": data})
+        return len(self.table) - 1
+
+
+def sample_run(run: Run, fps: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return t (K,), q, q_ref and torque (K, n) of a run at `fps` frames a second.
+
+    Angles are interpolated; the torque is the one that was held at that time. The run's last
+    sample is always there.
+    """
+    last = len(run.t) - 1
+    end = last * run.step
+    times = np.append(np.arange(0.0, end, 1.0 / fps), end)
+    if len(times) > 2 and times[-1] - times[-2] < 0.1 / fps:
+        times = np.delete(times, -2)
+    rows = np.clip(times / run.step, 0.0, last)
+    low = np.minimum(rows.astype(int), max(last - 1, 0))
+    high = np.minimum(low + 1, last)
+    part = (rows - low)[:, np.newaxis]
+    q = run.q[low] + part * (run.q[high] - run.q[low])
+    q_ref = run.q_ref[low] + part * (run.q_ref[high] - run.q_ref[low])
+    held = np.minimum(np.floor(rows + 1e-9).astype(int), last)
+    return times, q, q_ref, run.torque[held]
+
+
+def captions_of(runs: Sequence[Run], captions: Sequence[str] | None) -> list[str]:
+    """Return one caption a run: those given, else the runs' names, told apart by number."""
+    if captions is not None:
+        texts = [captions] if isinstance(captions, str) else [str(text) for text in captions]
+        if len(texts) != len(runs):
+            raise ArgumentError("captions", f"{len(runs)} (one a run)", f"{len(texts)}")
+        return texts
+    names = [run.name for run in runs]
+    return [
+        name if names.count(name) == 1 else f"{name} ({names[:k].count(name) + 1})"
+        for k, name in enumerate(names)
+    ]
+
+
+def replay_scene(
+    runs: Sequence[Run], *, captions: Sequence[str] | None = None, fps: float = 30.0
+) -> dict[str, Any]:
+    """Return the table of a replay of one or several runs, side by side.
+
+    Raises
+    ------
+    ArgumentError
+        No runs, a run without samples, not one caption a run, `fps` out of range.
+    """
+    fps = checks.number("fps", fps, low=1.0, high=240.0)
+    if not runs:
+        raise ArgumentError("runs", "at least one run", "none")
+    texts = captions_of(runs, captions)
+    for run, text in zip(runs, texts, strict=True):
+        if len(run.t) == 0:
+            raise ArgumentError("run", "at least one sample", f"none in {text!r}")
+    samples = [sample_run(run, fps) for run in runs]
+    arms = [run.arm for run in runs]
+    place = stage(arms, [np.concatenate([q, q_ref]) for _, q, q_ref, _ in samples])
+    scene = arm_scene(arms, texts, place)
+    buffers: Buffers = scene.pop("_buffers")
+    for entry, run, (t, q, q_ref, torque) in zip(scene["runs"], runs, samples, strict=True):
+        for name, array in (("t", t), ("q", q), ("q_ref", q_ref), ("torque", torque)):
+            entry[name] = buffers.add(array.astype(np.float32))
+        if not run.outcome.completed:
+            entry["outcome"] = str(run.outcome)
+    scene |= {"duration": max(float(t[-1]) for t, *_ in samples), "live": False}
+    return scene | {"buffers": buffers.table}
+
+
+def live_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
+    """Return the table of a scene whose motion arrives frame by frame."""
+    scene = arm_scene(arms, captions, place)
+    buffers: Buffers = scene.pop("_buffers")
+    return scene | {"live": True, "buffers": buffers.table}
+
+
+def arm_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
+    """Return everything but the motion; arms that are equal are described once."""
+    buffers, described, known = Buffers(), [], list[Arm]()
+    runs = []
+    for k, (arm, caption) in enumerate(zip(arms, captions, strict=True)):
+        if arm not in known:
+            known.append(arm)
+            described.append(_arm_table(arm, buffers))
+        runs.append(
+            {
+                "caption": caption,
+                "arm": known.index(arm),
+                "offset": place.offsets[k].tolist(),
+                "top": float(place.heights[k]),
+            }
+        )
+    return {
+        "arms": described,
+        "runs": runs,
+        "camera": {
+            "towards": place.towards.tolist(),
+            "centre": place.centre.tolist(),
+            "extent": place.extent.tolist(),
+        },
+        "floor": place.floor,
+        "reach": place.reach,
+        "planar": place.planar,
+        "credits": sorted({arm.credit for arm in known if arm.credit}),
+        "_buffers": buffers,
+    }
+
+
+def _arm_table(arm: Arm, buffers: Buffers) -> dict[str, Any]:
+    joints = []
+    for j in range(arm.n):
+        limit = float(arm.effort_limit[j])
+        joints.append(
+            {
+                "name": arm.joint_names[j],
+                "placement": _column_major(arm.model.jointPlacements[j + 1].homogeneous),
+                "axis": joint_axis(arm.model, j).tolist(),
+                "limit": limit if np.isfinite(limit) else None,
+            }
+        )
+    joint, placement = tool_placement(arm)
+    return {
+        "name": arm.name,
+        "joints": joints,
+        "tool": {"joint": joint, "placement": _column_major(placement)},
+        "shapes": [_shape_table(shape, buffers) for shape in shapes_of(arm)],
+    }
+
+
+def _shape_table(shape: Shape, buffers: Buffers) -> dict[str, Any]:
+    table: dict[str, Any] = {
+        "joint": shape.joint,
+        "placement": _column_major(shape.placement),
+        "kind": shape.kind,
+        "size": list(shape.size),
+        "colour": list(shape.colour),
+    }
+    if shape.vertices is not None and shape.triangles is not None:
+        # 16 bits over the mesh's own box: 8 um on a link of half a metre, at half the size.
+        low = shape.vertices.min(axis=0)
+        scale = np.maximum(shape.vertices.max(axis=0) - low, 1e-9) / _STEPS
+        grid = np.rint((shape.vertices - low) / scale).astype(np.uint16)
+        index = np.uint16 if len(grid) <= _STEPS else np.uint32
+        table |= {
+            "low": low.tolist(),
+            "scale": scale.tolist(),
+            "vertices": buffers.add(grid),
+            "triangles": buffers.add(shape.triangles.astype(index)),
+        }
+    return table
+
+
+def _column_major(matrix: NDArray[Any]) -> list[float]:
+    return [float(x) for x in np.asarray(matrix).T.ravel()]
+
+
+def to_script_json(table: Any) -> str:
+    """Return JSON that may stand inside a script element whatever strings it holds."""
+    text = json.dumps(table, allow_nan=False, separators=(",", ":"))
+    for sign in ("<", ">", "&", "\u2028", "\u2029"):
+        text = text.replace(sign, f"\\u{ord(sign):04x}")
+    return text

@@ -1,0 +1,154 @@
+"""What an arm looks like: its visual geometry as plain shapes, whichever viewer draws them."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpid_pin.arms import Arm
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import FpidError, FpidWarning
+
+# Links take turns, so that the eye can tell one from the next where a file gives no colours.
+_LINK_COLOURS = ((0.80, 0.82, 0.85), (0.36, 0.43, 0.52))
+_JOINT_COLOUR = (0.25, 0.27, 0.30)
+# The loader's own grey: the file gave no colour that it could read.
+_NO_COLOUR = (0.9, 0.9, 0.9)
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A solid fixed to a joint's frame.
+
+    Attributes
+    ----------
+    joint
+        Index of the joint that carries it, -1 for the base.
+    placement
+        Pose in the joint's frame, (4, 4), m.
+    kind
+        ``"box"``, ``"sphere"``, ``"cylinder"``, ``"capsule"``, ``"cone"``, ``"ellipsoid"``, with
+        `size` in m (side lengths; radius; radius and length along z; radii), or ``"mesh"``.
+    colour
+        Red, green, blue and opacity, in [0, 1].
+    vertices, triangles
+        Of a mesh: (V, 3), m, and (T, 3).
+    """
+
+    joint: int
+    placement: FloatArray
+    kind: str
+    size: tuple[float, ...]
+    colour: tuple[float, float, float, float]
+    vertices: FloatArray | None = None
+    triangles: NDArray[np.uint32] | None = None
+
+
+def shapes_of(arm: Arm) -> list[Shape]:
+    """Return the shapes of an arm; joints without any are drawn as cylinders along the chain.
+
+    Warns
+    -----
+    FpidWarning
+        When visuals cannot be loaded; the arm is drawn from primitives instead.
+    """
+    try:
+        _, geometry = arm.visual()
+    except FpidError as error:
+        warnings.warn(f"{error}; drawn from primitives instead", FpidWarning, stacklevel=2)
+        geometry = None
+    shapes = []
+    for thing in [] if geometry is None else geometry.geometryObjects:
+        shape = _shape(thing)
+        if shape is not None:
+            shapes.append(shape)
+    drawn = {shape.joint for shape in shapes}
+    return shapes + _primitives(arm, [j for j in range(arm.n) if j not in drawn])
+
+
+def _shape(thing: Any) -> Shape | None:
+    import coal
+
+    joint = int(thing.parentJoint) - 1
+    colour = np.clip(np.asarray(thing.meshColor, dtype=np.float64), 0.0, 1.0)
+    if np.allclose(colour[:3], _NO_COLOUR, atol=1e-3):
+        colour[:3] = _LINK_COLOURS[(joint + 1) % 2]
+    rgba = (float(colour[0]), float(colour[1]), float(colour[2]), float(colour[3]) or 1.0)
+    placement = np.array(thing.placement.homogeneous)
+    solid = thing.geometry
+    known: tuple[tuple[type, str, Any], ...] = (
+        (coal.Box, "box", lambda s: tuple(2.0 * np.asarray(s.halfSide))),
+        (coal.Sphere, "sphere", lambda s: (s.radius,)),
+        (coal.Cylinder, "cylinder", lambda s: (s.radius, 2.0 * s.halfLength)),
+        (coal.Capsule, "capsule", lambda s: (s.radius, 2.0 * s.halfLength)),
+        (coal.Cone, "cone", lambda s: (s.radius, 2.0 * s.halfLength)),
+        (coal.Ellipsoid, "ellipsoid", lambda s: tuple(np.asarray(s.radii))),
+    )
+    for cls, kind, size in known:
+        if isinstance(solid, cls):
+            lengths = tuple(float(x) for x in size(solid))
+            return Shape(joint, placement, kind, lengths, rgba)
+    if isinstance(solid, coal.BVHModelBase) and solid.num_tris:
+        triangle = solid.tri_indices
+        corners = (triangle(k) for k in range(solid.num_tris))
+        flat = np.fromiter((t[i] for t in corners for i in (0, 1, 2)), dtype=np.uint32)
+        vertices = np.array(solid.vertices(), dtype=np.float64)
+        return Shape(joint, placement, "mesh", (), rgba, vertices, flat.reshape(-1, 3))
+    # Planes and height fields are scenery, not parts of an arm.
+    return None
+
+
+def _primitives(arm: Arm, joints: list[int]) -> list[Shape]:
+    """Draw `joints` as a hub along the axis and a cylinder to what the joint carries."""
+    model, shapes = arm.model, []
+    tips = _next_origins(arm)
+    lengths = [float(np.linalg.norm(tip)) for tip in tips]
+    thick = 0.04 * max(float(np.mean(lengths)), 1e-3)
+    for joint in joints:
+        hub = np.eye(4)
+        hub[:3, :3] = _frame_along(joint_axis(model, joint))
+        size = (1.6 * thick, 4.0 * thick)
+        shapes.append(Shape(joint, hub, "cylinder", size, (*_JOINT_COLOUR, 1.0)))
+        if lengths[joint] < 2.0 * thick:
+            continue
+        link = np.eye(4)
+        link[:3, :3] = _frame_along(tips[joint])
+        link[:3, 3] = tips[joint] / 2.0
+        colour = (*_LINK_COLOURS[(joint + 1) % 2], 1.0)
+        shapes.append(Shape(joint, link, "cylinder", (thick, lengths[joint]), colour))
+    return shapes
+
+
+def _next_origins(arm: Arm) -> list[FloatArray]:
+    """Return, in each joint's frame, where the next joint is; for the last one, the tool."""
+    model = arm.model
+    origins = [np.array(model.jointPlacements[j].translation) for j in range(2, model.njoints)]
+    return [*origins, tool_placement(arm)[1][:3, 3]]
+
+
+def joint_axis(model: Any, joint: int) -> FloatArray:
+    """Return the axis of a revolute joint in its own frame, (3,), a unit vector."""
+    kind = model.joints[joint + 1]
+    data = kind.createData()
+    kind.calc(data, np.zeros(1))
+    axis = np.array(data.S).reshape(6)[3:]
+    return np.asarray(axis / np.linalg.norm(axis))
+
+
+def tool_placement(arm: Arm) -> tuple[int, FloatArray]:
+    """Return the joint that carries the tool frame, and the frame's pose on it, (4, 4)."""
+    frame = arm.model.frames[arm.model.getFrameId(arm.tool)]
+    return int(frame.parentJoint) - 1, np.array(frame.placement.homogeneous)
+
+
+def _frame_along(direction: FloatArray) -> FloatArray:
+    """Return a rotation whose z axis points along `direction`."""
+    z = direction / np.linalg.norm(direction)
+    other = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(other, z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)

@@ -1,0 +1,151 @@
+"""How figures look, and how they become files; matplotlib is imported only when one is made."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable
+from importlib import resources
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ParamSpec
+
+import numpy as np
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.run import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_STYLE_KEYS = (
+    "axes", "contour", "errorbar", "figure.", "font", "grid", "hatch", "image", "legend", "lines",
+    "markers", "mathtext", "patch", "path", "pcolor", "pdf", "savefig.", "scatter", "svg", "text.",
+    "xaxis", "xtick", "yaxis", "ytick",
+)  # fmt: skip
+
+P = ParamSpec("P")
+FORMATS = ("svg", "pdf", "png")
+#: Ink of the style sheet; a report lets it follow the page's own.
+INK = "#262626"
+#: Points drawn of one curve at most: finer than any printer or screen shows.
+_MOST = 1200
+
+
+@functools.cache
+def _settings() -> dict[str, Any]:
+    from matplotlib import rc_params_from_file
+
+    file = resources.files("fpid_pin.view") / "fpid_pin.mplstyle"
+    with resources.as_file(file) as path:
+        everything = rc_params_from_file(path, use_default_template=True)
+    # Matplotlib's own defaults stand for what the sheet leaves open, not the user's settings; how
+    # windows are made is no matter of style.
+    return {k: v for k, v in everything.items() if k.startswith(_STYLE_KEYS)}
+
+
+def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
+    """Make a function draw in the package's style, whatever the user's own is."""
+
+    @functools.wraps(draw)
+    def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
+        import matplotlib
+
+        with matplotlib.rc_context(_settings()):
+            return draw(*args, **kwargs)
+
+    return wrapper
+
+
+def new_figure(
+    rows: int, columns: int, width: float, height: float, *, share_x: bool = True
+) -> tuple[Figure, list[list[Axes]]]:
+    """Return a figure (in inches) that a notebook shows by itself, and its axes."""
+    figure = _figure_class()(figsize=(width, height), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharex="all" if share_x else "none")
+    return figure, [list(row) for row in axes]
+
+
+@functools.cache
+def _figure_class() -> type[Figure]:
+    from matplotlib.figure import Figure
+
+    class NotebookFigure(Figure):
+        """A figure without pyplot: nothing global, and still shown by a notebook."""
+
+        def _repr_png_(self) -> bytes:
+            return figure_bytes(self, "png")
+
+    return NotebookFigure
+
+
+def figure_bytes(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
+    """Return a figure as the bytes of an svg, pdf or png: the same ones every time."""
+    import matplotlib
+
+    checks.choice("format", kind, FORMATS)
+    # Dates and versions would make the same figure another file.
+    empty: dict[str, dict[str, Any]] = {
+        "svg": {"Date": None, "Creator": None},
+        "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+        "png": {"Software": None},
+    }
+    buffer = BytesIO()
+    with matplotlib.rc_context(_settings()):
+        engine = figure.get_layout_engine()
+        if engine is not None:
+            # Laid out once: matplotlib would do it anew, at twice the cost, for every file.
+            engine.execute(figure)
+            figure.set_layout_engine("none")
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=empty[kind])
+    return buffer.getvalue()
+
+
+def save_figure(figure: Figure, path: str | Path, *, dpi: float = 150.0) -> Path:
+    """Write a figure; the suffix (.svg, .pdf, .png) says as what.
+
+    The same figure gives the same bytes on any day; the file appears whole or not at all.
+
+    Parameters
+    ----------
+    figure
+        What to write.
+    path
+        Where to.
+    dpi
+        Of a png.
+
+    Raises
+    ------
+    ArgumentError
+        Another suffix.
+    FileFormatError
+        The file cannot be written.
+    """
+    path = Path(path)
+    kind = path.suffix.removeprefix(".").lower()
+    if kind not in FORMATS:
+        raise ArgumentError("path", "a name that ends in .svg, .pdf or .png", repr(str(path)))
+    data = figure_bytes(figure, kind, checks.number("dpi", dpi, above=0.0))
+    with replacing(path) as temporary:
+        temporary.write_bytes(data)
+    return path
+
+
+def thinned(t: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a curve with fewer points that looks the same: each stretch's ends and extremes."""
+    rows = len(t)
+    if rows <= _MOST:
+        return t, y
+    cuts = np.linspace(0, rows, _MOST // 4 + 1).astype(int)
+    keep = {0, rows - 1}
+    for first, stop in itertools.pairwise(cuts):
+        piece = y[first:stop]
+        keep |= {int(first), int(stop - 1)}
+        if np.isfinite(piece).any():
+            keep |= {int(first + np.nanargmin(piece)), int(first + np.nanargmax(piece))}
+    chosen = np.array(sorted(keep))
+    return t[chosen], y[chosen]

@@ -1,0 +1,89 @@
+"""Runs made by formula, where what is seen matters and what was simulated does not; a browser."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fpid_pin import AdaptiveFpid, Arm, Experiment, Run, Sinusoid, paper_controller
+from fpid_pin.simulation import Outcome
+from fpid_pin.simulation.run import describe_run
+
+FLAGS = [
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--enable-unsafe-swiftshader",
+]
+
+MakeRun = Callable[..., Run]
+
+
+@pytest.fixture(scope="session")
+def make_run() -> MakeRun:
+    def make(
+        arm: Arm,
+        duration: float = 2.0,
+        name: str = "wave",
+        lag: float = 0.3,
+        integer: bool = False,
+        rows: int | None = None,
+    ) -> Run:
+        n, h = arm.n, 1e-3
+        order = 1.0 if integer else 0.9
+        law = AdaptiveFpid(
+            10.0, 5.0, 3.0, integral_order=order, derivative_order=order, name=name,
+            supervisor=paper_controller().supervisor if n == 2 else None,
+        )  # fmt: skip
+        job = Experiment(arm, Sinusoid(0.4, 1.5, offset=arm.home), duration=duration)
+        t = np.arange(round(duration / h) + 1) * h
+        q_ref = arm.home + 0.4 * np.sin(1.5 * t)[:, np.newaxis] * np.ones(n)
+        q = arm.home + 0.4 * np.sin(1.5 * t - lag)[:, np.newaxis] * np.ones(n)
+        v = 0.6 * np.cos(1.5 * t)[:, np.newaxis] * np.ones(n)
+        u = 5.0 * np.cos(3.0 * t)[:, np.newaxis] * np.linspace(1.0, 2.0, n)
+        gain = 10.0 + np.cumsum(np.abs(u), axis=0) * 1e-4
+        signals = dict.fromkeys(("kp", "ki", "kd"), gain) | {
+            "u_fpid": u, "u_s": np.zeros_like(u), "s": q_ref - q,
+            "lyapunov": (q_ref - q)[:, 0] ** 2,
+        }  # fmt: skip
+        stop = len(t) if rows is None else rows
+        outcome = Outcome(True, duration)
+        if rows is not None:
+            outcome = Outcome(False, rows * h, arm.joint_names[0], "speed 2e3 rad/s")
+        return Run(
+            t[:stop], q[:stop], v[:stop], q_ref[:stop], v[:stop], u[:stop],
+            signals={k: x[:stop] for k, x in signals.items()}, outcome=outcome, step=h,
+            planned_rows=len(t), meta=describe_run(job, law, name),
+        )  # fmt: skip
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def two_link() -> Arm:
+    return Arm.two_link()
+
+
+@pytest.fixture(scope="session")
+def wave(make_run: MakeRun, two_link: Arm) -> Run:
+    return make_run(two_link)
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Return Debian's chromium, driven by playwright; skip where there is none."""
+    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    if path is None:
+        pytest.skip("no chromium here (apt-get install chromium)")
+    api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
+    with api.sync_playwright() as driver:
+        chromium = driver.chromium.launch(executable_path=path, args=FLAGS)
+        yield chromium
+        chromium.close()

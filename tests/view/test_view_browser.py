@@ -1,0 +1,238 @@
+"""Pages as a real browser shows them."""
+
+import io
+import threading
+import time
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from fpid_pin import Arm, paper_controller, paper_experiment
+from fpid_pin.view import export_html, live, play, report_html
+
+pytestmark = pytest.mark.browser
+
+SIZE = {"width": 700, "height": 480}
+# Only the drawing: panel and clock say the time, too.
+BARE = "document.querySelectorAll('#panel, #clock, .dg').forEach((e) => e.remove())"
+GROUPS = (
+    "for (const k of {groups}) fpidPin.viewer.set_property(['fpid_pin', '1 wave', k], 'visible', "
+    "{on}); fpidPin.viewer.set_dirty();"
+)
+
+
+def picture(page):
+    page.wait_for_timeout(250)
+    image = Image.open(io.BytesIO(page.screenshot()))
+    return np.asarray(image.convert("RGB")).astype(int)
+
+
+def changed(a, b):
+    """Part of the pixels that differ visibly."""
+    return float((np.abs(a - b).max(axis=2) > 24).mean())
+
+
+def until(page, expression, seconds=30.0):
+    """Wait for an expression, from outside: the page forbids evaluating strings within it."""
+    limit = time.monotonic() + seconds
+    while not page.evaluate(expression):
+        assert time.monotonic() < limit, f"{expression} is not true after {seconds} s"
+        page.wait_for_timeout(50)
+
+
+class Visit:
+    """A page, what it asked for, and what went wrong in it."""
+
+    def __init__(self, browser, size=None, scheme="light"):
+        self.page = browser.new_page(viewport=size or SIZE, color_scheme=scheme)
+        self.requests, self.errors = [], []
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
+        self.page.on("console", self._console)
+
+    def _console(self, message):
+        if message.type == "error":
+            self.errors.append(message.text)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *rest):
+        self.page.close()
+
+
+def arm_named(name):
+    return Arm.two_link() if name == "two_link" else Arm.from_example(name)
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5", "panda"])
+def test_an_exported_page_draws_the_arm_and_moves_it(browser, make_run, tmp_path, name):
+    file = export_html(make_run(arm_named(name)), tmp_path / "run.html")
+    with Visit(browser) as visit:
+        page = visit.page
+        page.goto(f"{file.as_uri()}#t=0.2")
+        until(page, "window.fpidPin !== undefined")
+        page.evaluate(BARE)
+        page.evaluate("fpidPin.seek(0.2)")
+        first = picture(page)
+        assert first.std() > 5.0
+        page.evaluate("fpidPin.seek(1.6)")
+        later = picture(page)
+        assert changed(first, later) > 0.004
+        page.evaluate("fpidPin.seek(0.2)")
+        assert changed(first, picture(page)) < 1e-3
+        everything = ["actual", "desired", "path", "torque"]
+        page.evaluate(GROUPS.format(groups=everything, on="false"))
+        empty = picture(page)
+        for group in everything if name == "two_link" else ["actual"]:
+            page.evaluate(GROUPS.format(groups=[group], on="true"))
+            assert changed(empty, picture(page)) > (0.01 if group == "actual" else 2e-4), group
+            page.evaluate(GROUPS.format(groups=[group], on="false"))
+        assert visit.requests == [file.as_uri()]
+        assert visit.errors == []
+
+
+def test_both_time_sliders_move_the_arm(browser, wave, tmp_path):
+    """Meshcat's own, and ours; play goes on from there."""
+    file = export_html(wave, tmp_path / "run.html")
+    with Visit(browser) as visit:
+        page = visit.page
+        page.goto(f"{file.as_uri()}#t=0")
+        until(page, "window.fpidPin !== undefined")
+        angle = "fpidPin.views[0].arm.turns[0][0].quaternion.toArray()"
+        page.evaluate("fpidPin.viewer.animator.time_scrubber.setValue(1.0)")
+        page.wait_for_timeout(300)
+        by_meshcat = page.evaluate(angle)
+        assert page.inner_text("#time") == "t = 1.00 s of 2.0 s"
+        page.evaluate("fpidPin.seek(0)")
+        page.wait_for_timeout(300)
+        assert page.evaluate(angle) != by_meshcat
+        page.fill("#seek", "1")
+        page.wait_for_timeout(300)
+        assert page.evaluate(angle) == pytest.approx(by_meshcat)
+        page.click("#play")
+        until(page, "fpidPin.viewer.animator.time > 1.2")
+        assert page.inner_text("#play") == "Pause"
+        assert visit.errors == []
+
+
+def test_the_browser_poses_the_arm_where_pinocchio_has_it(browser, make_run, tmp_path):
+    arm = Arm.from_example("panda")
+    run = make_run(arm)
+    file = export_html(run, tmp_path / "run.html")
+    with Visit(browser) as visit:
+        page = visit.page
+        page.goto(f"{file.as_uri()}#t=1")
+        until(page, "window.fpidPin !== undefined")
+        seen = page.evaluate("fpidPin.views[0].arm.tool(fpidPin.views[0].row('q', 30)).toArray()")
+        assert seen == pytest.approx(arm.tool_pose(run.q[1000])[:3, 3], abs=1e-6)
+
+
+def test_runs_stand_side_by_side_under_their_captions(browser, make_run, two_link, tmp_path):
+    runs = [make_run(two_link, name=name) for name in ("integer", "fractional")]
+    file = export_html(runs, tmp_path / "run.html")
+    with Visit(browser, {"width": 400, "height": 700}) as visit:
+        page = visit.page
+        page.goto(f"{file.as_uri()}#t=1")
+        until(page, "window.fpidPin !== undefined")
+        page.wait_for_timeout(300)
+        centres = page.evaluate(
+            "fpidPin.views.map((v) => v.label.getWorldPosition(v.label.position.clone())"
+            ".project(fpidPin.viewer.camera).toArray())"
+        )
+        assert centres[0][0] < centres[1][0] - 0.4
+        assert all(-1 < x < 1 and -1 < y < 1 for x, y, _ in centres)
+        assert page.locator("#runs h2").all_text_contents() == ["integer", "fractional"]
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(400, "dark"), (1400, "light")])
+def test_a_report_is_readable_at_any_width(browser, make_run, two_link, tmp_path, width, scheme):
+    runs = [make_run(two_link, name="integer", integer=True), make_run(two_link, name="other")]
+    file = report_html(tmp_path / "report.html", runs, title="Report", config_text="a = 1")
+    with Visit(browser, {"width": width, "height": 900}, scheme) as visit:
+        page = visit.page
+        page.goto(file.as_uri())
+        page.wait_for_timeout(500)
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        for selector, count in (("table", 2), ("figure svg", 5), ("iframe", 1), ("pre", 1)):
+            boxes = [item.bounding_box() for item in page.locator(selector).all()]
+            assert len(boxes) == count, selector
+            for box in boxes:
+                assert box["height"] > 20, selector
+                # A wide table scrolls within its frame; a figure fits.
+                if selector != "table":
+                    assert 0 <= box["x"] < box["x"] + box["width"] <= width + 1, selector
+        assert page.locator("td").first.is_visible()
+        paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+        assert (paper == "rgb(255, 255, 255)") == (scheme == "light")
+        drawn = picture(page)
+        ink = page.evaluate("getComputedStyle(document.body).color")
+        assert ink != paper
+        assert drawn.std() > 5.0
+        replay = page.frames[1]
+        until(replay_of(replay), "window.fpidPin !== undefined")
+        assert visit.requests == [file.as_uri()]
+        assert visit.errors == []
+
+
+def replay_of(frame):
+    """Let `until` wait on a frame as it does on a page."""
+    frame.wait_for_timeout(0)
+    return frame
+
+
+def in_thread(work):
+    thread = threading.Thread(target=work, daemon=True)
+    thread.start()
+    return thread
+
+
+def test_a_live_view_shows_the_loop_and_takes_a_push(browser):
+    said, reports = [], []
+
+    def session():
+        reports.append(
+            live(paper_experiment(), paper_controller(), duration=60.0, open_browser=False,
+                 priority=False, announce=said.append)
+        )  # fmt: skip
+
+    thread = in_thread(session)
+    with Visit(browser) as visit:
+        page = visit.page
+        while not any("http" in text for text in said):
+            page.wait_for_timeout(50)
+        url = next(text for text in said if "http" in text).split()[1]
+        page.goto(url)
+        until(page, "window.fpidPin !== undefined && fpidPin.frames() > 5")
+        first = picture(page)
+        page.keyboard.press("2")
+        page.keyboard.press("-")
+        page.wait_for_timeout(1000)
+        assert changed(first, picture(page)) > 0.005
+        page.keyboard.press("q")
+        thread.join(15.0)
+        assert not thread.is_alive()
+        until(page, "!document.getElementById('message').hidden", 5.0)
+        assert {request.partition(":")[0] for request in visit.requests} == {"http"}
+        assert visit.requests == [url]
+    (_, joint, torque), *_ = reports[0].pushes
+    assert (joint, torque < 0.0) == ("joint2", True)
+    assert np.median(reports[0].send_times) < 3e-3
+
+
+def test_play_shows_a_run_and_ends_with_it(browser, make_run, two_link):
+    said, sent = [], []
+    run = make_run(two_link, duration=1.0)
+    thread = in_thread(lambda: sent.extend(play(run, open_browser=False, announce=said.append)))
+    with Visit(browser) as visit:
+        page = visit.page
+        while not said:
+            page.wait_for_timeout(50)
+        page.goto(next(text for text in said if "http" in text).split()[1])
+        until(page, "window.fpidPin !== undefined && fpidPin.frames() > 3")
+        thread.join(15.0)
+        assert not thread.is_alive()
+        until(page, "document.getElementById('time').textContent === 't = 1.00 s'", 5.0)
+        assert visit.errors == [] or all("WebSocket" in text for text in visit.errors)
+    assert np.median(sent) < 3e-3

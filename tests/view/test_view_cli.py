@@ -1,0 +1,81 @@
+import importlib.util
+import io
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from fpid_pin import ArgumentError, ConfigError, FileFormatError
+from fpid_pin.cli.live import run_live
+from fpid_pin.cli.view import run_view
+
+ROOT = Path(__file__).parents[2]
+CONFIG = """format = 1
+[arm]
+kind = "two_link"
+[reference]
+kind = "sinusoid"
+[[controller]]
+kind = "adaptive_fpid"
+name = "one"
+kp = 10.0
+ki = 5.0
+kd = 8.0
+"""
+
+
+@pytest.fixture
+def console():
+    return Console(file=io.StringIO(), width=200)
+
+
+def test_view_writes_a_page_of_several_files(make_run, two_link, tmp_path, console):
+    files = [make_run(two_link, name=n).save(tmp_path / f"{n}.npz") for n in ("a", "b")]
+    run_view(files, html=tmp_path / "out.html", captions=["left", "right"], console=console)
+    text = (tmp_path / "out.html").read_text()
+    assert "left / right" in text
+    assert "opens in any browser" in console.file.getvalue()
+
+
+def test_view_names_what_is_wrong_with_a_file(wave, tmp_path, console):
+    whole = wave.save(tmp_path / "run.npz").read_bytes()
+    (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
+    (tmp_path / "text.npz").write_text("not a run")
+    for name, message in (
+        ("cut.npz", "cut short"),
+        ("text.npz", "expected a run file"),
+        ("none.npz", "no such file"),
+    ):
+        with pytest.raises(FileFormatError, match=message):
+            run_view([tmp_path / name], html=tmp_path / "out.html", console=console)
+    assert not (tmp_path / "out.html").exists()
+    with pytest.raises(ArgumentError, match="captions"):
+        run_view([tmp_path / "run.npz"], html=tmp_path / "o.html", captions="ab", console=console)
+
+
+def test_live_prints_lateness_with_and_without_the_view(tmp_path, console):
+    file = tmp_path / "job.toml"
+    file.write_text(CONFIG)
+    run_live(file, duration=0.5, baseline=0.3, browser=False, console=console)
+    text = console.file.getvalue()
+    for words in ("without the view: 300 ticks", "with the view:    500 ticks", "frames sent"):
+        assert words in text
+    assert text.count("99.9th percentile") == 2
+    assert text.count("deadlines missed") == 2
+
+
+def test_live_names_a_controller_that_is_not_there(tmp_path, console):
+    file = tmp_path / "job.toml"
+    file.write_text(CONFIG)
+    with pytest.raises(ConfigError, match="--controller: expected one of one, got 'two'"):
+        run_live(file, controller="two", console=console)
+
+
+def test_the_script_of_the_pictures_runs(tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("pictures", ROOT / "docs" / "pictures.py")
+    pictures = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(pictures)
+    monkeypatch.setattr(pictures, "photograph", lambda pages, folder: [])
+    monkeypatch.setattr(pictures, "figures", lambda runs: {})
+    monkeypatch.setattr(pictures, "arm_run", lambda name: pictures.paper_runs()[0])
+    assert pictures.main(tmp_path / "pictures") == []

@@ -1,0 +1,308 @@
+"""The live view: who listens, for how long, what a frame costs, what a key does."""
+
+import os
+import pty
+import signal
+import socket
+import subprocess
+import sys
+import termios
+import time
+import urllib.request
+from contextlib import contextmanager
+
+import numpy as np
+import psutil
+import pytest
+
+from fpid_pin import (
+    ArgumentError,
+    Arm,
+    Experiment,
+    FpidError,
+    Hold,
+    Plant,
+    Pulse,
+    paper_controller,
+    paper_experiment,
+    simulate,
+)
+from fpid_pin.view import live, play
+from fpid_pin.view.keyboard import Keyboard
+from fpid_pin.view.link import LiveLink, can_open_browser
+from fpid_pin.view.realtime import Timing, keep_time
+from fpid_pin.view.robot import LiveRobot
+
+LIVE = """
+import fpid_pin as fp, sys
+from fpid_pin.view import live
+report = live(fp.paper_experiment(), fp.paper_controller(), open_browser=False,
+              announce=lambda text: print(text, flush=True))
+print("ended", report.timing.ticks > 0, flush=True)
+"""
+
+
+def listeners(pid):
+    """Every address that a process and its children listen on."""
+    family = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
+    found = []
+    for process in family:
+        for c in process.net_connections("all"):
+            if c.status == psutil.CONN_LISTEN or c.type == socket.SOCK_DGRAM:
+                found.append(c.laddr if isinstance(c.laddr, str) else c.laddr.ip)
+    return found
+
+
+def answers(port):
+    with socket.socket() as probe:
+        probe.settimeout(1.0)
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+def wait_until(condition, seconds):
+    limit = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > limit:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+@contextmanager
+def live_process():
+    process = subprocess.Popen(
+        [sys.executable, "-c", LIVE], stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, text=True
+    )
+    try:
+        lines = iter(process.stdout.readline, "")
+        line = next(line for line in lines if "http://" in line)
+        port = int(line.partition("127.0.0.1:")[2].partition("/")[0])
+        yield process, port
+    finally:
+        process.kill()
+        process.wait()
+        process.stdout.close()
+
+
+def test_only_loopback_is_listened_on_and_ctrl_c_leaves_nothing():
+    with live_process() as (process, port):
+        assert set(listeners(process.pid)) == {"127.0.0.1"}
+        children = psutil.Process(process.pid).children(recursive=True)
+        assert len(children) == 1
+        process.send_signal(signal.SIGINT)
+        assert "ended True" in process.stdout.read()
+        assert process.wait(10) == 0
+        assert wait_until(lambda: not any(c.is_running() for c in children), 3.0)
+        assert not answers(port)
+
+
+def test_no_listener_outlives_a_killed_parent_by_five_seconds():
+    with live_process() as (process, port):
+        assert answers(port)
+        process.kill()
+        start = time.monotonic()
+        assert wait_until(lambda: not answers(port), 5.0)
+        assert time.monotonic() - start < 5.0
+
+
+def test_a_port_in_use_is_left_alone_and_said():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port, said = taken.getsockname()[1], []
+        with LiveLink("page", port=port, announce=said.append) as link:
+            assert link.port != port
+            assert said == [f"port {port} is in use; taking {link.port}"]
+            assert urllib.request.urlopen(link.url, timeout=10).read() == b"page"
+        assert not answers(link.port)
+
+
+HANDSHAKE = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
+    "Sec-WebSocket-Version": "13",
+}
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("/", {}, 200),
+        ("/", {"Host": "evil.example:{port}"}, 403),
+        ("/frames", {"Origin": "http://127.0.0.1:{port}"}, 101),
+        ("/frames", {"Origin": "http://evil.example"}, 403),
+        ("/frames", {"Origin": "http://evil.example:{port}", "Host": "evil.example:{port}"}, 403),
+        ("/other", {}, 404),
+    ],
+)
+def test_pages_of_other_sites_are_refused(path, headers, status):
+    """A name that resolves to this machine, or a page open in the same browser, gets nothing."""
+    with LiveLink("page", announce=lambda text: None) as link:
+        own = {key: value.format(port=link.port) for key, value in headers.items()}
+        lines = {"Host": f"127.0.0.1:{link.port}"} | (HANDSHAKE if path == "/frames" else {}) | own
+        text = "".join(f"{key}: {value}\r\n" for key, value in lines.items())
+        with socket.create_connection(("127.0.0.1", link.port), timeout=10.0) as client:
+            client.sendall(f"GET {path} HTTP/1.1\r\n{text}\r\n".encode())
+            assert int(client.recv(12).split()[1]) == status
+
+
+def test_a_frame_takes_far_less_than_three_milliseconds_to_send():
+    frame = [(np.zeros(7), np.zeros(7), np.zeros(7))]
+    with LiveLink("page", announce=lambda text: None) as link:
+        times = []
+        for k in range(300):
+            start = time.perf_counter()
+            link.send(0.01 * k, frame)
+            times.append(time.perf_counter() - start)
+        assert np.median(times) < 3e-3
+        assert link.alive
+
+
+def test_sending_never_waits_for_a_server_that_is_stopped():
+    frame = [(np.zeros(300), np.zeros(300), np.zeros(300))]
+    with LiveLink("page", announce=lambda text: None) as link:
+        os.kill(link.pid, signal.SIGSTOP)
+        start = time.perf_counter()
+        for k in range(2000):
+            link.send(0.01 * k, frame)
+        assert time.perf_counter() - start < 2.0
+        assert link.dropped > 0
+        os.kill(link.pid, signal.SIGCONT)
+        # The stream is still in step: what was cut short is completed before the next frame.
+        time.sleep(0.3)
+        for k in range(50):
+            link.send(1.0 * k, frame)
+            time.sleep(0.002)
+        assert urllib.request.urlopen(link.url, timeout=10).read() == b"page"
+
+
+def test_a_dead_server_ends_play_with_a_line_and_the_link_without_one(wave):
+    def kill(text):
+        if "open " in text:
+            for child in psutil.Process().children():
+                if "server.py" in " ".join(child.cmdline()):
+                    child.kill()
+
+    with pytest.raises(FpidError, match="its server was ended from outside"):
+        play(wave, open_browser=False, announce=kill)
+
+
+def test_no_display_is_said_and_the_address_given(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    assert not can_open_browser()
+    said = []
+    with LiveLink("page", announce=said.append) as link:
+        link.show(open_browser=True)
+        assert (
+            said[-1] == f"no display or browser here; open {link.url} in a browser on this machine"
+        )
+
+
+def test_a_live_robot_takes_the_steps_of_a_simulation():
+    job, law = paper_experiment(duration=0.5), paper_controller()
+    run = simulate(job, law)
+    robot = LiveRobot(job, law, horizon=0.5)
+    for k in range(500):
+        assert robot.tick()
+        assert np.array_equal(robot.q, run.q[k])
+        assert np.array_equal(robot.torque, run.torque[k])
+
+
+def test_a_push_is_a_disturbance_pulse():
+    arm, law = Arm.two_link(), paper_controller()
+    pulse = Pulse(torque=(0.0, 3.0), start=0.1, end=0.3)
+    run = simulate(Experiment(arm, Hold(0.0), plant=Plant(disturbance=pulse), duration=0.5), law)
+    robot = LiveRobot(Experiment(arm, Hold(0.0), duration=0.5), law, horizon=0.5)
+    for k in range(500):
+        if k == 100:
+            robot.push("joint2", 3.0, 0.2)
+        robot.tick()
+        assert np.array_equal(robot.q, run.q[k])
+
+
+def test_a_robot_that_runs_away_says_so():
+    job = Experiment(Arm.two_link(), Hold(0.0), runaway_speed=1.0, duration=1.0)
+    robot = LiveRobot(job, paper_controller())
+    robot.push(1, 500.0, 1.0)
+    while robot.tick():
+        assert robot.t < 1.0
+    assert "joint" in robot.fault
+    assert "limit 1" in robot.fault
+
+
+def test_live_runs_for_its_duration_and_reports():
+    report = live(paper_experiment(), paper_controller(), duration=0.5, view=False)
+    assert report.timing.ticks == 500
+    assert report.timing.lateness(50.0) <= report.timing.lateness(99.9) <= report.timing.worst
+    assert report.send_times.size == 0
+    run = simulate(paper_experiment(duration=0.5), paper_controller())
+    assert np.abs(report.q - run.q[499]).max() < 1e-9
+
+
+def test_lateness_is_counted_to_a_microsecond():
+    timing = Timing(1e-3)
+    rng = np.random.default_rng(1)
+    late = rng.exponential(5e-5, 20_000)
+    for value in late:
+        timing.note(float(value))
+    for percentile in (50.0, 99.0, 99.9):
+        exact = np.percentile(late, percentile, method="inverted_cdf")
+        assert timing.lateness(percentile) == pytest.approx(exact, abs=1.01e-6)
+    assert timing.worst == late.max()
+    assert "deadlines missed" in str(timing)
+
+
+def test_the_period_is_kept_on_average_and_overruns_are_counted():
+    marks = []
+
+    def tick():
+        marks.append(time.perf_counter())
+        if len(marks) == 50:
+            time.sleep(0.02)
+        return len(marks) < 200
+
+    timing = keep_time(tick, 2e-3, idle=lambda: True, every=0.02)
+    assert timing.ticks == 200
+    assert timing.missed >= 1
+    # Ticks that were late are made up for: the schedule does not drift.
+    assert marks[-1] - marks[0] == pytest.approx(199 * 2e-3, abs=0.15)
+
+
+def test_keys_are_read_from_a_terminal_which_is_restored(monkeypatch):
+    leader, follower = pty.openpty()
+    before = termios.tcgetattr(follower)
+    with open(follower, "rb", buffering=0) as terminal:
+        monkeypatch.setattr(sys, "stdin", terminal)
+        monkeypatch.setattr(os, "tcgetpgrp", lambda descriptor: os.getpgrp())
+        with Keyboard() as keyboard:
+            assert keyboard.present
+            assert keyboard.keys() == ""
+            os.write(leader, b"2+")
+            assert wait_until(lambda: keyboard.keys() == "2+", 2.0)
+            assert not termios.tcgetattr(follower)[3] & termios.ICANON
+        assert termios.tcgetattr(follower) == before
+    os.close(leader)
+
+
+def test_without_a_terminal_there_are_no_keys(monkeypatch, tmp_path):
+    with (tmp_path / "empty").open("w+") as file:
+        monkeypatch.setattr(sys, "stdin", file)
+        with Keyboard() as keyboard:
+            assert not keyboard.present
+            assert keyboard.keys() == ""
+
+
+def test_bad_input_to_the_live_view_is_named(wave):
+    job, law = paper_experiment(), paper_controller()
+    with pytest.raises(ArgumentError, match="speed: expected a number > 0"):
+        play(wave, speed=0.0)
+    with pytest.raises(ArgumentError, match="port: expected a whole number"):
+        play(wave, port=70_000, open_browser=False)
+    with pytest.raises(ArgumentError, match="joint: expected one of joint1, joint2"):
+        live(job, law, push_joint="joint9", view=False)
+    with pytest.raises(ArgumentError, match="controller: expected a Controller"):
+        live(job, None)
+    assert not [c for c in psutil.Process().children() if "server.py" in " ".join(c.cmdline())]

@@ -1,0 +1,160 @@
+import sys
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from fpid_pin import ArgumentError, Arm
+from fpid_pin.view import figures, plots, save_figure
+from fpid_pin.view.figures import is_integer
+from fpid_pin.view.style import _MOST, figure_bytes, thinned
+
+
+def axes_of(figure):
+    return [a for a in figure.axes if a.get_visible()]
+
+
+@pytest.fixture(scope="module")
+def pair(make_run, two_link):
+    return [make_run(two_link, name="integer", integer=True), make_run(two_link, name="fractional")]
+
+
+@pytest.fixture(scope="module")
+def standard(pair):
+    return figures(pair)
+
+
+def test_every_axis_has_a_name_and_a_unit(pair, standard):
+    drawn = {
+        "tracking": plots.tracking(pair[1]),
+        "error": plots.error(pair),
+        "torque": plots.torque(pair[1]),
+        "phase": plots.phase_plane(pair[1]),
+        **standard,
+    }
+    for name, figure in drawn.items():
+        panels = axes_of(figure)
+        assert all(a.get_ylabel() for a in panels), name
+        assert any(a.get_xlabel() in ("time, s", "error $e$, rad") for a in panels), name
+        for a in panels:
+            unit = a.get_ylabel().rpartition(", ")[2]
+            assert a.get_ylabel() == "$V$" or unit.startswith(("rad", "N m", "s$")), a.get_ylabel()
+
+
+def test_curves_are_the_recorded_signals(pair):
+    run = pair[1]
+    figure = plots.tracking(run)
+    for j, panel in enumerate(figure.axes):
+        actual, desired = (line.get_ydata() for line in panel.lines)
+        assert np.isin(actual, run.q[:, j]).all()
+        assert np.isin(desired, run.q_ref[:, j]).all()
+        assert actual.max() == run.q[:, j].max()
+
+
+def test_figures_4_and_5_are_the_integer_and_the_fractional_run(pair, standard):
+    drawn = standard
+    assert list(drawn) == ["fig4", "fig5", "gains", "lyapunov", "comparison"]
+    for name, word in (("fig4", "integer"), ("fig5", "fractional")):
+        titles = [a.get_title(loc="left") for a in drawn[name].axes]
+        assert titles == ["(a) tracking", "(b) control signals", "(c) tracking errors"]
+        assert word in drawn[name].get_suptitle()
+    assert "fig4" not in figures(pair[1])
+    assert is_integer(pair[0])
+
+
+def test_legends_do_not_cover_data(pair, standard):
+    """Where a panel has a legend it ends below the legend's lower edge."""
+    for figure in [standard["fig5"], standard["gains"], plots.plot(pair[1])]:
+        figure_bytes(figure, "png", dpi=50)
+        for panel in axes_of(figure):
+            legend = panel.get_legend()
+            if legend is not None:
+                box = legend.get_window_extent()
+                assert box.y0 >= panel.get_window_extent().y1 - 1.0
+
+
+def test_a_torque_limit_that_is_near_is_drawn(make_run):
+    near = Arm.planar((1.0, 1.0), (1.0, 1.0)).with_limits(effort=6.0)
+    far = near.with_limits(effort=900.0)
+    heights = [line.get_ydata()[0] for line in plots.torque(make_run(near)).axes[0].lines[1:]]
+    assert heights == [6.0, -6.0]
+    panel = plots.torque(make_run(far)).axes[0]
+    assert len(panel.lines) == 1
+    assert "900" in panel.texts[0].get_text()
+
+
+@pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
+def test_the_same_figure_gives_the_same_file(pair, tmp_path, kind):
+    one, two = (save_figure(plots.tracking(pair[1]), tmp_path / f"{k}.{kind}") for k in "ab")
+    assert one.read_bytes() == two.read_bytes()
+    assert b"2026" not in one.read_bytes()[:2000]
+
+
+def test_a_figure_shows_itself_in_a_notebook_and_leaves_pyplot_alone(pair):
+    assert plots.plot(pair[1])._repr_png_().startswith(b"\x89PNG")
+    assert "matplotlib.pyplot" not in sys.modules or not _open_figures()
+
+
+def _open_figures():
+    import matplotlib.pyplot
+
+    return matplotlib.pyplot.get_fignums()
+
+
+def test_figures_do_not_depend_on_the_users_style(pair):
+    import matplotlib
+
+    ours = figure_bytes(plots.error(pair), "svg")
+    with matplotlib.rc_context({"font.size": 30, "axes.facecolor": "black"}):
+        assert figure_bytes(plots.error(pair), "svg") == ours
+        assert matplotlib.rcParams["font.size"] == 30
+
+
+def test_thinning_keeps_ends_and_extremes():
+    rng = np.random.default_rng(3)
+    t = np.linspace(0.0, 1.0, 50_000)
+    y = rng.standard_normal(t.size)
+    y[12_345] = 99.0
+    x, z = thinned(t, y)
+    assert len(x) <= _MOST + 2
+    assert (x[0], x[-1], z.max(), z.min()) == (t[0], t[-1], 99.0, y.min())
+    assert (np.diff(x) > 0.0).all()
+
+
+def test_a_cost_map_marks_what_diverged_and_what_is_marked():
+    costs = np.outer([1.0, 2.0, 3.0], [1.0, 10.0])
+    costs[0, 0] = np.inf
+    figure = plots.cost_map([0.8, 0.9, 1.0], [0.5, 1.0], costs, {"paper": (0.9, 0.9)})
+    panel = figure.axes[0]
+    assert panel.collections[0].get_array().mask.sum() == 1
+    assert panel.get_title(loc="right") == "hatched: diverged"
+    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["paper"]
+
+
+def test_convergence_draws_every_curve():
+    figure = plots.convergence({"best": [3.0, 2.0, 1.0], "median": [np.inf, 4.0, 3.0]})
+    assert [len(line.get_xdata()) for line in figure.axes[0].lines] == [3, 3]
+    assert figure.axes[0].get_yscale() == "log"
+    figure_bytes(figure, "svg")
+
+
+def test_an_svg_is_well_formed(pair):
+    ElementTree.fromstring(figure_bytes(plots.gains(pair[1]), "svg"))
+
+
+def test_bad_input_is_named(pair, make_run, two_link, tmp_path):
+    bare = make_run(two_link)
+    object.__setattr__(bare, "signals", {})
+    with pytest.raises(ArgumentError, match="kp, ki, kd"):
+        plots.gains(bare)
+    with pytest.raises(ArgumentError, match="a run with a supervisor"):
+        plots.lyapunov(bare)
+    with pytest.raises(ArgumentError, match="one number of joints, got 2, 3"):
+        plots.comparison([pair[0], make_run(Arm.planar((1.0,) * 3, (1.0,) * 3))])
+    with pytest.raises(ArgumentError, match=r"costs: expected shape \(2, 1\)"):
+        plots.cost_map([0.5, 1.0], [0.5], [[1.0]])
+    with pytest.raises(ArgumentError, match="history"):
+        plots.convergence([])
+    with pytest.raises(ArgumentError, match=r"\.svg, \.pdf or \.png"):
+        save_figure(plots.error(pair), tmp_path / "figure.bmp")
+    assert not list(tmp_path.iterdir())

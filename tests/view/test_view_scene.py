@@ -1,0 +1,159 @@
+import base64
+import json
+import warnings
+
+import numpy as np
+import pytest
+
+from fpid_pin import ArgumentError, Arm, FpidWarning
+from fpid_pin.arms import names
+from fpid_pin.view.camera import stage
+from fpid_pin.view.scene import captions_of, replay_scene, sample_run, to_script_json
+from fpid_pin.view.shapes import joint_axis, shapes_of, tool_placement
+
+NO_MESHES = """<robot name="broken">
+<link name="a"/><link name="b"><inertial><mass value="1"/><origin xyz="0.2 0 0"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><geometry><mesh filename="package://nowhere/b.stl"/></geometry></visual></link>
+<link name="c"><inertial><mass value="1"/><origin xyz="0.2 0 0"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
+<visual><geometry><mesh filename="package://nowhere/c.stl"/></geometry></visual></link>
+<joint name="one" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="9" velocity="1"/></joint>
+<joint name="two" type="revolute"><parent link="b"/><child link="c"/><axis xyz="0 1 0"/>
+<origin xyz="0.5 0 0"/><limit lower="-1" upper="1" effort="9" velocity="1"/></joint></robot>"""
+
+
+def decode(scene, number):
+    entry = scene["buffers"][number]
+    kind = {"f4": "<f4", "u2": "<u2", "u4": "<u4"}[entry["type"]]
+    return np.frombuffer(base64.b64decode(entry["data"]), dtype=kind)
+
+
+def matrix(values):
+    return np.array(values).reshape(4, 4).T
+
+
+def test_frames_hold_the_motion_and_the_last_sample(wave):
+    t, q, q_ref, torque = sample_run(wave, 30.0)
+    assert t[0] == 0.0
+    assert t[-1] == wave.t[-1]
+    rows = np.searchsorted(wave.t, t + 1e-9) - 1
+    assert np.abs(q - (0.4 * np.sin(1.5 * t - 0.3))[:, np.newaxis]).max() < 1e-6
+    assert np.array_equal(torque, wave.torque[rows])
+    assert np.abs(q_ref - np.array([np.interp(t, wave.t, c) for c in wave.q_ref.T]).T).max() < 1e-14
+
+
+def test_poses_of_the_page_are_those_of_pinocchio(make_run):
+    """The page turns joints about axes from the scene; follow the chain as its script does."""
+    arm = Arm.from_example("panda")
+    scene = replay_scene([make_run(arm)], fps=10)
+    table, run = scene["arms"][0], scene["runs"][0]
+    q = decode(scene, run["q"]).reshape(-1, arm.n)[7].astype(float)
+    place = np.eye(4)
+    for joint, angle in zip(table["joints"], q, strict=True):
+        place = place @ matrix(joint["placement"])
+        x, y, z = joint["axis"]
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        turn = np.eye(4)
+        turn[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+        place = place @ turn
+    assert np.abs(place @ matrix(table["tool"]["placement"]) - arm.tool_pose(q)).max() < 1e-12
+
+
+def test_meshes_keep_their_shape_to_a_hundredth_of_a_millimetre(make_run):
+    arm = Arm.from_example("xarm7")
+    scene = replay_scene([make_run(arm)], fps=10)
+    for shape, table in zip(shapes_of(arm), scene["arms"][0]["shapes"], strict=True):
+        vertices = decode(scene, table["vertices"]).reshape(-1, 3) * table["scale"] + table["low"]
+        assert np.abs(vertices - shape.vertices).max() < 1e-5
+        assert np.array_equal(decode(scene, table["triangles"]), shape.triangles.ravel())
+
+
+# The limited ones share the meshes of those without limits.
+@pytest.mark.parametrize("name", [name for name in names() if "limited" not in name])
+def test_every_arm_of_the_catalogue_is_drawn_whole(name):
+    arm = Arm.from_example(name)
+    _, geometry = arm.visual()
+    shapes = shapes_of(arm)
+    assert len(shapes) >= len(geometry.geometryObjects)
+    assert {s.joint for s in shapes} >= set(range(arm.n))
+    for shape in shapes:
+        assert all(0.0 <= c <= 1.0 for c in shape.colour)
+        assert np.allclose(shape.placement[:3, :3].T @ shape.placement[:3, :3], np.eye(3))
+
+
+def test_planar_arms_of_any_length_are_drawn(make_run):
+    for n in (1, 3, 12):
+        arm = Arm.planar(np.full(n, 0.4), np.ones(n))
+        scene = replay_scene([make_run(arm)], fps=10)
+        assert len(scene["arms"][0]["shapes"]) >= 2 * n
+        assert scene["planar"]
+
+
+def test_an_arm_without_its_meshes_is_drawn_from_primitives(tmp_path):
+    file = tmp_path / "broken.urdf"
+    file.write_text(NO_MESHES)
+    arm = Arm.from_urdf(file)
+    with pytest.warns(FpidWarning, match="2 mesh file"):
+        shapes = shapes_of(arm)
+    assert {(s.joint, s.kind) for s in shapes} >= {(0, "cylinder"), (1, "cylinder")}
+    link = max((s for s in shapes if s.joint == 0), key=lambda s: s.size[1])
+    assert link.size[1] == pytest.approx(0.5)
+    assert np.allclose(link.placement[:3, 3], (0.25, 0.0, 0.0))
+
+
+def test_equal_arms_are_described_once(make_run):
+    runs = [make_run(Arm.from_example("ur5"), name=name) for name in ("a", "b")]
+    one, two = replay_scene(runs[:1], fps=10), replay_scene(runs, fps=10)
+    assert len(two["arms"]) == 1
+    assert len(json.dumps(two)) < 1.05 * len(json.dumps(one))
+
+
+def test_arms_stand_side_by_side_without_touching(make_run, two_link):
+    motions = [make_run(two_link).q] * 3
+    place = stage([two_link] * 3, motions)
+    gaps = np.diff(place.offsets[:, 0])
+    assert (gaps > 1.8).all()
+    assert abs(place.offsets.sum()) < 1e-12
+    assert place.floor < -0.5
+    assert place.towards[1] < -0.9
+
+
+def test_the_axis_of_any_revolute_joint_is_found():
+    arm = Arm.from_example("kinova")
+    for j in range(arm.n):
+        assert np.linalg.norm(joint_axis(arm.model, j)) == pytest.approx(1.0)
+    joint, placement = tool_placement(arm)
+    assert joint == arm.n - 1
+    assert placement.shape == (4, 4)
+
+
+def test_captions_are_told_apart(wave):
+    assert captions_of([wave, wave], None) == ["wave (1)", "wave (2)"]
+    with pytest.raises(ArgumentError, match=r"captions: expected 2 \(one a run\), got 1"):
+        captions_of([wave, wave], ["only"])
+
+
+def test_text_from_files_cannot_leave_the_script():
+    text = to_script_json({"a": "</script><!--&\u2028"})
+    assert "<" not in text
+    assert "\u2028" not in text
+    assert json.loads(text)["a"] == "</script><!--&\u2028"
+
+
+def test_bad_input_is_named(wave, make_run, two_link):
+    with pytest.raises(ArgumentError, match="fps: expected a number in"):
+        replay_scene([wave], fps=0.0)
+    with pytest.raises(ArgumentError, match="runs: expected at least one run"):
+        replay_scene([])
+    with pytest.raises(ArgumentError, match="run: expected at least one sample"):
+        replay_scene([make_run(two_link, rows=0)])
+
+
+def test_a_run_of_one_sample_can_be_shown(make_run, two_link):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = replay_scene([make_run(two_link, rows=1)])
+    assert scene["duration"] == 0.0
+    assert scene["runs"][0]["outcome"].startswith("diverged at")
