@@ -3,7 +3,8 @@
     python benchmarks/speed.py [--steps 2000] [--repeats 5] [--joints]
 
 Both run the paper's experiment with the same law and the same 24 modes, in turn in this process;
-what counts is their ratio, since machines differ and are shared. Also: the part of the time that
+what counts is their ratio, since machines differ and are shared. Times are of the processor, in one
+thread; others on the machine lengthen the clock's, not these. Also: the part of the time that
 is Pinocchio's, the import time, and (--joints) the cost of a step against the number of joints.
 """
 
@@ -30,9 +31,9 @@ def best(action: Callable[[], object], repeats: int) -> float:
     """Return the shortest of several times, s: what is needed when nobody else is there."""
     times = []
     for _ in range(repeats):
-        began = time.perf_counter()
+        began = time.process_time()
         action()
-        times.append(time.perf_counter() - began)
+        times.append(time.process_time() - began)
     return min(times)
 
 
@@ -91,11 +92,11 @@ def headline(steps: int, repeats: int) -> None:
         controllers = population(runs)
         pairs = []
         for _ in range(repeats):
-            began = time.perf_counter()
+            began = time.process_time()
             plain_loop(experiment, controller, rows)
-            middle = time.perf_counter()
+            middle = time.process_time()
             fp.evaluate(experiment, controllers)
-            end = time.perf_counter()
+            end = time.process_time()
             pairs.append(((middle - began) / steps, (end - middle) / steps / runs))
         ratio = float(np.median([plain / ours for plain, ours in pairs]))
         ours = 1e9 * min(ours for _, ours in pairs)
@@ -106,7 +107,7 @@ def headline(steps: int, repeats: int) -> None:
 
 
 def importing(repeats: int) -> None:
-    code = "import time; t = time.perf_counter(); import fpid_pin; print(time.perf_counter() - t)"
+    code = "import time; t = time.process_time(); import fpid_pin; print(time.process_time() - t)"
     times = [
         float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
         for _ in range(repeats)

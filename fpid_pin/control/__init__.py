@@ -1,18 +1,31 @@
 """Control laws: from reference and measurement to torque."""
 
 from fpid_pin.control.adaptation import Safeguards
+from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.controller import Controller, Loop, State
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.gains import SuggestedFpid, gain_ceilings, suggest_gains
+from fpid_pin.control.stability import StabilityReport, stability_report
 from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
 
 __all__ = [
     "AdaptiveFpid",
     "ComputedTorque",
     "Controller",
+    "GravityOnly",
     "Loop",
+    "PdGravity",
+    "Pid",
     "Safeguards",
+    "SlidingMode",
+    "SlotineLi",
+    "StabilityReport",
     "State",
+    "SuggestedFpid",
     "Supervisor",
+    "gain_ceilings",
     "lyapunov_matrix",
+    "stability_report",
+    "suggest_gains",
 ]

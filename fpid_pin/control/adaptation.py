@@ -111,7 +111,7 @@ class Adaptation:
         np.add.reduce(self._work, axis=0, out=self.surface)
 
     def advance(self, regressors: FloatArray, hold: BoolArray | None) -> None:
-        """Move the gains by one step along -gamma S phi, except where `hold`, (runs, n), says so."""
+        """Move the gains by a step along -gamma S phi, except where `hold`, (runs, n), says so."""
         guard = self._guard
         surface = self.surface if guard is None else guard.dead_zone(self.surface)
         np.multiply(self._step_rate, surface, out=self._drive)
@@ -158,16 +158,27 @@ class _Guard:
                 dead[run] = guard.dead_zone
         self._sigma = step * sigma
         self._nu = step * rate * nu
-        self._dead = dead
+        self._dead = np.ascontiguousarray(np.broadcast_to(dead, (runs, n)))
+        # What no run asks for costs nothing; for a run that did not ask, the arithmetic of those
+        # that did adds exact zeros.
+        self._leaks = bool(sigma.any() or nu.any())
+        self._has_dead_zone = bool(dead.any())
+        self._excess = np.zeros((runs, n))
         self.project(gains)
         self._initial = gains.copy()
 
     def dead_zone(self, surface: FloatArray) -> FloatArray:
-        excess: FloatArray = surface - np.clip(surface, -self._dead, self._dead)
+        if not self._has_dead_zone:
+            return surface
+        excess = self._excess
+        np.minimum(surface, self._dead, out=excess)
+        np.maximum(excess, -self._dead, out=excess)
+        np.subtract(surface, excess, out=excess)
         return excess
 
     def leak(self, gains: FloatArray, surface: FloatArray, increment: FloatArray) -> None:
-        increment -= (self._sigma + self._nu * np.abs(surface)) * (gains - self._initial)
+        if self._leaks:
+            increment -= (self._sigma + self._nu * np.abs(surface)) * (gains - self._initial)
 
     def project(self, gains: FloatArray) -> None:
         np.maximum(gains, self._low, out=gains)

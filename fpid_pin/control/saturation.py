@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import BoolArray, FloatArray
 
 
 class Saturation:
@@ -29,19 +29,24 @@ class Saturation:
         self._high = np.ascontiguousarray(np.broadcast_to(effort_limit, shape))
         self._low = -self._high
         self._cut = np.zeros(shape)
+        self._beyond: BoolArray = np.zeros(shape, dtype=np.bool_)
         self.active = False
 
     def apply(self, torque: FloatArray) -> FloatArray:
         """Clip `torque`, (runs, n), in place and remember by how much it was cut."""
-        if self.limited:
+        if not self.limited:
+            return torque
+        np.abs(torque, out=self._cut)
+        np.greater(self._cut, self._high, out=self._beyond)
+        self.active = bool(self._beyond.any())
+        if self.active:
             np.copyto(self._cut, torque)
             np.minimum(torque, self._high, out=torque)
             np.maximum(torque, self._low, out=torque)
             np.subtract(self._cut, torque, out=self._cut)
-            self.active = bool(self._cut.any())
         return torque
 
-    def winds_up(self, push: FloatArray) -> FloatArray | None:
+    def winds_up(self, push: FloatArray) -> BoolArray | None:
         """Return where `push` would drive a torque further beyond its limit, or None: nowhere.
 
         Parameters
@@ -51,5 +56,5 @@ class Saturation:
         """
         if not self.active:
             return None
-        mask: FloatArray = self._cut * push > 0.0
+        mask: BoolArray = self._cut * push > 0.0
         return mask

@@ -3,6 +3,7 @@
 from fpid_pin.simulation.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.simulation.disturbances import Cosine, Disturbance, Pulse, Sum
 from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.limits import Exceedance, limit_report, overloaded_joints
 from fpid_pin.simulation.metrics import Metrics
 from fpid_pin.simulation.paper import paper_controller, paper_experiment
 from fpid_pin.simulation.plant import Plant
@@ -11,11 +12,14 @@ from fpid_pin.simulation.references import Hold, Reference, Sinusoid
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.sensors import Sensors
 from fpid_pin.simulation.simulate import evaluate, simulate
+from fpid_pin.simulation.tool_path import ToolCircle
+from fpid_pin.simulation.trajectories import Quintic, Recorded, Waypoints
 
 __all__ = [
     "Cosine",
     "Cost",
     "Disturbance",
+    "Exceedance",
     "Experiment",
     "Hold",
     "MetricCost",
@@ -24,13 +28,19 @@ __all__ = [
     "Plant",
     "Pulse",
     "QuadraticCost",
+    "Quintic",
+    "Recorded",
     "Recorder",
     "Reference",
     "Run",
     "Sensors",
     "Sinusoid",
     "Sum",
+    "ToolCircle",
+    "Waypoints",
     "evaluate",
+    "limit_report",
+    "overloaded_joints",
     "paper_controller",
     "paper_experiment",
     "simulate",

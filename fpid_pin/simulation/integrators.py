@@ -64,7 +64,9 @@ class SemiImplicitEuler(Integrator):
         dry = np.array([p.dry_friction for p in plants])
         self._viscous = viscous if viscous.any() else None
         self._fleet = Fleet(
-            [p.arm for p in plants], runs, armature=None if self._viscous is None else step * viscous
+            [p.arm for p in plants],
+            runs,
+            armature=None if self._viscous is None else step * viscous,
         )
         self._dry = DryFriction(self._fleet, dry, step) if dry.any() else None
         self._step = step

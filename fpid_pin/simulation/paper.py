@@ -63,7 +63,10 @@ def paper_controller(orders: str = "symbol", *, supervised: bool = True) -> Adap
         m_x=5.0,
         reference_bound=1.0,  # sup ||[sin t, cos t]||
         disturbance_bound=(0.4, 0.6),  # N m, (37)
-        gravity_bound=(27.44, 7.84),  # N m, the arm stretched out: g (m1 l1 + m2 (l1 + l2)), g m2 l2
+        gravity_bound=(
+            27.44,
+            7.84,
+        ),  # N m, the arm stretched out: g (m1 l1 + m2 (l1 + l2)), g m2 l2
     )
     return AdaptiveFpid(
         kp=(10.0, 12.0),

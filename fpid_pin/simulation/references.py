@@ -64,11 +64,11 @@ class Sinusoid:
 
     def sample(self, t: FloatArray) -> Motion:
         """See `Reference.sample`."""
-        frequency = np.asarray(self.frequency)
+        amplitude, frequency = np.asarray(self.amplitude), np.asarray(self.frequency)
         angle = np.multiply.outer(t, np.atleast_1d(frequency)) + self.phase
-        q = self.offset + self.amplitude * np.sin(angle)
-        v = self.amplitude * frequency * np.cos(angle)
-        a = -self.amplitude * frequency**2 * np.sin(angle)
+        q = self.offset + amplitude * np.sin(angle)
+        v = amplitude * frequency * np.cos(angle)
+        a = -amplitude * frequency**2 * np.sin(angle)
         return q, v, a
 
 

@@ -19,7 +19,7 @@ _NOISE_ROWS = 256
 @described("sensors")
 @dataclass(frozen=True, eq=False)
 class Sensors:
-    """Imperfect measurements, in the order in which they spoil: delay, noise, quantisation.
+    """Imperfect measurements, in the order in which they spoil: delay, noise, bias, quantisation.
 
     Parameters
     ----------
@@ -27,6 +27,8 @@ class Sensors:
         Encoder step, rad, scalar or (n,); 0: not quantised.
     position_noise, velocity_noise
         Standard deviation of white noise on each sample, rad and rad/s.
+    velocity_bias
+        Constant error of the velocity sensors, rad/s, scalar or (n,).
     velocity
         ``"measured"``: by a sensor of its own; ``"differentiated"``: from the measured position
         by a first-order filtered difference.
@@ -39,6 +41,7 @@ class Sensors:
     position_resolution: ArrayLike = 0.0
     position_noise: ArrayLike = 0.0
     velocity_noise: ArrayLike = 0.0
+    velocity_bias: ArrayLike = 0.0
     velocity: str = "measured"
     velocity_cutoff: float = 500.0
     delay: int = 0
@@ -47,6 +50,8 @@ class Sensors:
         for name in ("position_resolution", "position_noise", "velocity_noise"):
             array = checks.floats(f"sensors.{name}", getattr(self, name), low=0.0, max_ndim=1)
             object.__setattr__(self, name, array)
+        bias = checks.floats("sensors.velocity_bias", self.velocity_bias, max_ndim=1)
+        object.__setattr__(self, "velocity_bias", bias)
         checks.choice("sensors.velocity", self.velocity, VELOCITY_SOURCES)
         cutoff = checks.number("sensors.velocity_cutoff", self.velocity_cutoff, above=0.0)
         object.__setattr__(self, "velocity_cutoff", cutoff)
@@ -75,7 +80,9 @@ class SensorState:
         given = [Sensors() if s is None else s for s in sensors]
 
         def each(name: str) -> FloatArray:
-            return np.array([checks.per_joint(f"sensors.{name}", getattr(s, name), n) for s in given])
+            return np.array(
+                [checks.per_joint(f"sensors.{name}", getattr(s, name), n) for s in given]
+            )
 
         self._noise_scale = np.stack([each("position_noise"), each("velocity_noise")])
         self._noisy = bool(self._noise_scale.any())
@@ -83,6 +90,8 @@ class SensorState:
         self._noise = np.empty((_NOISE_ROWS if self._noisy else 0, 2, runs, n))
         self._noise_row = _NOISE_ROWS
 
+        self._bias = each("velocity_bias")
+        self._biased = bool(self._bias.any())
         resolution = each("position_resolution")
         self._coarse = resolution > 0.0
         self._quantised = bool(self._coarse.any())
@@ -116,6 +125,8 @@ class SensorState:
                 self._noise_row = 0
             measured += self._noise[self._noise_row]
             self._noise_row += 1
+        if self._biased:
+            measured[1] += self._bias
         if self._quantised:
             counts = np.rint(measured[0] / self._resolution) * self._resolution
             np.copyto(measured[0], counts, where=self._coarse)
@@ -145,6 +156,7 @@ class SensorState:
     def retire(self, run: int) -> None:
         """Make a diverged run's rows exact zeros."""
         self._noise_scale[:, run] = 0.0
+        self._bias[run] = 0.0
         self._noise[:, :, run] = 0.0
         self._history[:, :, run] = 0.0
         self._measured[:, run] = 0.0

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -82,8 +83,7 @@ def test_a_one_joint_arm_alone_has_the_bits_of_one_in_company():
         alone = fp.simulate(experiment, controller)
         assert same(run, alone)
     assert (
-        fp.evaluate(experiment, controllers)
-        == [fp.evaluate(experiment, c)[0] for c in controllers]
+        fp.evaluate(experiment, controllers) == [fp.evaluate(experiment, c)[0] for c in controllers]
     ).all()
 
 
@@ -128,3 +128,15 @@ def test_a_second_order_reference_is_followed_as_computed_torque_predicts():
     t = run.t[:, np.newaxis]
     exact = (e0 + (rate0 + 5.0 * e0) * t) * np.exp(-5.0 * t)  # a double root at -5
     assert np.abs(run.error - exact).max() < 1e-3
+
+
+def test_the_memory_of_a_cost_does_not_grow_with_the_horizon():
+    peaks = []
+    for duration in (0.5, 3.0):
+        experiment = fp.paper_experiment(duration=duration)
+        fp.evaluate(dataclasses.replace(experiment, duration=0.1), fp.paper_controller())
+        tracemalloc.start()
+        fp.evaluate(experiment, fp.paper_controller())
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.2 * peaks[0]

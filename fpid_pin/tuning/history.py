@@ -1,0 +1,206 @@
+"""What a search leaves behind: its history, and its result."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.controller import Controller
+
+IntArray = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """A row for each generation, G of them; a column for each seed, S.
+
+    Attributes
+    ----------
+    seeds
+        The seeds, in the columns' order.
+    labels
+        Names of the parameters sought, ``kp.0`` for joint 0.
+    best
+        Lowest cost in the population that survived, (G, S); (G, S, costs) where there are several.
+    mean
+        Mean of its finite costs, of the same shape.
+    best_parameters
+        Parameters of the best, (G, S, parameters); of the best by the first of several costs.
+    diverged
+        Candidates of this generation that diverged, (G, S).
+    simulated
+        Runs simulated in this generation, (G,): of candidates equal to one whose cost is known
+        there is none.
+    evaluations
+        Candidates evaluated so far, all seeds together, (G,).
+    """
+
+    seeds: tuple[int, ...]
+    labels: tuple[str, ...]
+    best: FloatArray
+    mean: FloatArray
+    best_parameters: FloatArray
+    diverged: IntArray
+    simulated: IntArray
+    evaluations: IntArray
+
+    def __len__(self) -> int:
+        return len(self.evaluations)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return one row a generation and seed, for a table."""
+        rows = []
+        for g in range(len(self)):
+            for s, seed in enumerate(self.seeds):
+                row: dict[str, Any] = {
+                    "generation": g + 1,
+                    "seed": seed,
+                    "evaluations": int(self.evaluations[g]),
+                }
+                row |= _numbered("best cost", self.best[g, s])
+                row |= _numbered("mean cost", self.mean[g, s])
+                row["diverged"] = int(self.diverged[g, s])
+                row |= {
+                    label: float(value)
+                    for label, value in zip(self.labels, self.best_parameters[g, s], strict=True)
+                }
+                rows.append(row)
+        return rows
+
+    def curves(self) -> dict[str, FloatArray]:
+        """Return what a convergence plot shows, (G,) each: best of each seed, and their mean."""
+        best = self.best if self.best.ndim == 2 else self.best[..., 0]
+        mean = self.mean if self.mean.ndim == 2 else self.mean[..., 0]
+        if len(self.seeds) == 1:
+            return {"best": best[:, 0], "population mean": mean[:, 0]}
+        named = {f"seed {seed}": best[:, s] for s, seed in enumerate(self.seeds)}
+        return named | {"population mean": mean.mean(axis=1)}
+
+    def comma_separated(self) -> str:
+        """Return `rows` as CSV, every digit."""
+        rows = self.rows()
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        for row in rows:
+            writer.writerow({k: repr(v) if isinstance(v, float) else v for k, v in row.items()})
+        return text.getvalue()
+
+
+def _numbered(name: str, value: Any) -> dict[str, float]:
+    values = np.atleast_1d(value)
+    if len(values) == 1:
+        return {name: float(values[0])}
+    return {f"{name} {k}": float(v) for k, v in enumerate(values)}
+
+
+@dataclass(frozen=True, eq=False)
+class TuningResult:
+    """The best of a search, and how it came about.
+
+    Attributes
+    ----------
+    controller, cost
+        The best of all seeds.
+    parameters
+        What was sought, at the best: by name, floats where shared, else (n,).
+    controllers, costs
+        The best of each seed, and its cost, (S,).
+    history
+        Generation by generation.
+    evaluations, simulations
+        Candidates evaluated, and runs simulated for them; fewer where candidates were equal, more
+        where each goes through several experiments.
+    """
+
+    controller: Controller
+    cost: float
+    parameters: Mapping[str, float | FloatArray]
+    controllers: tuple[Controller, ...]
+    costs: FloatArray
+    history: History
+    evaluations: int
+    simulations: int
+
+    @property
+    def mean(self) -> float:
+        """Mean over the seeds of their best cost."""
+        return float(np.mean(self.costs))
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation over the seeds of their best cost; 0 for a single seed."""
+        return float(np.std(self.costs, ddof=1)) if len(self.costs) > 1 else 0.0
+
+    def __str__(self) -> str:
+        seeds = len(self.costs)
+        about = f"{seeds} seeds: {self.mean:.6g} +- {self.spread:.2g}" if seeds > 1 else "1 seed"
+        return f"cost {self.cost:.6g} ({about}; {self.evaluations} evaluations)"
+
+
+@dataclass(frozen=True, eq=False)
+class ParetoResult:
+    """Controllers of which none is better than another in every cost.
+
+    Attributes
+    ----------
+    controllers
+        K of them, by rising first cost.
+    costs
+        (K, costs).
+    parameters
+        (K, parameters), named by ``history.labels``.
+    history
+        Generation by generation.
+    evaluations, simulations
+        As in `TuningResult`.
+    """
+
+    controllers: tuple[Controller, ...]
+    costs: FloatArray
+    parameters: FloatArray
+    history: History
+    evaluations: int
+    simulations: int
+
+    def __len__(self) -> int:
+        return len(self.controllers)
+
+
+@dataclass(frozen=True)
+class Report:
+    """Where a search stands; what ``progress=`` is called with.
+
+    Attributes
+    ----------
+    part
+        Of the whole search, 0 to 1.
+    generation, generations
+        The one at work, from 1; and how many there will be.
+    complete
+        Whether that generation is done, and its checkpoint written.
+    best
+        Lowest cost so far (the first of several), inf before the first generation is done.
+    evaluations
+        Candidates evaluated so far, all seeds together.
+    rate
+        Evaluations a second in this process, 0 before any is done.
+    seconds_left
+        At that rate; NaN before any is done.
+    """
+
+    part: float
+    generation: int
+    generations: int
+    complete: bool
+    best: float
+    evaluations: int
+    rate: float
+    seconds_left: float

@@ -1,0 +1,266 @@
+"""What a search may change: parameters of a controller by name, with bounds."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.controller import Controller
+from fpid_pin.exceptions import ArgumentError
+
+SCALES = ("linear", "log")
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Gene:
+    """Bounds of one parameter.
+
+    Parameters
+    ----------
+    low, high
+        Scalars, or (n,) for bounds of each joint's own.
+    scale
+        ``"linear"`` or ``"log"``: where a value lies between its bounds, and so how the first
+        population is spread and how far a mutation reaches.
+    shared
+        One value for all joints; otherwise each joint has its own.
+    """
+
+    low: ArrayLike
+    high: ArrayLike
+    scale: str = "linear"
+    shared: bool = False
+
+
+class Space:
+    """The parameters that a search may change.
+
+    Parameters
+    ----------
+    **genes
+        By the name of a controller's argument: a `Gene`, or ``(low, high)`` with ``"log"`` and
+        ``"shared"`` behind it as needed.
+
+    Raises
+    ------
+    ArgumentError
+        No parameter, or bounds that are empty, reversed, not finite, or not positive where the
+        scale is logarithmic. Names are checked when the space meets a controller, in `bind`.
+
+    Examples
+    --------
+    >>> Space(integral_order=(0, 1), kp=(1, 100, "log"), learning_rate=(1, 100, "log", "shared"))
+    Space(integral_order=(0, 1), kp=(1, 100, 'log'), learning_rate=(1, 100, 'log', 'shared'))
+    """
+
+    def __init__(self, **genes: Gene | Sequence[Any] | Mapping[str, Any]) -> None:
+        if not genes:
+            raise ArgumentError("space", "at least one parameter", "none")
+        self.genes: dict[str, Gene] = {name: _gene(name, given) for name, given in genes.items()}
+
+    def __repr__(self) -> str:
+        parts = []
+        for name, gene in self.genes.items():
+            words = [_plain(gene.low), _plain(gene.high)]
+            words += [repr("log")] if gene.scale == "log" else []
+            words += [repr("shared")] if gene.shared else []
+            parts.append(f"{name}=({', '.join(words)})")
+        return f"Space({', '.join(parts)})"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the table of the space: plain numbers and strings."""
+        return {
+            name: {
+                "low": np.asarray(gene.low).tolist(),
+                "high": np.asarray(gene.high).tolist(),
+                "scale": gene.scale,
+                "shared": gene.shared,
+            }
+            for name, gene in self.genes.items()
+        }
+
+    def bind(self, controller: Controller, n: int) -> BoundSpace:
+        """Meet the controller whose parameters are to change, on an arm with `n` joints.
+
+        Raises
+        ------
+        ArgumentError
+            A name that is none of its numeric parameters (the nearest is given), bounds of a wrong
+            length, or bounds that the controller itself refuses.
+        """
+        return BoundSpace(self, controller, n)
+
+
+class BoundSpace:
+    """A space on one controller: the unit cube [0, 1]^size, a coordinate for each number sought.
+
+    Attributes
+    ----------
+    size
+        Number of coordinates.
+    labels
+        Their names: ``kp.0`` for joint 0 (first), ``kp`` for a shared one.
+    """
+
+    def __init__(self, space: Space, controller: Controller, n: int) -> None:
+        self.space, self.base = space, controller
+        known = _numeric_parameters(controller)
+        self._places: dict[str, slice] = {}
+        low: list[float] = []
+        high: list[float] = []
+        labels: list[str] = []
+        log: list[bool] = []
+        for name, gene in space.genes.items():
+            checks.choice(f"space.{name}", name, known)
+            count = 1 if gene.shared else n
+            self._places[name] = slice(len(low), len(low) + count)
+            low += _bounds(f"space.{name}.low", gene.low, count, n).tolist()
+            high += _bounds(f"space.{name}.high", gene.high, count, n).tolist()
+            labels += [name] if gene.shared else [f"{name}.{joint}" for joint in range(n)]
+            log += [gene.scale == "log"] * count
+        self.low, self.high = checks.read_only(low), checks.read_only(high)
+        self.labels, self._log = tuple(labels), log
+        self.size = len(labels)
+        for name in space.genes:
+            for end, values in (("low", self.low), ("high", self.high)):
+                try:
+                    self._replace({name: self._member(name, values)})
+                except ArgumentError as error:
+                    raise ArgumentError(f"space.{name}.{end}", error.expected, error.got) from None
+
+    def _member(self, name: str, values: FloatArray) -> float | FloatArray:
+        part = values[self._places[name]]
+        return float(part[0]) if self.space.genes[name].shared else checks.read_only(part)
+
+    def _replace(self, members: Mapping[str, Any]) -> Controller:
+        changed = dataclasses.replace(cast("Any", self.base), **members)
+        return cast("Controller", changed)
+
+    def values(self, points: FloatArray) -> FloatArray:
+        """Map points of the unit cube, (..., size), to parameter values of the same shape."""
+        rows = np.asarray(points, dtype=np.float64).reshape(-1, self.size)
+        out = np.empty_like(rows)
+        for k, log in enumerate(self._log):
+            low, high = float(self.low[k]), float(self.high[k])
+            for row, x in enumerate(rows[:, k].tolist()):
+                # Scalar exp on purpose: numpy's vector exp may round a value differently according
+                # to where in an array it stands, and a candidate must not depend on its company.
+                value = low * math.exp(x * math.log(high / low)) if log else low + x * (high - low)
+                out[row, k] = high if x >= 1.0 else min(max(value, low), high)
+        return out.reshape(np.shape(points))
+
+    def members(self, point: FloatArray) -> dict[str, float | FloatArray]:
+        """Return the parameters at a point, (size,), by name: floats where shared, else (n,)."""
+        values = self.values(point)
+        return {name: self._member(name, values) for name in self.space.genes}
+
+    def controller(self, point: FloatArray, name: str | None = None) -> Controller:
+        """Return the controller with the parameters at a point, (size,).
+
+        `name` is given to it where its kind has names.
+        """
+        members: dict[str, Any] = dict(self.members(point))
+        if name is not None and hasattr(self.base, "name"):
+            members["name"] = name
+        return self._replace(members)
+
+    def point(self, controller: Controller, n: int) -> FloatArray:
+        """Return the point at which `controller` lies, (size,).
+
+        Raises
+        ------
+        ArgumentError
+            It lies outside, or differs between joints where the space shares.
+        """
+        out = np.empty(self.size)
+        for name, place in self._places.items():
+            given = checks.per_joint(f"initial.{name}", getattr(controller, name), n)
+            if self.space.genes[name].shared:
+                if (given != given[0]).any():
+                    raise ArgumentError(f"initial.{name}", "one value for all joints", given)
+                given = given[:1]
+            low, high = self.low[place], self.high[place]
+            if (given < low).any() or (given > high).any():
+                raise ArgumentError(f"initial.{name}", f"within {low} and {high}", given)
+            for k, value in zip(range(place.start, place.stop), given.tolist(), strict=True):
+                a, b = float(self.low[k]), float(self.high[k])
+                part = (
+                    math.log(value / a) / math.log(b / a) if self._log[k] else (value - a) / (b - a)
+                )
+                out[k] = min(max(part, 0.0), 1.0)
+        return out
+
+
+def _gene(name: str, given: Gene | Sequence[Any] | Mapping[str, Any]) -> Gene:
+    path = f"space.{name}"
+    if isinstance(given, Mapping):
+        fields = [f.name for f in dataclasses.fields(Gene)]
+        for key in given:
+            checks.choice(f"{path}.{key}", key, fields)
+        for key in ("low", "high"):
+            if key not in given:
+                raise ArgumentError(f"{path}.{key}", "a number", "none")
+        gene = Gene(**given)
+    elif isinstance(given, Gene):
+        gene = given
+    else:
+        gene = _from_sequence(path, given)
+    checks.choice(f"{path}.scale", gene.scale, SCALES)
+    if not isinstance(gene.shared, bool):
+        raise ArgumentError(f"{path}.shared", "true or false", repr(gene.shared))
+    low = checks.floats(f"{path}.low", gene.low, max_ndim=1)
+    high = checks.floats(f"{path}.high", gene.high, max_ndim=1)
+    if low.ndim and high.ndim and low.shape != high.shape:
+        raise ArgumentError(path, "bounds of one length", f"shapes {low.shape} and {high.shape}")
+    if gene.scale == "log":
+        checks.floats(f"{path}.low", low, above=0.0)
+    if not np.all(low < high):
+        raise ArgumentError(path, "low < high", f"({_plain(low)}, {_plain(high)})")
+    return Gene(low, high, gene.scale, gene.shared)
+
+
+def _from_sequence(path: str, given: Sequence[Any]) -> Gene:
+    expected = 'bounds (low, high), then "log" or "shared" as needed'
+    if isinstance(given, str) or not isinstance(given, Sequence) or not 2 <= len(given) <= 4:
+        raise ArgumentError(path, expected, repr(given))
+    words = list(given[2:])
+    for word in words:
+        checks.choice(path, word, ("linear", "log", "shared"))
+    if len(set(words)) < len(words) or {"linear", "log"} <= set(words):
+        raise ArgumentError(path, expected, repr(given))
+    return Gene(given[0], given[1], "log" if "log" in words else "linear", "shared" in words)
+
+
+def _bounds(name: str, value: ArrayLike, count: int, n: int) -> FloatArray:
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim and count == 1 and n > 1:
+        raise ArgumentError(name, "a number (the parameter is shared)", f"shape {array.shape}")
+    return checks.per_joint(name, array, count if array.ndim == 0 else n)
+
+
+def _numeric_parameters(controller: Controller) -> list[str]:
+    """Return the names of the arguments that hold numbers."""
+    if not dataclasses.is_dataclass(controller):
+        raise ArgumentError("controller", "a dataclass", type(controller).__name__)
+    names = []
+    for field in dataclasses.fields(controller):
+        value = getattr(controller, field.name)
+        if isinstance(value, bool) or not isinstance(value, (int, float, np.ndarray, tuple, list)):
+            continue
+        if field.init and np.asarray(value).dtype.kind in "iuf":
+            names.append(field.name)
+    return names
+
+
+def _plain(value: ArrayLike) -> str:
+    array = np.asarray(value)
+    return (
+        f"{float(array):g}" if array.ndim == 0 else "[" + ", ".join(f"{x:g}" for x in array) + "]"
+    )

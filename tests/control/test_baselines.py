@@ -1,0 +1,253 @@
+"""The controllers to beat: against closed forms, each other and the arm's own matrices."""
+
+import dataclasses
+import pickle
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin import descriptions
+from fpid_pin.control import Controller
+from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
+from fpid_pin.control.baselines.regressor import FRICTION_SPEED, Regressor, parameter_spread
+from fpid_pin.control.saturation import Saturation
+
+ALL = [
+    Pid(kp=(80.0, 90.0), ki=50.0, kd=(20.0, 15.0)),
+    PdGravity(kp=100.0, kd=20.0, scale="inertia"),
+    SlidingMode(slope=8.0, gain=(20.0, 30.0), boundary_layer=0.2),
+    SlotineLi(slope=6.0, damping=15.0, adaptation_rate=0.5, initial=0.7),
+    GravityOnly(),
+    fp.ComputedTorque(k0=60.0, k1=15.0),
+]
+IDS = [law.name for law in ALL]
+
+
+def hold(arm, q0, position, **others):
+    return fp.Experiment(arm=arm, reference=fp.Hold(position), q0=q0, **others)
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5", "panda", "talos_arm", "kinova"])
+def test_slotine_li_regressor_times_the_true_parameters_is_rnea(name):
+    arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
+    rng = np.random.default_rng(3)
+    q, v, w, a = rng.uniform(-2, 2, (4, 50, arm.n))
+    regressor = Regressor(arm, 50)
+    theta = np.concatenate([arm.inertial_parameters, np.zeros(2 * arm.n)])
+    same = regressor.update(q, v, v, a) @ theta + regressor.rotor
+    truth = [arm.inverse_dynamics(*rows) for rows in zip(q, v, a, strict=True)]
+    assert np.abs(same - truth).max() < 1e-10 * max(1.0, np.abs(truth).max())
+    split = regressor.update(q, v, w, a) @ theta + regressor.rotor
+    truth = [
+        arm.mass_matrix(x) @ c + arm.coriolis_matrix(x, y) @ b + arm.gravity_vector(x)
+        for x, y, b, c in zip(q, v, w, a, strict=True)
+    ]
+    assert np.abs(split - truth).max() < 1e-10 * max(1.0, np.abs(truth).max())
+
+
+def test_friction_has_its_columns():
+    arm = fp.Arm.from_example("ur5")
+    w = np.linspace(-0.2, 0.2, arm.n)[np.newaxis]
+    y = Regressor(arm, 1).update(np.zeros_like(w), np.zeros_like(w), w, np.zeros_like(w))
+    viscous, dry = np.arange(1.0, 7.0), np.arange(3.0, 9.0)
+    theta = np.concatenate([np.zeros(10 * arm.n), viscous, dry])
+    expected = viscous * w[0] + dry * np.tanh(w[0] / FRICTION_SPEED)
+    assert (y[0] @ theta) == pytest.approx(expected, abs=1e-14)
+
+
+def test_every_parameter_has_a_size():
+    for name in ("talos_arm", "xarm7", "bravo7_no_ee"):
+        assert (parameter_spread(fp.Arm.from_example(name)) > 0.0).all()
+
+
+@pytest.mark.parametrize(("k0", "k1"), [(25.0, 6.0), (9.0, 6.0)])
+def test_computed_torque_on_the_exact_model_obeys_the_error_equation(k0, k1):
+    arm = fp.Arm.two_link()
+    experiment = fp.Experiment(
+        arm=arm, reference=fp.Sinusoid((0.8, 0.6)), q0=(0.3, -0.4), v0=(0.8, 0.6),
+        step=5e-4, duration=1.5, integrator="rk4",
+    )  # fmt: skip
+    run = fp.simulate(experiment, fp.ComputedTorque(k0=k0, k1=k1))
+    roots = np.roots([1.0, k1, k0]).astype(complex)
+    if abs(roots[0] - roots[1]) < 1e-6:
+        shape = (1.0 - roots[0] * run.t) * np.exp(roots[0] * run.t)
+    else:
+        shape = roots[1] * np.exp(roots[0] * run.t) - roots[0] * np.exp(roots[1] * run.t)
+        shape /= roots[1] - roots[0]
+    expected = np.outer(shape.real, run.error[0])
+    assert np.abs(run.error - expected).max() < 1e-3 * np.abs(run.error[0]).max()
+
+
+def test_pid_is_the_fpid_of_orders_one_with_fixed_gains():
+    experiment = fp.paper_experiment(duration=2.0)
+    law = Pid(kp=(80.0, 90.0), ki=(50.0, 60.0), kd=(20.0, 15.0))
+    fpid = fp.AdaptiveFpid(kp=law.kp, ki=law.ki, kd=law.kd, learning_rate=0.0)
+    one, other = fp.simulate(experiment, law), fp.simulate(experiment, fpid)
+    assert np.abs(one.q - other.q).max() < 1e-13
+    assert np.abs(one.torque - other.torque).max() < 1e-11 * np.abs(one.torque).max()
+
+
+def test_pd_with_gravity_reaches_a_set_point_and_a_wrong_model_leaves_an_offset():
+    arm = fp.Arm.two_link()
+    experiment = hold(arm, (0.0, 0.3), (0.5, -0.2), duration=4.0)
+    law = PdGravity(kp=(200.0, 100.0), kd=(80.0, 30.0))
+    run = fp.simulate(experiment, law)
+    assert np.abs(run.error[-1]).max() < 1e-4
+    heavy = arm.with_payload(0.5)
+    run = fp.simulate(dataclasses.replace(experiment, plant=fp.Plant(arm=heavy)), law)
+    offset = heavy.gravity_vector(run.q[-1]) - arm.gravity_vector(run.q[-1])
+    assert run.error[-1] == pytest.approx(offset / np.array([200.0, 100.0]), rel=1e-3)
+
+
+def test_sliding_mode_reaches_its_layer_and_stays_within_in_spite_of_a_payload():
+    arm = fp.Arm.two_link()
+    law = SlidingMode(slope=5.0, gain=(60.0, 30.0), boundary_layer=0.2)
+    experiment = fp.Experiment(
+        arm=arm, reference=fp.Sinusoid(0.6), q0=(0.3, -0.3),
+        plant=fp.Plant(arm=arm.with_payload(0.3)), duration=4.0,
+    )  # fmt: skip
+    run = fp.simulate(experiment, law)
+    assert np.abs(run.s[0]).max() > 0.2
+    assert np.abs(run.s[1000:]).max() < 0.2
+    # Within the layer |e| <= layer/slope: e' + slope e = -S is a low-pass filter.
+    assert np.abs(run.error[2500:]).max() < 0.2 / 5.0
+
+
+def test_sliding_mode_without_a_layer_switches():
+    loop = SlidingMode(slope=5.0, gain=3.0, boundary_layer=0.0).start(
+        fp.Arm.planar([1.0], [1.0], gravity=0.0), step=1e-3
+    )
+    assert loop.torque([0.0], [1e-9], [0.0], [0.0]) == pytest.approx([-3.0], abs=1e-6)
+    assert loop.torque([0.0], [-1e-9], [0.0], [0.0]) == pytest.approx([3.0], abs=1e-6)
+
+
+def test_slotine_li_that_learns_nothing_is_sliding_mode_inside_its_layer():
+    arm = fp.Arm.from_example("panda")
+    rng = np.random.default_rng(5)
+    q, v, q_ref, v_ref, a_ref = rng.uniform(-0.5, 0.5, (5, arm.n))
+    one = SlotineLi(slope=7.0, damping=4.0, adaptation_rate=0.0).start(arm, step=1e-3)
+    two = SlidingMode(slope=7.0, gain=4e3, boundary_layer=1e3).start(arm, step=1e-3)
+    free = [loop.torque(arm.home + q, v, arm.home + q_ref, v_ref, a_ref) for loop in (one, two)]
+    assert free[0] == pytest.approx(free[1], abs=1e-9)
+
+
+def test_slotine_li_learns_an_arm_that_it_knows_nothing_of():
+    arm = fp.Arm.two_link()
+    experiment = fp.Experiment(arm=arm, reference=fp.Sinusoid(0.8, (1.0, 1.7)), duration=5.0)
+    law = SlotineLi(slope=5.0, damping=30.0, adaptation_rate=10.0, initial=0.0, friction=False)
+    ignorant = dataclasses.replace(law, adaptation_rate=0.0)
+    learnt, without = fp.simulate([experiment, experiment], [law, ignorant])
+    left, before = (np.linalg.norm(run.metrics.rms_tail) for run in (learnt, without))
+    assert left < 0.1 * before
+
+
+def test_slotine_li_lyapunov_function_does_not_rise():
+    arm = fp.Arm.two_link()
+    law = SlotineLi(slope=5.0, damping=20.0, adaptation_rate=4.0, initial=0.5, friction=False)
+    step = 5e-4
+    state = SlotineLi.start_many([law], arm, step=step, horizon=10.0)
+    spread = parameter_spread(arm)[: 10 * arm.n]
+    q, v = np.array([[0.3, -0.2]]), np.zeros((1, 2))
+    values = []
+    for k in range(1500):
+        t = k * step
+        ref = np.full((1, 2), np.sin(t)), np.full((1, 2), np.cos(t)), np.full((1, 2), -np.sin(t))
+        torque = state.torque(q, v, *ref).copy()
+        s = state.signals()["s"][0]
+        wrong = (state.parameters[0, : 10 * arm.n] - arm.inertial_parameters) / spread
+        values.append(0.5 * s @ arm.mass_matrix(q[0]) @ s + 0.5 * wrong @ wrong / 4.0)
+        v = v + step * arm.forward_dynamics(q[0], v[0], torque[0])
+        q = q + step * v
+    # In continuous time V' = -S^T K_D S; a step of h adds terms of the order of h.
+    assert np.diff(values).max() < 5e-4 * values[0]
+    assert values[-1] < 0.95 * values[0]
+
+
+def test_gravity_alone_keeps_an_arm_at_rest():
+    arm = fp.Arm.from_example("panda")
+    run = fp.simulate(hold(arm, arm.home, arm.home, duration=0.2), GravityOnly())
+    assert np.abs(run.error).max() < 1e-9
+
+
+@pytest.mark.parametrize("law", ALL, ids=IDS)
+def test_torques_stay_within_the_effort_limits(law):
+    arm = fp.Arm.two_link().with_limits(effort=(12.0, 5.0))
+    experiment = hold(arm, (0.0, 0.35), (1.0, 0.5), duration=0.5)
+    run = fp.simulate(experiment, law)
+    assert (np.abs(run.torque).max(axis=0) == [12.0, 5.0]).any()
+    assert (np.abs(run.torque) <= [12.0, 5.0]).all()
+
+
+def test_pid_winds_up_less_than_one_that_always_integrates(monkeypatch):
+    arm = fp.Arm.planar([1.0], [1.0], gravity=0.0).with_limits(effort=1.0)
+    law = Pid(kp=30.0, ki=30.0, kd=10.0)
+    experiment = hold(arm, 0.0, 1.0, duration=5.0, step=2e-3)
+    held = fp.simulate(experiment, law)
+    monkeypatch.setattr(Saturation, "winds_up", lambda self, push: None)
+    wound = fp.simulate(experiment, law)
+    assert -held.error.min() < 0.6 * -wound.error.min()
+
+
+@pytest.mark.parametrize("law", ALL, ids=IDS)
+def test_bits_do_not_depend_on_the_batch(law):
+    experiments = [
+        hold(fp.Arm.two_link(), (0.1 * k, 0.3), (0.5, -0.1 * k), duration=0.05) for k in range(5)
+    ]
+    arm = experiments[0].arm
+    experiments = [dataclasses.replace(e, arm=arm) for e in experiments]
+    laws = [law]
+    if hasattr(law, "kd"):
+        laws = [dataclasses.replace(law, kd=5.0 + k) for k in range(5)]
+    together = fp.simulate(experiments, laws * (5 // len(laws)))
+    for k, run in enumerate(together):
+        alone = fp.simulate(experiments[k], laws[k % len(laws)])
+        assert (run.torque == alone.torque).all()
+        assert (run.q == alone.q).all()
+
+
+@pytest.mark.parametrize("law", ALL, ids=IDS)
+def test_a_retired_run_is_silent_and_the_other_unaffected(law):
+    arm = fp.Arm.two_link()
+    rng = np.random.default_rng(0)
+    inputs = rng.uniform(-1.0, 1.0, (3, 5, 2, 2))
+    kept = type(law).start_many([law, law], arm, step=1e-3, horizon=1.0)
+    alone = type(law).start_many([law], arm, step=1e-3, horizon=1.0)
+    for k, rows in enumerate(inputs):
+        rows[:, 0] = rows[:, 0] if k == 0 else 0.0
+        torque = kept.torque(*rows)[1]
+        assert (torque == alone.torque(*np.ascontiguousarray(rows[:, 1:]))[0]).all()
+        kept.retire(0)
+    assert np.isfinite(kept.torque(*inputs[-1])).all()
+
+
+@pytest.mark.parametrize("law", ALL, ids=IDS)
+def test_descriptions_survive_a_table_and_a_pickle(law):
+    table = descriptions.to_dict(law)
+    for copy in (descriptions.from_dict(table, Controller), pickle.loads(pickle.dumps(law))):
+        assert descriptions.to_dict(copy) == table
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Pid(kp=-1.0, ki=0.0, kd=0.0), "kp: expected a number >= 0, got -1"),
+        (lambda: Pid(kp=(1.0, 2.0), ki=(1.0, 2.0, 3.0), kd=0.0), "one length for all joints"),
+        (lambda: PdGravity(kp=1.0, kd=np.nan), "kd: expected a number >= 0, got nan"),
+        (lambda: PdGravity(kp=1.0, kd=1.0, scale="inertias"), "did you mean inertia"),
+        (lambda: SlidingMode(slope=1.0, gain=1.0, boundary_layer=-0.1), "boundary_layer"),
+        (lambda: SlotineLi(slope=1.0, damping=1.0, initial=-1.0), "initial"),
+        (lambda: SlotineLi(slope=1.0, damping=1.0, friction=1), "friction: expected true or"),
+    ],
+)
+def test_bad_arguments_are_named(build, message):
+    with pytest.raises(fp.ArgumentError, match=message):
+        build()
+
+
+@pytest.mark.parametrize(
+    "law", [Pid(np.ones(3), 1.0, 1.0), SlotineLi(np.ones(3), 1.0), SlidingMode(1.0, np.ones(3))]
+)
+def test_a_law_for_another_arm_is_refused(law):
+    with pytest.raises(fp.ArgumentError, match=r"expected shape \(2,\) \(the arm has 2 joints\)"):
+        law.start(fp.Arm.two_link(), step=1e-3)

@@ -1,0 +1,113 @@
+"""What keeps adapted gains bounded, each against its closed form."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.control import Safeguards
+from fpid_pin.control.adaptation import Adaptation
+
+STEP = 1e-3
+START = np.array([10.0, 20.0, 5.0]).reshape(3, 1, 1)
+
+
+def adapted(guard, signals, ticks, rate=25.0, hold=None):
+    """Return the gains, (ticks, 3), of one joint whose [int e, e, e'] stays at `signals`."""
+    one = np.ones((1, 1))
+    law = Adaptation(START, np.full((3, 1, 1), rate), one, 2.0 * one, step=STEP, safeguards=[guard])
+    rows = np.array(signals, dtype=float).reshape(3, 1, 1)
+    regressors = rows[[1, 0, 2]].copy()
+    history = []
+    for _ in range(ticks):
+        law.measure(rows)
+        law.advance(regressors, hold)
+        history.append(law.gains[:, 0, 0].copy())
+    return np.array(history)
+
+
+def test_unguarded_gains_drift_for_ever_under_a_constant_error():
+    gains = adapted(None, (0.3, 0.0, 0.0), 4000)
+    slope = 25.0 * 0.3**2  # gamma k0 (int e)^2
+    assert gains[-1] == pytest.approx([10.0, 20.0 + slope * 4.0, 5.0], rel=1e-9)
+
+
+def test_projection_keeps_each_gain_within_its_bounds():
+    maximum = np.array([[10.5], [20.5], [5.5]])
+    gains = adapted(Safeguards(minimum=4.0, maximum=maximum), (0.5, 0.4, 0.3), 5000)
+    assert (gains <= maximum.T).all()
+    assert gains[-1] == pytest.approx(maximum[:, 0])
+    falling = adapted(Safeguards(minimum=4.0), (-2.0, 0.4, 0.3), 5000)
+    assert (falling >= 4.0).all()
+    assert falling[-1, 0] == 4.0
+
+
+def test_projection_counts_from_the_start():
+    gains = adapted(Safeguards(maximum=8.0), (0.0, 0.0, 0.0), 1)
+    assert gains[0] == pytest.approx([8.0, 8.0, 5.0])
+    law = fp.AdaptiveFpid(kp=10.0, ki=3.0, kd=2.0, safeguards=Safeguards(maximum=8.0))
+    loop = law.start(fp.Arm.two_link(), step=STEP)
+    assert loop.torque([0.0, 0.0], [0.0, 0.0], [0.1, 0.1], [0.0, 0.0])[0] < 0.1 * 8.0 + 1e-2
+
+
+def test_sigma_modification_settles_where_gradient_and_leakage_balance():
+    sigma, rate, e = 4.0, 25.0, 0.1
+    gains = adapted(Safeguards(sigma=sigma), (0.0, e, 0.0), 4000, rate=rate)
+    offset = rate * 2.0 * e * e / sigma  # -gamma S e = gamma k1 e^2
+    t = STEP * np.arange(1, 4001)
+    assert gains[:, 0] == pytest.approx(10.0 + offset * (1.0 - np.exp(-sigma * t)), rel=1e-3)
+    assert gains[-1, 1:] == pytest.approx([20.0, 5.0])
+
+
+def test_e_modification_leaks_only_while_the_surface_is_away_from_zero():
+    nu, rate, e = 0.4, 25.0, 0.1
+    gains = adapted(Safeguards(e_modification=nu), (0.0, e, 0.0), 10_000, rate=4.0 * rate)
+    # gamma |S| e = gamma nu |S| (K - K0): the offset is e/nu whatever the rate.
+    assert gains[-1, 0] == pytest.approx(10.0 + e / nu, rel=1e-4)
+    still = adapted(Safeguards(e_modification=nu), (-0.2, 0.1, 0.0), 100)
+    assert (still == START[:, 0, 0]).all()
+
+
+def test_nothing_adapts_within_the_dead_zone_and_only_the_excess_counts_beyond():
+    within = adapted(Safeguards(dead_zone=0.21), (0.0, 0.1, 0.0), 100)
+    assert (within == START[:, 0, 0]).all()
+    beyond = adapted(Safeguards(dead_zone=0.15), (0.0, 0.1, 0.0), 1000)
+    assert beyond[-1, 0] == pytest.approx(10.0 + 25.0 * (0.2 - 0.15) * 0.1, rel=1e-9)
+
+
+def test_a_held_joint_does_not_even_leak():
+    hold = np.ones((1, 1), dtype=bool)
+    gains = adapted(Safeguards(sigma=5.0), (0.0, 0.1, 0.0), 100, hold=hold)
+    assert (gains == START[:, 0, 0]).all()
+
+
+def test_guarded_runs_have_the_same_bits_beside_unguarded_ones():
+    base = fp.paper_controller(supervised=False)
+    guards = [None, Safeguards(maximum=27.0), Safeguards(sigma=0.5, dead_zone=0.01)]
+    laws = [dataclasses.replace(base, safeguards=g) for g in guards]
+    experiment = fp.paper_experiment(duration=0.3)
+    for law, run in zip(laws, fp.simulate(experiment, laws), strict=True):
+        alone = fp.simulate(experiment, law)
+        assert (run.ki == alone.ki).all()
+        assert (run.q == alone.q).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"minimum": 5.0, "maximum": 4.0}, "safeguards.minimum: expected at most"),
+        ({"sigma": -1.0}, "safeguards.sigma: expected a number >= 0, got -1"),
+        ({"dead_zone": np.nan}, "safeguards.dead_zone"),
+        ({"maximum": -1.0}, "safeguards.maximum: expected a number >= 0"),
+    ],
+)
+def test_bad_safeguards_are_named(arguments, message):
+    with pytest.raises(fp.ArgumentError, match=message):
+        Safeguards(**arguments)
+
+
+def test_bounds_for_another_number_of_joints_are_refused():
+    law = fp.AdaptiveFpid(kp=1.0, ki=1.0, kd=1.0, safeguards=Safeguards(maximum=np.ones(4)))
+    with pytest.raises(fp.ArgumentError, match=r"safeguards.maximum: expected shape \(2,\) or"):
+        law.start(fp.Arm.two_link(), step=STEP)

@@ -1,0 +1,114 @@
+"""What sensors do to q and q': quantisation, noise, differentiation, delay."""
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.simulation.sensors import SensorState
+
+STEP = 1e-3
+
+
+def measured(sensors, q, v=None, seeds=None, n=1):
+    """Pass signals (K, runs, n) through the sensors of `runs` robots."""
+    runs = q.shape[1]
+    state = SensorState([sensors] * runs if not isinstance(sensors, list) else sensors,
+                        seeds or [0] * runs, n, STEP)  # fmt: skip
+    v = np.zeros_like(q) if v is None else v
+    return np.array([state.measure(x, y).copy() for x, y in zip(q, v, strict=True)])
+
+
+def ramp(rows, runs=1, n=1, slope=1.0):
+    t = STEP * np.arange(rows).reshape(-1, 1, 1)
+    return np.broadcast_to(slope * t, (rows, runs, n)).copy()
+
+
+def test_an_encoder_counts_whole_steps():
+    q = ramp(500, slope=0.37)
+    found = measured(fp.Sensors(position_resolution=1e-2), q)[:, 0]
+    assert np.abs(found - q).max() <= 0.5e-2 + 1e-12
+    counts = found / 1e-2
+    assert counts == pytest.approx(np.rint(counts), abs=1e-9)
+
+
+def test_noise_has_its_standard_deviation_and_is_white():
+    q = np.zeros((20_000, 1, 2))
+    sensors = fp.Sensors(position_noise=(1e-3, 0.0), velocity_noise=0.05)
+    found = measured(sensors, q, n=2)
+    assert found[:, 0, 0, 0].std() == pytest.approx(1e-3, rel=0.03)
+    assert (found[:, 0, 0, 1] == 0.0).all()
+    speed = found[:, 1, 0, :]
+    assert speed.std(axis=0) == pytest.approx([0.05, 0.05], rel=0.03)
+    neighbours = np.corrcoef(speed[1:, 0], speed[:-1, 0])[0, 1]
+    between = np.corrcoef(speed[:, 0], speed[:, 1])[0, 1]
+    assert abs(neighbours) < 0.03
+    assert abs(between) < 0.03
+
+
+def test_a_bias_is_constant():
+    found = measured(fp.Sensors(velocity_bias=0.02), ramp(5), ramp(5))
+    assert found[:, 1] == pytest.approx(ramp(5) + 0.02)
+
+
+def test_differentiation_finds_the_speed_of_a_ramp_with_the_filters_lag():
+    cutoff = 50.0
+    q = ramp(400, slope=2.0)
+    found = measured(fp.Sensors(velocity="differentiated", velocity_cutoff=cutoff), q)[:, 1, 0, 0]
+    t = STEP * np.arange(400)
+    assert found == pytest.approx(2.0 * (1.0 - np.exp(-cutoff * t)), abs=1e-9)
+
+
+def test_differentiation_sees_the_quantisation():
+    q = ramp(400, slope=0.1)
+    clean = measured(fp.Sensors(velocity="differentiated"), q)[200:, 1]
+    coarse = measured(fp.Sensors(velocity="differentiated", position_resolution=1e-3), q)[200:, 1]
+    assert clean.std() < 1e-9
+    assert coarse.std() > 0.01
+
+
+def test_everything_is_late_by_whole_samples_and_the_past_was_at_rest_there():
+    q, v = ramp(50) + 0.3, ramp(50, slope=-2.0)
+    found = measured(fp.Sensors(delay=7), q, v)
+    assert (found[7:, 0] == q[:-7]).all()
+    assert (found[7:, 1] == v[:-7]).all()
+    assert (found[:7, 0] == q[0]).all()
+
+
+def test_a_runs_noise_depends_on_its_seed_only():
+    sensors = fp.Sensors(position_noise=1e-3, velocity_noise=1e-2, delay=2)
+    mixed = [sensors, None, fp.Sensors(delay=5), sensors]
+    q = np.random.default_rng(1).uniform(-1, 1, (600, 4, 1))
+    together = measured(mixed, q, seeds=[3, 4, 5, 6])
+    for run, seed in ((0, 3), (3, 6)):
+        alone = measured([sensors], np.ascontiguousarray(q[:, run : run + 1]), seeds=[seed])
+        assert (together[:, :, run] == alone[:, :, 0]).all()
+    assert (together[:, 0, 1] == q[:, 1]).all()
+    assert (together[:, 0, 0] != together[:, 0, 3]).any()
+
+
+def test_a_retired_run_stays_zero():
+    state = SensorState(
+        [fp.Sensors(position_noise=1.0, velocity_noise=1.0, velocity_bias=1.0, delay=3)], [0], 1,
+        STEP,
+    )  # fmt: skip
+    state.measure(np.ones((1, 1)), np.ones((1, 1)))
+    state.retire(0)
+    for _ in range(600):
+        found = state.measure(np.zeros((1, 1)), np.zeros((1, 1)))
+    assert (found == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"position_noise": -1.0}, "sensors.position_noise: expected a number >= 0, got -1"),
+        ({"delay": 1.5}, "sensors.delay: expected a whole number, got 1.5"),
+        ({"delay": -1}, "sensors.delay"),
+        ({"velocity": "derived"}, "sensors.velocity: expected one of measured, differentiated"),
+        ({"velocity_cutoff": 0.0}, "sensors.velocity_cutoff: expected a number > 0"),
+        ({"velocity_bias": np.inf}, "sensors.velocity_bias"),
+    ],
+)
+def test_bad_sensors_are_named(arguments, message):
+    with pytest.raises(fp.ArgumentError, match=message):
+        fp.Sensors(**arguments)

@@ -1,0 +1,233 @@
+import dataclasses
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.exceptions import TuningError
+from fpid_pin.tuning import Space, pareto, tune
+
+EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
+CONTROLLER = fp.paper_controller(supervised=False)
+ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
+SMALL = {"population": 6, "seeds": (0, 7)}
+TWO = (fp.MetricCost("ise"), fp.MetricCost("energy"))
+
+SCRIPT = """
+import sys
+import fpid_pin as fp
+from fpid_pin.tuning import Space, tune
+
+def said(report):
+    print(report.generation, flush=True)
+
+tune(fp.paper_experiment(duration=0.3, step=5e-3), fp.paper_controller(supervised=False),
+     Space(integral_order=(0, 1), derivative_order=(0, 1)), population=6, seeds=(0, 7),
+     generations=30, checkpoint=sys.argv[1], resume=True, progress=said)
+print("done", flush=True)
+"""
+
+
+def bits(result):
+    h = result.history
+    arrays = (h.best, h.mean, h.best_parameters, h.diverged, h.simulated, np.asarray(result.costs))
+    return [array.tobytes() for array in arrays]
+
+
+def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
+    chance = random.Random(4)
+    path = tmp_path / "search.npz"
+    kills, stopped_at = 0, []
+    for _ in range(6):
+        with subprocess.Popen(
+            [sys.executable, "-c", SCRIPT, str(path)], stdout=subprocess.PIPE, text=True
+        ) as child:
+            wanted = chance.randint(2, 7)
+            for line in child.stdout:
+                wanted -= line.strip().isdigit()
+                if wanted == 0:
+                    time.sleep(chance.random() * 0.02)
+                    child.send_signal(signal.SIGKILL)
+                    break
+            child.stdout.read()
+        if child.returncode == 0:
+            break
+        assert child.returncode == -signal.SIGKILL
+        kills += 1
+        stopped_at.append(np.load(path)["seed0_generation"] if path.exists() else 0)
+        if kills == 2:
+            break
+    assert kills == 2
+    assert len(set(map(int, stopped_at))) == 2
+    leftovers = [f for f in tmp_path.iterdir() if f != path and not f.name.endswith(".part")]
+    assert leftovers == []
+    resumed = tune(
+        EXPERIMENT, CONTROLLER, ORDERS, generations=30, checkpoint=path, resume=True, **SMALL
+    )
+    never = tune(EXPERIMENT, CONTROLLER, ORDERS, generations=30, **SMALL)
+    assert bits(resumed) == bits(never)
+
+
+@pytest.mark.parametrize("done", [1, 3])
+def test_a_search_can_be_made_longer(tmp_path, done):
+    path = tmp_path / "search.npz"
+    tune(EXPERIMENT, CONTROLLER, ORDERS, generations=done, checkpoint=path, **SMALL)
+    longer = tune(
+        EXPERIMENT, CONTROLLER, ORDERS, generations=5, checkpoint=path, resume=True, **SMALL
+    )
+    assert bits(longer) == bits(tune(EXPERIMENT, CONTROLLER, ORDERS, generations=5, **SMALL))
+    with pytest.raises(TuningError, match="generations is 4 here, and 5 are done"):
+        tune(EXPERIMENT, CONTROLLER, ORDERS, generations=4, checkpoint=path, resume=True, **SMALL)
+
+
+def test_a_front_resumes_to_the_same_bits(tmp_path):
+    path = tmp_path / "front.npz"
+    pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=2, checkpoint=path, **SMALL)
+    resumed = pareto(
+        EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=5, checkpoint=path, resume=True, **SMALL
+    )
+    never = pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=5, **SMALL)
+    assert bits(resumed) == bits(never)
+
+
+@pytest.fixture
+def checkpoint(tmp_path):
+    path = tmp_path / "search.npz"
+    tune(EXPERIMENT, CONTROLLER, ORDERS, generations=2, checkpoint=path, **SMALL)
+    return path
+
+
+def resume(path, **changes):
+    given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS} | SMALL
+    return tune(**(given | changes), generations=3, checkpoint=path, resume=True)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"population": 8}, "population is 6 there and 8 here"),
+        ({"seeds": (0, 8)}, "seeds.1 is 7 there and 8 here"),
+        ({"mutation": 0.1}, "mutation is 0.03 there and 0.1 here"),
+        ({"cost": fp.QuadraticCost(1, 0)}, "cost.0.w2 is 0.0001 there and 0.0 here"),
+        ({"space": Space(integral_order=(0, 1), derivative_order=(0.5, 1))},
+         "space.derivative_order.low is 0.0 there and 0.5 here"),
+        ({"controller": dataclasses.replace(CONTROLLER, kp=(10, 13))},
+         "controller.kp.1 is 12.0 there and 13.0 here"),
+        ({"experiment": dataclasses.replace(EXPERIMENT, duration=0.4)},
+         "experiment.0.duration is 0.3 there and 0.4 here"),
+        ({"experiment": dataclasses.replace(EXPERIMENT, arm=EXPERIMENT.arm.with_payload(1.0))},
+         "experiment.0.arm."),
+    ],
+)  # fmt: skip
+def test_a_checkpoint_of_another_search_is_refused_with_the_difference(checkpoint, changes, said):
+    before = checkpoint.read_bytes()
+    with pytest.raises(TuningError) as error:
+        resume(checkpoint, **changes)
+    assert "a checkpoint of another search" in str(error.value)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+    assert checkpoint.read_bytes() == before
+
+
+def test_an_earlier_checkpoint_is_never_overwritten_unasked(checkpoint):
+    before = checkpoint.read_bytes()
+    with pytest.raises(TuningError, match="resume it, or remove it"):
+        tune(EXPERIMENT, CONTROLLER, ORDERS, generations=2, checkpoint=checkpoint, **SMALL)
+    assert checkpoint.read_bytes() == before
+
+
+def test_a_checkpoint_cut_anywhere_is_refused(checkpoint):
+    whole = checkpoint.read_bytes()
+    for length in np.linspace(0, len(whole) - 1, 12).astype(int):
+        checkpoint.write_bytes(whole[:length])
+        with pytest.raises(fp.FileFormatError, match="cut short"):
+            resume(checkpoint)
+
+
+def rewritten(path, **changes):
+    with np.load(path, allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    np.savez(path, **(arrays | changes))
+
+
+def test_an_altered_checkpoint_is_refused(checkpoint):
+    with np.load(checkpoint) as file:
+        costs, meta = file["seed0_costs"], json.loads(str(file["meta"]))
+    whole = checkpoint.read_bytes()
+    rewritten(checkpoint, seed0_costs=costs * 0.5)
+    with pytest.raises(fp.FileFormatError, match="one that was changed"):
+        resume(checkpoint)
+    checkpoint.write_bytes(whole)
+    rewritten(checkpoint, meta=np.array(json.dumps(meta | {"done": 1})))
+    with pytest.raises(fp.FileFormatError, match="one that was changed"):
+        resume(checkpoint)
+    rewritten(checkpoint, meta=np.array(json.dumps(meta | {"format": 2})))
+    with pytest.raises(fp.FileFormatError, match="expected checkpoint format 1, got 2"):
+        resume(checkpoint)
+    flipped = bytearray(whole)
+    flipped[len(whole) // 2] ^= 0x10
+    checkpoint.write_bytes(flipped)
+    with pytest.raises(fp.FileFormatError):
+        resume(checkpoint)
+
+
+def test_other_files_are_refused(tmp_path):
+    path = tmp_path / "search.npz"
+    path.write_text("not a checkpoint")
+    with pytest.raises(fp.FileFormatError, match="expected a checkpoint"):
+        resume(path)
+    fp.simulate(EXPERIMENT, CONTROLLER).save(path)
+    with pytest.raises(fp.FileFormatError, match="expected a checkpoint"):
+        resume(path)
+
+
+def test_a_checkpoint_holds_no_pickle(checkpoint):
+    with np.load(checkpoint, allow_pickle=False) as file:
+        assert all(file[name].dtype != object for name in file.files)
+
+
+def test_other_versions_are_told(checkpoint, monkeypatch):
+    monkeypatch.setattr(fp, "__version__", "9.9")
+    with pytest.warns(fp.FpidWarning, match=r"fpid_pin is '.*' there and '9\.9' here"):
+        resume(checkpoint)
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_search(tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    reports = []
+    with pytest.raises(fp.FileFormatError, match="cannot be written"):
+        tune(
+            EXPERIMENT, CONTROLLER, ORDERS, checkpoint=blocked / "search.npz",
+            progress=reports.append, **SMALL,
+        )  # fmt: skip
+    assert reports == []
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_without_permission_is_told_before_the_search(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(fp.FileFormatError, match="cannot be written"):
+        tune(EXPERIMENT, CONTROLLER, ORDERS, checkpoint=tmp_path / "search.npz", **SMALL)
+
+
+def test_a_cost_of_ones_own_resumes_in_another_process(tmp_path):
+    class Own(fp.Cost):
+        needs = ("iae",)
+
+        def of(self, metrics):
+            return float(metrics.iae.sum())
+
+    path = tmp_path / "search.npz"
+    tune(EXPERIMENT, CONTROLLER, ORDERS, Own(), generations=1, checkpoint=path, **SMALL)
+    # Another object, at another address, as it would be in another process.
+    keep = Own()
+    assert resume(path, cost=Own()).history.best.shape == (3, 2)
+    del keep

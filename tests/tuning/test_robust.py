@@ -1,0 +1,86 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin import descriptions
+from fpid_pin.tuning import RobustCost, Space, scenarios, tune
+from fpid_pin.tuning.robust import over_scenarios
+
+EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
+CONTROLLER = fp.paper_controller(supervised=False)
+
+
+def test_every_plant_with_every_payload():
+    plants = [None, fp.Plant(viscous_friction=2.0)]
+    varied = scenarios(EXPERIMENT, plants=plants, payloads=(0.0, 0.5, 1.0))
+    assert len(varied) == 6
+    assert varied[0].plant is None
+    assert varied[3].plant is plants[1]
+    q = np.zeros(2)
+    nominal = EXPERIMENT.arm.gravity_vector(q)
+    loaded = varied[5].plant.arm.gravity_vector(q)
+    # 1 kg at the tool of an arm stretched out to 1.8 m, 0.8 m beyond the second joint.
+    np.testing.assert_allclose(loaded - nominal, 9.8 * np.array([1.8, 0.8]), rtol=1e-12)
+    assert (np.asarray(varied[5].plant.viscous_friction) == 2.0).all()
+    assert varied[5].arm is EXPERIMENT.arm
+
+
+def test_a_payload_is_added_to_the_experiments_own_plant():
+    (varied,) = scenarios(EXPERIMENT, payloads=(0.5,))
+    assert varied.plant.disturbance is EXPERIMENT.plant.disturbance
+    with pytest.raises(fp.ArgumentError, match="payload: expected a number >= 0, got -1"):
+        scenarios(EXPERIMENT, payloads=(-1,))
+
+
+@pytest.mark.parametrize(("reduce", "by_hand"), [("worst", np.max), ("mean", np.mean)])
+def test_the_robust_cost_of_the_best_is_that_of_its_runs(reduce, by_hand):
+    varied = scenarios(EXPERIMENT, payloads=(0.0, 0.4, 0.8))
+    space = Space(integral_order=(0, 1), derivative_order=(0, 1))
+    cost = RobustCost(fp.QuadraticCost(1, 0), reduce)
+    result = tune(varied, CONTROLLER, space, cost, population=6, generations=3)
+    each = [fp.evaluate(e, [result.controller], cost)[0] for e in varied]
+    assert result.cost == pytest.approx(by_hand(each), rel=1e-15)
+    plain = fp.evaluate(varied[0], [result.controller], fp.QuadraticCost(1, 0))[0]
+    assert each[0] == plain
+
+
+def test_one_divergence_is_enough():
+    table = np.array([[1.0, 2.0], [3.0, np.inf], [np.nan, 1.0]])
+    assert np.array_equal(over_scenarios(RobustCost(), table[:2]), [3.0, np.inf])
+    assert np.array_equal(over_scenarios(fp.QuadraticCost(), table[:2]), [2.0, np.inf])
+    assert np.array_equal(over_scenarios(RobustCost(), table), [np.inf, np.inf])
+
+
+def test_it_has_a_table():
+    cost = RobustCost(fp.MetricCost("itae", joint_weights=(1, 2)), "mean")
+    again = descriptions.from_dict(descriptions.to_dict(cost), fp.Cost)
+    assert descriptions.to_dict(again) == descriptions.to_dict(cost)
+
+
+def test_other_costs_weigh_the_joints():
+    (iae,) = fp.evaluate(EXPERIMENT, [CONTROLLER], fp.MetricCost("iae", joint_weights=(2, 0)))
+    run = fp.simulate(EXPERIMENT, CONTROLLER)
+    assert iae == 2 * run.metrics.iae[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"cost": 1}, "robust_cost.cost: expected a Cost"),
+        ({"cost": RobustCost()}, "robust_cost.cost: expected the cost of one run"),
+        ({"reduce": "worts"}, "did you mean worst?"),
+    ],
+)
+def test_bad_input(arguments, said):
+    with pytest.raises(fp.ArgumentError) as error:
+        RobustCost(**arguments)
+    assert said in str(error.value)
+
+
+def test_scenarios_keep_the_reference_and_start():
+    moved = dataclasses.replace(EXPERIMENT, q0=(0.1, 0.2))
+    (varied,) = scenarios(moved, payloads=(1.0,))
+    assert varied.reference is moved.reference
+    assert np.array_equal(varied.q0, moved.q0)

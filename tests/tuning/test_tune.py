@@ -1,0 +1,222 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.exceptions import TuningError
+from fpid_pin.tuning import Space, WorkerPool, cost_map, cross_check, pareto, tune
+
+EXPERIMENT = fp.paper_experiment(duration=0.4, step=5e-3)
+CONTROLLER = fp.paper_controller(supervised=False)
+ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
+SMALL = {"population": 8, "generations": 4}
+TRACKING = fp.QuadraticCost(1.0, 0.0)
+
+
+def bits(result):
+    h = result.history
+    arrays = (h.best, h.mean, h.best_parameters, h.diverged, result.costs)
+    return [array.tobytes() for array in arrays]
+
+
+@pytest.fixture(scope="module")
+def found():
+    return tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(0, 3), **SMALL)
+
+
+def test_the_result_is_what_it_says(found):
+    assert found.cost == fp.evaluate(EXPERIMENT, [found.controller], TRACKING)[0]
+    assert found.cost == found.costs.min() == found.history.best[-1].min()
+    assert found.evaluations == 2 * 8 * 4
+    assert found.mean == np.mean(found.costs)
+    assert found.spread == pytest.approx(abs(found.costs[0] - found.costs[1]) / np.sqrt(2))
+    assert np.array_equal(found.parameters["integral_order"], found.controller.integral_order)
+    assert found.controller.name == "tuned"
+    for controller, cost in zip(found.controllers, found.costs, strict=True):
+        assert cost == fp.evaluate(EXPERIMENT, [controller], TRACKING)[0]
+    assert str(found).startswith(f"cost {found.cost:.6g} (2 seeds: ")
+
+
+def test_the_best_never_gets_worse_and_ends_below_the_published_orders(found):
+    assert (np.diff(found.history.best, axis=0) <= 0).all()
+    assert found.cost < fp.evaluate(EXPERIMENT, [CONTROLLER], TRACKING)[0]
+
+
+def test_the_same_seed_gives_the_same_bits_alone_and_in_company(found):
+    again = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(0, 3), **SMALL)
+    assert bits(again) == bits(found)
+    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(3,), **SMALL)
+    assert np.array_equal(alone.history.best[:, 0], found.history.best[:, 1])
+    assert np.array_equal(alone.history.best_parameters[:, 0], found.history.best_parameters[:, 1])
+
+
+def test_known_costs_are_taken_over_without_changing_a_bit(found):
+    every = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(0, 3), reuse=False, **SMALL)
+    assert bits(every) == bits(found)
+    assert every.simulations == every.evaluations
+    assert found.simulations < found.evaluations
+
+
+def test_workers_do_not_change_a_bit(found):
+    with WorkerPool(2) as pool:
+        shared = tune(
+            EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(0, 3), executor=pool, **SMALL
+        )
+        assert bits(shared) == bits(found)
+        heavy = dataclasses.replace(
+            EXPERIMENT, plant=fp.Plant(arm=EXPERIMENT.arm.with_payload(0.7), disturbance=None)
+        )
+        several = [EXPERIMENT, heavy]
+        one = tune(several, CONTROLLER, ORDERS, **SMALL)
+        two = tune(several, CONTROLLER, ORDERS, executor=pool, **SMALL)
+        assert bits(one) == bits(two)
+        assert one.simulations == 2 * int(one.history.simulated.sum())
+
+
+def test_a_start_takes_part_in_the_first_generation():
+    good = dataclasses.replace(CONTROLLER, integral_order=0.2, derivative_order=0.8)
+    result = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, initial=[good], **SMALL)
+    assert result.history.best[0, 0] <= fp.evaluate(EXPERIMENT, [good], TRACKING)[0] * (1 + 1e-9)
+
+
+def test_gains_and_learning_rates_are_tuned_too():
+    fixed = dataclasses.replace(CONTROLLER, learning_rate=0.0)
+    space = Space(kp=(1, 100, "log"), kd=(1, 100, "log", "shared"), k0=(0, 2), k1=(1, 5))
+    result = tune(EXPERIMENT, fixed, space, TRACKING, **SMALL)
+    assert result.cost < fp.evaluate(EXPERIMENT, [fixed], TRACKING)[0]
+    assert (np.asarray(result.controller.learning_rate) == 0).all()
+    assert result.history.labels == ("kp.0", "kp.1", "kd", "k0.0", "k0.1", "k1.0", "k1.1")
+
+
+def test_progress_rises_to_the_end():
+    reports = []
+    tune(EXPERIMENT, CONTROLLER, ORDERS, progress=reports.append, **SMALL)
+    parts = [report.part for report in reports]
+    assert parts == sorted(parts)
+    assert [report.generation for report in reports if report.complete] == [1, 2, 3, 4]
+    last = reports[-1]
+    assert (last.part, last.generation, last.evaluations) == (1.0, 4, 32)
+    assert last.rate > 0
+    assert last.seconds_left == 0.0
+    assert np.isfinite(last.best)
+
+
+def test_individuals_that_diverge_cost_infinity_and_the_search_goes_on():
+    # Derivative gains beyond 2/(h max eig M^-1) make the sampled loop unstable.
+    wild = Space(kd=(1, 4000, "log", "shared"))
+    result = tune(EXPERIMENT, fp.paper_controller("integer", supervised=False), wild, **SMALL)
+    assert result.history.diverged[0, 0] > 0
+    assert np.isfinite(result.cost)
+    assert np.isfinite(result.history.mean).all()
+
+
+def test_a_generation_in_which_all_diverge_ends_with_a_message():
+    wild = Space(kd=(3000, 4000, "shared"))
+    with pytest.raises(TuningError) as error:
+        tune(EXPERIMENT, fp.paper_controller("integer", supervised=False), wild, **SMALL)
+    said = str(error.value)
+    assert said.startswith(
+        "generation 1, seed 0: all 8 candidates diverged, the first one diverged"
+    )
+    assert "joint" in said
+    assert "\n" not in said
+
+
+def test_a_cost_that_is_not_a_number_never_wins():
+    class Odd(fp.Cost):
+        needs = ("ise",)
+
+        def of(self, metrics):
+            ise = float(metrics.ise.sum())
+            return ise if ise > 0.07 else float("nan")
+
+    result = tune(EXPERIMENT, CONTROLLER, ORDERS, Odd(), **SMALL)
+    assert result.cost > 0.07
+
+
+def test_the_front_holds_nothing_that_is_beaten():
+    costs = (fp.MetricCost("ise"), fp.MetricCost("energy"), fp.MetricCost("total_variation"))
+    front = pareto(EXPERIMENT, CONTROLLER, ORDERS, costs[:2], seeds=(0, 1), **SMALL)
+    assert len(front) >= 3
+    assert (np.diff(front.costs[:, 0]) > 0).all()
+    assert (np.diff(front.costs[:, 1]) < 0).all()
+    table = fp.evaluate(EXPERIMENT, list(front.controllers), costs[:2])
+    assert np.array_equal(table, front.costs)
+    three = pareto(EXPERIMENT, CONTROLLER, ORDERS, costs, **SMALL)
+    for one in three.costs:
+        assert not ((three.costs <= one).all(axis=1) & (three.costs < one).any(axis=1)).any()
+    assert len(front.history.rows()[0]) == len(front.history.labels) + 8
+
+
+def test_differential_evolution_finds_nothing_better():
+    space = Space(integral_order=(0, 1, "shared"), derivative_order=(0, 1, "shared"))
+    ours = tune(EXPERIMENT, CONTROLLER, space, TRACKING, population=20, generations=12)
+    other = cross_check(EXPERIMENT, CONTROLLER, space, TRACKING, population=20, generations=12)
+    assert other.cost == fp.evaluate(EXPERIMENT, [other.controller], TRACKING)[0]
+    assert other.evaluations == 20 * 12
+    assert ours.cost <= 1.005 * other.cost
+
+
+def test_a_cost_map_is_the_cost_at_every_pair_of_orders():
+    found = cost_map(
+        EXPERIMENT, CONTROLLER, TRACKING, integral_orders=[0, 0.4, 1], derivative_orders=[0.5, 1]
+    )
+    for i, a in enumerate((0, 0.4, 1)):
+        for j, b in enumerate((0.5, 1)):
+            law = dataclasses.replace(CONTROLLER, integral_order=a, derivative_order=b)
+            assert found.costs[i, j] == fp.evaluate(EXPERIMENT, [law], TRACKING)[0]
+    i, j = np.unravel_index(np.argmin(found.costs), (3, 2))
+    assert found.best == (found.integral_orders[i], found.derivative_orders[j])
+
+
+def test_history_as_a_table_keeps_every_digit(found):
+    lines = found.history.comma_separated().splitlines()
+    assert lines[0].startswith("generation,seed,evaluations,best cost,mean cost,diverged,integral_")
+    assert len(lines) == 1 + 4 * 2
+    last = lines[-1].split(",")
+    assert last[:3] == ["4", "3", "64"]
+    assert float(last[3]) == found.costs[1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"population": 3}, "population: expected a whole number >= 4, got 3"),
+        ({"generations": 0}, "generations: expected a whole number >= 1, got 0"),
+        ({"crossover": 1.5}, "crossover: expected a number in [0, 1], got 1.5"),
+        ({"mutation": -0.1}, "mutation: expected a number in [0, 1], got -0.1"),
+        ({"seeds": ()}, "seeds: expected at least one, got none"),
+        ({"seeds": (1, 1)}, "seeds: expected each seed once"),
+        ({"seeds": (-1,)}, "seeds.0: expected a whole number >= 0, got -1"),
+        ({"workers": 0}, "workers: expected a whole number >= 1, got 0"),
+        ({"resume": True}, "resume: expected a checkpoint to resume from, got none"),
+        ({"initial": [CONTROLLER] * 61}, "initial: expected at most 60 (population), got 61"),
+        ({"space": "kp"}, "space: expected a Space, got str"),
+        ({"cost": 3}, "cost: expected a Cost, got int"),
+        ({"cost": [TRACKING]}, "cost: expected one cost (several: use pareto)"),
+        ({"experiment": []}, "experiment: expected at least one, got none"),
+        ({"controller": None}, "controller: expected a Controller, got NoneType"),
+    ],
+)
+def test_bad_arguments_are_named_before_anything_is_simulated(changes, said):
+    given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS} | changes
+    with pytest.raises(fp.ArgumentError) as error:
+        tune(**given)
+    assert said in str(error.value)
+
+
+def test_a_pool_and_workers_together_are_refused():
+    with WorkerPool(1) as pool, pytest.raises(fp.ArgumentError, match="workers or executor"):
+        tune(EXPERIMENT, CONTROLLER, ORDERS, executor=pool, workers=2)
+
+
+def test_arms_of_different_joints_do_not_share_a_controller():
+    other = fp.Experiment(fp.Arm.planar(lengths=(1,) * 3, masses=(1,) * 3), fp.Hold((0.0,) * 3))
+    with pytest.raises(fp.ArgumentError, match=r"one number of joints, got \[2, 3\]"):
+        tune([EXPERIMENT, other], CONTROLLER, ORDERS)
+
+
+def test_a_front_needs_two_costs():
+    with pytest.raises(fp.ArgumentError, match="at least two costs"):
+        pareto(EXPERIMENT, CONTROLLER, ORDERS, [TRACKING])

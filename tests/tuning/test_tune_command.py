@@ -1,0 +1,130 @@
+import tomllib
+from importlib import resources
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.cli.config import load
+from fpid_pin.cli.tune import run_tuning
+from fpid_pin.cli.tune_plan import read_plan
+from fpid_pin.exceptions import ConfigError, FileFormatError, TuningError
+
+TUNE = """
+[tune]
+population = 6
+generations = 2
+seeds = [0, 1]
+map_points = 3
+[tune.cost]
+kind = "quadratic_cost"
+w2 = 0.0
+[tune.space]
+integral_order = [0, 1]
+derivative_order = { low = 0.1, high = 1, shared = true }
+kp = [1, 100, "log"]
+"""
+
+
+def written(tmp_path, tune=TUNE, more=""):
+    text = resources.files("fpid_pin.cli").joinpath("demo.toml").read_text(encoding="utf-8")
+    text = text.replace("step = 1e-3", "step = 5e-3").replace("duration = 20.0", "duration = 0.5")
+    path = tmp_path / "study.toml"
+    path.write_text(text + more + tune, encoding="utf-8")
+    return path
+
+
+def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
+    path, out = written(tmp_path), tmp_path / "out"
+    result = run_tuning(path, out)
+    names = {file.name for file in out.iterdir()}
+    assert {
+        "tuned.toml", "history.csv", "convergence.svg", "cost-map.svg", "comparison.svg",
+        "summary.md", "report.html", "config.toml", "checkpoint.npz", "tuned.npz",
+        "fpid-published-orders.npz", "integer-orders.npz",
+    } <= names  # fmt: skip
+    assert [file.name for file in tmp_path.iterdir() if file not in (path, out)] == []
+    shown = capsys.readouterr().out
+    assert "cost tuned for" in shown
+    assert "integer orders" in shown
+
+    tuned = load(out / "tuned.toml")
+    (law,) = tuned.controllers.values()
+    run = fp.simulate(tuned.experiment, law)
+    assert fp.QuadraticCost(1.0, 0.0).of(run.metrics) == result.cost
+    assert np.array_equal(run.q, fp.Run.load(out / "tuned.npz").q)
+    assert "tune" not in tomllib.loads((out / "tuned.toml").read_text())
+    assert len((out / "history.csv").read_text().splitlines()) == 1 + 2 * 2
+
+    again = run_tuning(path, out, resume=True)
+    assert again.cost == result.cost
+    before = (out / "history.csv").read_text()
+    with pytest.raises(TuningError, match="another search: population is 6 there and 8 here"):
+        run_tuning(written(tmp_path, TUNE.replace("= 6", "= 8")), out, resume=True)
+    assert (out / "history.csv").read_text() == before
+
+
+def test_a_robust_search_goes_through_every_condition(tmp_path):
+    conditions = """
+[[condition]]
+name = "bare"
+
+[[condition]]
+name = "loaded"
+plant = { payload = { mass = 0.5 } }
+"""
+    tune = TUNE.replace("map_points = 3", 'map_points = 0\nreduce = "worst"')
+    plan = read_plan(load(written(tmp_path, tune, conditions)))
+    assert list(plan.experiments) == ["bare", "loaded"]
+    result = run_tuning(tmp_path / "study.toml", tmp_path / "out")
+    each = [
+        fp.evaluate(e, [result.controller], fp.QuadraticCost(1, 0))[0]
+        for e in plan.experiments.values()
+    ]
+    assert result.cost == max(each)
+    assert (tmp_path / "out" / "loaded-tuned.npz").exists()
+    assert not (tmp_path / "out" / "cost-map.svg").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("kp = [1", "kpp = [1"), "space.kpp: expected one of"),
+        (("kp = [1, 100", "kp = [100, 1"), "tune.space.kp: expected low < high, got (100, 1)"),
+        (("population = 6", "population = 3"), "tune.population: expected a whole number >= 4"),
+        (("population = 6", "populatoin = 6"), "did you mean population?"),
+        (("[0, 1]\nmap", '"zero"\nmap'), "tune.seeds.0: expected a whole number, got 'zero'"),
+        (("map_points = 3", "map_points = 1000"), "tune.map_points: expected a whole number in"),
+        (("map_points = 3", 'controller = "PID"'), "tune.controller: expected one of"),
+        (("quadratic_cost", "cubic_cost"), "tune.cost.kind: expected one of"),
+        (("w2 = 0.0", "w2 = -1.0"), "tune.cost.w2: expected a number >= 0, got -1"),
+        (("map_points = 3", 'reduce = "median"'), "tune.reduce: expected one of mean, worst"),
+        (("high = 1,", "high = 1.5,"), "tune.space.derivative_order.high: expected a number in"),
+        (("[tune.space]", "[tune.spice]"), "tune.space: expected a table of parameters"),
+    ],
+)
+def test_faults_in_the_table_are_named(tmp_path, change, said):
+    with pytest.raises(ConfigError) as error:
+        read_plan(load(written(tmp_path, TUNE.replace(*change))))
+    assert said in str(error.value)
+    assert str(tmp_path) in str(error.value)
+
+
+def test_an_output_that_cannot_be_written_is_told_before_the_search(tmp_path):
+    path = written(tmp_path, TUNE.replace("generations = 2", "generations = 100000"))
+    (tmp_path / "notes").mkdir()
+    (tmp_path / "notes" / "mine.txt").write_text("keep")
+    with pytest.raises(FileFormatError, match="expected a new folder"):
+        run_tuning(path, tmp_path / "notes")
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        run_tuning(path, path / "out")
+    assert (tmp_path / "notes" / "mine.txt").read_text() == "keep"
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_a_stopped_search_is_not_overwritten(tmp_path):
+    path = written(tmp_path)
+    (tmp_path / "out.checkpoint.npz").write_bytes(b"hours of work")
+    with pytest.raises(TuningError, match="resume it, or remove it"):
+        run_tuning(path, tmp_path / "out")
+    assert (tmp_path / "out.checkpoint.npz").read_bytes() == b"hours of work"
