@@ -118,13 +118,12 @@ def comma_separated(rows: Sequence[Row]) -> str:
 
 def rich_table(rows: Sequence[Row], title: str) -> Any:
     """Return a table for the screen, units under their names; how runs ended is left to prose."""
-    from rich import box
     from rich.table import Table
     from rich.text import Text
 
     rows = [{head: value for head, value in row.items() if head != "outcome"} for row in rows]
     table = Table(
-        title=title, title_justify="left", header_style="bold", box=box.SIMPLE, pad_edge=False
+        title=title, title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0)
     )
     for head in rows[0]:
         justify: Any = "right" if _numeric(rows, head) else "left"
