@@ -162,7 +162,9 @@ def draw(
     for run, (job, law, guard) in enumerate(keys):
         column = columns.index((job, law))
         whole = 1e3 * np.sqrt((rms[:, run] ** 2).sum(axis=1))
-        style = {"color": "k", "linewidth": 2.0} if guard == "none" else {}
+        style = {"none": {"color": "k", "linewidth": 2.0}, "both": {"linestyle": "--"}}.get(
+            guard, {}
+        )
         axes[0, column].semilogy(minutes, whole, label=guard, **style)
         axes[1, column].semilogy(minutes, growth[:, :, run].max(axis=(1, 2)), label=guard, **style)
         axes[0, column].set_title(f"{job}, {law} gains")

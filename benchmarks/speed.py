@@ -1,6 +1,7 @@
 """Time the lockstep engine beside the loop that a user of Pinocchio would write.
 
     python benchmarks/speed.py [--steps 2000] [--repeats 5] [--joints]
+    python benchmarks/speed.py --search 80 [--workers 2]
 
 Both run the paper's experiment with the same law and the same 24 modes, in turn in this process;
 what counts is their ratio, since machines differ and are shared. Times are of the processor, in one
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import nullcontext
 
 import numpy as np
 import pinocchio as pin
@@ -23,6 +25,7 @@ from plain_loop import plain_loop
 
 import fpid_pin as fp
 from fpid_pin.arms import Fleet
+from fpid_pin.tuning import Report, WorkerPool
 
 RUNS = (1, 10, 30, 60, 120, 240)
 
@@ -133,12 +136,66 @@ def joints(repeats: int, runs: int = 60, steps: int = 200) -> None:
         print(f"| {n} | {each:.2f} | {each / n:.3f} |")
 
 
+def search(generations: int, workers: int) -> None:
+    """Time the paper's whole search, 60 candidates a generation, 20 s at 1 ms each.
+
+    The plain loop is timed on 2,000 steps between generations, the search's clock stopped, and
+    extrapolated. Bit-identical candidates are simulated again, so that the count is honest.
+    """
+    controller, experiment = fp.paper_controller(supervised=False), fp.paper_experiment()
+    part, steps = fp.paper_experiment(duration=2.0), 2000
+    plain: list[float] = []
+    aba: list[float] = []
+    paused = 0.0
+    seen: set[int] = set()
+
+    def measure() -> None:
+        nonlocal paused
+        began = time.perf_counter()
+        plain_loop(part, controller, part.rows)
+        plain.append((time.perf_counter() - began) / steps)
+        aba.append(1e-9 * aba_ns(1))
+        paused += time.perf_counter() - began
+
+    def told(report: Report) -> None:
+        if report.complete and report.generation not in seen and report.generation % 8 == 0:
+            seen.add(report.generation)
+            measure()
+
+    with WorkerPool(workers) if workers else nullcontext() as pool:
+        if pool is not None:
+            # Workers have started and imported the package before the clock does.
+            fp.evaluate(fp.paper_experiment(duration=0.1), [controller] * 8, executor=pool)
+        measure()
+        paused = 0.0
+        began = time.perf_counter()
+        result = fp.tune(
+            experiment, controller, fp.Space(integral_order=(0, 1), derivative_order=(0, 1)),
+            fp.QuadraticCost(1.0, 0.0), generations=generations, reuse=False, executor=pool,
+            progress=told,
+        )  # fmt: skip
+        seconds = time.perf_counter() - began - paused
+    run_steps = result.evaluations * (experiment.rows - 1)
+    each, one, unit = seconds / run_steps, float(np.median(plain)), float(np.median(aba))
+    print(f"60 x {generations} candidates, {run_steps / 1e6:.1f} million steps, {workers} workers:")
+    print(f"{seconds:.0f} s, {1e9 * each:.0f} ns a run-step, {each / unit:.3f} pin.aba calls")
+    print(f"plain loop {1e9 * one:.0f} ns a step, {one / unit:.1f} pin.aba calls; the whole search")
+    print(f"by it, extrapolated: {one * run_steps / 60:.0f} min; ratio {one / each:.1f}")
+    print(f"at 708 ns a pin.aba call: {708 * each / unit:.0f} ns a run-step")
+    print(f"cost {result.cost:.5f} at {result.parameters}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--steps", type=int, default=2000)
     parser.add_argument("--repeats", type=int, default=5)
     parser.add_argument("--joints", action="store_true", help="also the cost against joints")
+    parser.add_argument("--search", type=int, metavar="GENERATIONS", help="only a whole search")
+    parser.add_argument("--workers", type=int, default=2, help="of the search; 0: this process")
     options = parser.parse_args()
+    if options.search:
+        search(options.search, options.workers)
+        return
     headline(options.steps, options.repeats)
     importing(options.repeats)
     if options.joints:

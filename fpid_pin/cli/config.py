@@ -162,16 +162,20 @@ class _Reader:
         return []
 
     def _build(self, key: str, family: type) -> Any:
-        return descriptions.build(self._table[key], family, key, self._faults)
+        return descriptions.build(self._rooted(self._table[key]), family, key, self._faults)
+
+    def _rooted(self, value: Any) -> Any:
+        """Let a table's relative path start at the configuration's folder."""
+        if isinstance(value, Mapping) and isinstance(value.get("path"), str):
+            return dict(value) | {"path": str(self._folder / value["path"])}
+        return value
 
     def _arm(self) -> Arm | None:
         value = self._section("arm", self._table["arm"])
         return self._arm_from(value, "arm")
 
     def _arm_from(self, value: Any, path: str) -> Arm | None:
-        if isinstance(value, Mapping) and isinstance(value.get("path"), str):
-            value = dict(value) | {"path": str(self._folder / value["path"])}
-        arm: Arm | None = descriptions.build(value, Arm, path, self._faults)
+        arm: Arm | None = descriptions.build(self._rooted(value), Arm, path, self._faults)
         return arm
 
     def _controllers(self) -> dict[str, Controller]:

@@ -107,10 +107,14 @@ def write(
     joints = summary.drop_constant(summary.joint_rows(entries), "condition")
     (folder / "summary.csv").write_text(summary.comma_separated(rows), encoding="utf-8")
     (folder / "joints.csv").write_text(summary.comma_separated(joints), encoding="utf-8")
-    text = (
-        f"# {config.title or config.path}\n\n{summary.markdown(rows)}\n{summary.markdown(joints)}"
-    )
-    (folder / "summary.md").write_text(text, encoding="utf-8")
+    remarks = "".join(f"- {line}\n" for line in summary.remarks(entries))
+    sections = [
+        f"# {config.title or config.path}\n",
+        summary.markdown(rows),
+        summary.markdown(joints),
+        *([remarks] if remarks else []),
+    ]
+    (folder / "summary.md").write_text("\n".join(sections), encoding="utf-8")
     for name, figure in figures.items():
         plots.save_figure(figure, folder / f"{name}.svg")
         plots.save_figure(figure, folder / f"{name}.png")
@@ -132,10 +136,8 @@ def show(entries: Sequence[Entry], title: str, out: Path) -> None:
     rows = summary.drop_constant(summary.run_rows(entries), "condition")
     console = Console()
     console.print(summary.rich_table(rows, title or "Result"))
-    for entry in entries:
-        if not entry.run.outcome.completed:
-            label = f"{entry.controller}, {entry.condition}"
-            console.print(f"{label}: {entry.run.outcome}", highlight=False)
+    for line in summary.remarks(entries):
+        console.print(line, highlight=False, soft_wrap=True)
     console.print(f"Written to {out}: report.html (open it in a browser), figures, tables, runs")
 
 

@@ -149,7 +149,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line; errors a user can act on are plain lines and exit status 2."""
     warnings.showwarning = _plain_warning
     try:
-        app(args=arguments, standalone_mode=False)
+        status = app(args=arguments, standalone_mode=False)
     except FpidError as error:
         for text in str(error).splitlines():
             sys.stderr.write(f"fpid-pin: {text}\n")
@@ -166,7 +166,8 @@ def main(arguments: list[str] | None = None) -> int:
             raise
         sys.stderr.write(f"fpid-pin: {show()}\n")
         return 2
-    return 0
+    # Typer turns Ctrl-C into a status of its own, which it returns.
+    return status if isinstance(status, int) else 0
 
 
 if __name__ == "__main__":

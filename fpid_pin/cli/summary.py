@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.simulation import Cost, QuadraticCost, Run
+from fpid_pin.simulation import Cost, QuadraticCost, Run, limit_report
 
 
 @dataclass(frozen=True)
@@ -81,6 +81,17 @@ def joint_rows(entries: Sequence[Entry]) -> list[Row]:
                 }
             )
     return rows
+
+
+def remarks(entries: Sequence[Entry]) -> list[str]:
+    """Return what a table does not say: runs that ended early, and limits that were passed."""
+    lines = []
+    for entry in entries:
+        label = f"{entry.controller}, {entry.condition}"
+        if not entry.run.outcome.completed:
+            lines.append(f"{label}: {entry.run.outcome}")
+        lines += [f"{label}: {exceedance}" for exceedance in limit_report(entry.run)]
+    return lines
 
 
 def drop_constant(rows: list[Row], key: str) -> list[Row]:

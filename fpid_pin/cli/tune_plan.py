@@ -23,7 +23,7 @@ from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.simulation import Cost, Experiment, QuadraticCost
 from fpid_pin.tuning import RobustCost, Space
 from fpid_pin.tuning.robust import REDUCTIONS
-from fpid_pin.tuning.search import Settings
+from fpid_pin.tuning.settings import Settings
 
 KEYS = ("controller", "population", "generations", "crossover", "mutation", "seeds", "reduce",
         "map_points", "cost", "space")  # fmt: skip

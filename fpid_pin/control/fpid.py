@@ -194,7 +194,8 @@ class FpidState(State):
         # int e += h (e + e_)/2 + h^2 (e'_ - e')/12 splits into a part of the new sample,
         # c e - d e', and one kept from the old, c e_ + d e'_.
         self._parts = np.zeros((2, *shape))
-        self._part_weights = np.array([step / 2.0, step * step / 12.0]).reshape(2, 1, 1)
+        self._part_weights = np.empty((2, *shape))
+        self._part_weights[0], self._part_weights[1] = step / 2.0, step * step / 12.0
         self._kept = np.zeros(shape)
         self._increment = np.zeros(shape)
         self._started = False

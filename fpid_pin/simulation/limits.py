@@ -87,10 +87,14 @@ def limit_report(run: Run) -> list[Exceedance]:
 
 
 def overloaded_joints(experiment: Experiment) -> list[str]:
-    """Return a line for every joint whose drive cannot carry the plant at the start pose."""
+    """Return a line for every joint whose drive cannot carry the true arm at the start pose.
+
+    The limits are those of the arms, nominal and true. One that the plant is given by hand
+    (``Plant.effort_limit``) is taken to be meant.
+    """
     plant = plant_of(experiment)
     weight: FloatArray = np.abs(plant.arm.gravity_vector(np.asarray(experiment.q0)))
-    limit = np.minimum(plant.effort_limit, experiment.arm.effort_limit)
+    limit = np.minimum(plant.arm.effort_limit, experiment.arm.effort_limit)
     return [
         f"{plant.arm.name}: joint {plant.arm.joint_names[j]}: gravity at the start is "
         f"{weight[j]:.3g} N m, beyond its effort limit of {limit[j]:.3g} N m"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from concurrent.futures import Executor, Future
 from typing import overload
@@ -11,9 +12,10 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
-from fpid_pin.exceptions import ArgumentError
+from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.simulation.costs import Cost, QuadraticCost
 from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.limits import overloaded_joints
 from fpid_pin.simulation.loop import Progress, lockstep
 from fpid_pin.simulation.metrics import MetricsRecorder
 from fpid_pin.simulation.recorders import FullRecord
@@ -109,8 +111,16 @@ def simulate(
     ------
     ArgumentError, SimulationError
         Before anything is simulated.
+
+    Warns
+    -----
+    FpidWarning
+        A joint whose effort limit is lower than gravity at the start pose.
     """
     experiments, controllers = pair(experiment, controller)
+    distinct = {id(e): e for e in experiments}
+    for line in dict.fromkeys(line for e in distinct.values() for line in overloaded_joints(e)):
+        warnings.warn(line, FpidWarning, stacklevel=2)
     runs: list[Run | None] = [None] * len(experiments)
     done = 0
     for members in batches(experiments, controllers, MOST_RUNS):

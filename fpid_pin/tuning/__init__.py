@@ -2,10 +2,12 @@
 
 from fpid_pin.tuning.cost_map import CostMap, cost_map
 from fpid_pin.tuning.cross_check import CrossCheck, cross_check
+from fpid_pin.tuning.gene import Gene
 from fpid_pin.tuning.history import History, ParetoResult, Report, TuningResult
+from fpid_pin.tuning.pareto import pareto
 from fpid_pin.tuning.robust import RobustCost, scenarios
-from fpid_pin.tuning.space import Gene, Space
-from fpid_pin.tuning.tune import pareto, tune
+from fpid_pin.tuning.space import Space
+from fpid_pin.tuning.tune import tune
 from fpid_pin.tuning.workers import WorkerPool
 
 __all__ = [

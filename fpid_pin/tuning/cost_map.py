@@ -16,8 +16,8 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.simulation import Cost, Experiment, QuadraticCost
 from fpid_pin.tuning.objective import Objective
+from fpid_pin.tuning.problem import check_experiments, executor_of
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.tune import check_experiments, executor_of
 
 DEFAULT_GRID = tuple(np.linspace(0.0, 1.0, 21).tolist())
 

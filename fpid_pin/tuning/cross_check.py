@@ -15,8 +15,8 @@ from fpid_pin.control.controller import Controller
 from fpid_pin.exceptions import TuningError
 from fpid_pin.simulation import Cost, Experiment, QuadraticCost
 from fpid_pin.tuning.objective import Objective
+from fpid_pin.tuning.problem import check_experiments, executor_of
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.tune import check_experiments, executor_of
 
 
 @dataclass(frozen=True, eq=False)

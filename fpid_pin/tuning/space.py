@@ -14,29 +14,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.exceptions import ArgumentError
-
-SCALES = ("linear", "log")
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Gene:
-    """Bounds of one parameter.
-
-    Parameters
-    ----------
-    low, high
-        Scalars, or (n,) for bounds of each joint's own.
-    scale
-        ``"linear"`` or ``"log"``: where a value lies between its bounds, and so how the first
-        population is spread and how far a mutation reaches.
-    shared
-        One value for all joints; otherwise each joint has its own.
-    """
-
-    low: ArrayLike
-    high: ArrayLike
-    scale: str = "linear"
-    shared: bool = False
+from fpid_pin.tuning.gene import Gene, gene_of, plain
 
 
 class Space:
@@ -63,12 +41,12 @@ class Space:
     def __init__(self, **genes: Gene | Sequence[Any] | Mapping[str, Any]) -> None:
         if not genes:
             raise ArgumentError("space", "at least one parameter", "none")
-        self.genes: dict[str, Gene] = {name: _gene(name, given) for name, given in genes.items()}
+        self.genes: dict[str, Gene] = {name: gene_of(name, given) for name, given in genes.items()}
 
     def __repr__(self) -> str:
         parts = []
         for name, gene in self.genes.items():
-            words = [_plain(gene.low), _plain(gene.high)]
+            words = [plain(gene.low), plain(gene.high)]
             words += [repr("log")] if gene.scale == "log" else []
             words += [repr("shared")] if gene.shared else []
             parts.append(f"{name}=({', '.join(words)})")
@@ -198,46 +176,6 @@ class BoundSpace:
         return out
 
 
-def _gene(name: str, given: Gene | Sequence[Any] | Mapping[str, Any]) -> Gene:
-    path = f"space.{name}"
-    if isinstance(given, Mapping):
-        fields = [f.name for f in dataclasses.fields(Gene)]
-        for key in given:
-            checks.choice(f"{path}.{key}", key, fields)
-        for key in ("low", "high"):
-            if key not in given:
-                raise ArgumentError(f"{path}.{key}", "a number", "none")
-        gene = Gene(**given)
-    elif isinstance(given, Gene):
-        gene = given
-    else:
-        gene = _from_sequence(path, given)
-    checks.choice(f"{path}.scale", gene.scale, SCALES)
-    if not isinstance(gene.shared, bool):
-        raise ArgumentError(f"{path}.shared", "true or false", repr(gene.shared))
-    low = checks.floats(f"{path}.low", gene.low, max_ndim=1)
-    high = checks.floats(f"{path}.high", gene.high, max_ndim=1)
-    if low.ndim and high.ndim and low.shape != high.shape:
-        raise ArgumentError(path, "bounds of one length", f"shapes {low.shape} and {high.shape}")
-    if gene.scale == "log":
-        checks.floats(f"{path}.low", low, above=0.0)
-    if not np.all(low < high):
-        raise ArgumentError(path, "low < high", f"({_plain(low)}, {_plain(high)})")
-    return Gene(low, high, gene.scale, gene.shared)
-
-
-def _from_sequence(path: str, given: Sequence[Any]) -> Gene:
-    expected = 'bounds (low, high), then "log" or "shared" as needed'
-    if isinstance(given, str) or not isinstance(given, Sequence) or not 2 <= len(given) <= 4:
-        raise ArgumentError(path, expected, repr(given))
-    words = list(given[2:])
-    for word in words:
-        checks.choice(path, word, ("linear", "log", "shared"))
-    if len(set(words)) < len(words) or {"linear", "log"} <= set(words):
-        raise ArgumentError(path, expected, repr(given))
-    return Gene(given[0], given[1], "log" if "log" in words else "linear", "shared" in words)
-
-
 def _bounds(name: str, value: ArrayLike, count: int, n: int) -> FloatArray:
     array = np.asarray(value, dtype=np.float64)
     if array.ndim and count == 1 and n > 1:
@@ -257,10 +195,3 @@ def _numeric_parameters(controller: Controller) -> list[str]:
         if field.init and np.asarray(value).dtype.kind in "iuf":
             names.append(field.name)
     return names
-
-
-def _plain(value: ArrayLike) -> str:
-    array = np.asarray(value)
-    return (
-        f"{float(array):g}" if array.ndim == 0 else "[" + ", ".join(f"{x:g}" for x in array) + "]"
-    )

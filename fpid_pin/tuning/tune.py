@@ -1,25 +1,22 @@
-"""`tune` and `pareto`: the ways into a search."""
+"""`tune`: the parameters that cost least."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from fpid_pin import checks, descriptions
-from fpid_pin.checks import FloatArray
+from fpid_pin import checks
 from fpid_pin.control.controller import Controller
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import Cost, Experiment, QuadraticCost
-from fpid_pin.tuning.history import ParetoResult, TuningResult
-from fpid_pin.tuning.objective import Objective
-from fpid_pin.tuning.search import Progress, Search, Settings
-from fpid_pin.tuning.space import BoundSpace, Space
-from fpid_pin.tuning.workers import WorkerPool
+from fpid_pin.tuning.history import TuningResult
+from fpid_pin.tuning.problem import count, searched
+from fpid_pin.tuning.search import Progress
+from fpid_pin.tuning.settings import Settings
+from fpid_pin.tuning.space import Space
 
 
 def tune(
@@ -99,7 +96,7 @@ def tune(
         raise ArgumentError("cost", "one cost (several: use pareto)", f"{len(cost)}")
     chosen = QuadraticCost() if cost is None else cost
     settings = Settings(population, generations, crossover, mutation, tuple(seeds), reuse)
-    search, space_ = _search(
+    search, space_ = searched(
         experiment, controller, space, [chosen], settings,
         initial, executor, workers, checkpoint, resume, progress,
     )  # fmt: skip
@@ -121,167 +118,5 @@ def tune(
         costs=checks.read_only(costs),
         history=history,
         evaluations=int(history.evaluations[-1]),
-        simulations=int(history.simulated.sum()) * _count(experiment),
+        simulations=int(history.simulated.sum()) * count(experiment),
     )
-
-
-def pareto(
-    experiment: Experiment | Sequence[Experiment],
-    controller: Controller,
-    space: Space,
-    costs: Sequence[Cost],
-    *,
-    population: int = 60,
-    generations: int = 80,
-    crossover: float = 0.75,
-    mutation: float = 0.03,
-    seeds: Sequence[int] = (0,),
-    initial: Sequence[Controller] = (),
-    reuse: bool = True,
-    executor: Executor | None = None,
-    workers: int | None = None,
-    checkpoint: str | Path | None = None,
-    resume: bool = False,
-    progress: Progress | None = None,
-) -> ParetoResult:
-    """Find the trade-off between several costs, by NSGA-II.
-
-    Parameters
-    ----------
-    costs
-        At least two: ``(MetricCost("ise"), MetricCost("energy"))``.
-    experiment, controller, space, population, generations, crossover, mutation, seeds, initial, \
-reuse, executor, workers, checkpoint, resume, progress
-        See `tune`.
-
-    Returns
-    -------
-    ParetoResult
-        What no candidate in the last populations of all seeds beats in every cost.
-
-    Raises
-    ------
-    ArgumentError, TuningError, FileFormatError
-        See `tune`.
-    """
-    if isinstance(costs, Cost) or len(costs) < 2:
-        raise ArgumentError("costs", "at least two costs (one: use tune)", "one")
-    settings = Settings(population, generations, crossover, mutation, tuple(seeds), reuse)
-    search, space_ = _search(
-        experiment, controller, space, list(costs), settings,
-        initial, executor, workers, checkpoint, resume, progress,
-    )  # fmt: skip
-    points = np.concatenate([evolution.points for evolution in search.evolutions])
-    table = np.concatenate([evolution.costs for evolution in search.evolutions])
-    front = _front(table)
-    points, table = points[front], table[front]
-    history = search.history()
-    return ParetoResult(
-        controllers=tuple(
-            space_.controller(point, f"front {k + 1}") for k, point in enumerate(points)
-        ),
-        costs=checks.read_only(table),
-        parameters=checks.read_only(space_.values(points)),
-        history=history,
-        evaluations=int(history.evaluations[-1]),
-        simulations=int(history.simulated.sum()) * _count(experiment),
-    )
-
-
-def _count(experiment: Experiment | Sequence[Experiment]) -> int:
-    return 1 if isinstance(experiment, Experiment) else len(experiment)
-
-
-def _search(
-    experiment: Experiment | Sequence[Experiment],
-    controller: Controller,
-    space: Space,
-    costs: list[Cost],
-    settings: Settings,
-    initial: Sequence[Controller],
-    executor: Executor | None,
-    workers: int | None,
-    checkpoint: str | Path | None,
-    resume: bool,
-    progress: Progress | None,
-) -> tuple[Search, BoundSpace]:
-    experiments = [experiment] if isinstance(experiment, Experiment) else list(experiment)
-    check_experiments(experiments)
-    checks.instance("controller", controller, Controller, "a Controller")
-    checks.instance("space", space, Space, "a Space")
-    for k, cost in enumerate(costs):
-        checks.instance(f"costs.{k}" if len(costs) > 1 else "cost", cost, Cost, "a Cost")
-    n = experiments[0].arm.n
-    bound = space.bind(controller, n)
-    if len(initial) > settings.population:
-        raise ArgumentError("initial", f"at most {settings.population} (population)", len(initial))
-    first = np.array([bound.point(c, n) for c in initial]).reshape(-1, bound.size)
-    with executor_of(executor, workers) as pool:
-        search = Search(
-            Objective(experiments, bound, costs, pool),
-            bound,
-            len(costs),
-            settings,
-            initial=first,
-            configuration=_configuration(experiments, controller, space, costs, settings, first),
-            checkpoint=None if checkpoint is None else Path(checkpoint),
-        )
-        search.prepare(resume)
-        search.run(progress)
-    return search, bound
-
-
-def check_experiments(experiments: Sequence[Experiment]) -> None:
-    """Check that there are experiments, and that one controller fits them all."""
-    if not experiments:
-        raise ArgumentError("experiment", "at least one", "none")
-    for experiment in experiments:
-        checks.instance("experiment", experiment, Experiment, "an Experiment")
-    sizes = sorted({experiment.arm.n for experiment in experiments})
-    if len(sizes) > 1:
-        raise ArgumentError("experiment", "arms with one number of joints", sizes)
-
-
-def executor_of(
-    executor: Executor | None, workers: int | None
-) -> AbstractContextManager[Executor | None]:
-    """Return the caller's executor, which stays open, or a pool of our own, which is closed."""
-    if executor is not None:
-        if workers is not None:
-            raise ArgumentError("workers", "workers or executor, not both", workers)
-        return nullcontext(executor)
-    return nullcontext(None) if workers is None else WorkerPool(workers)
-
-
-def _configuration(
-    experiments: Sequence[Experiment],
-    controller: Controller,
-    space: Space,
-    costs: Sequence[Cost],
-    settings: Settings,
-    first: FloatArray,
-) -> dict[str, Any]:
-    """Return all that decides the result, except how many generations it goes on for."""
-    return {
-        "experiment": [descriptions.to_dict(e) for e in experiments],
-        "controller": descriptions.to_dict(controller),
-        "space": space.to_dict(),
-        "cost": [descriptions.to_dict(cost) for cost in costs],
-        "population": settings.population,
-        "crossover": settings.crossover,
-        "mutation": settings.mutation,
-        "seeds": list(settings.seeds),
-        "initial": first.tolist(),
-        "reuse": settings.reuse,
-    }
-
-
-def _front(costs: FloatArray) -> list[int]:
-    """Return the rows that no other row beats in every cost, by rising first cost, each once."""
-    chosen: list[int] = []
-    for k in sorted(range(len(costs)), key=lambda k: tuple(costs[k])):
-        row = costs[k]
-        beaten = any((costs[c] <= row).all() for c in chosen)
-        if np.isfinite(row).all() and not beaten:
-            chosen.append(k)
-    return chosen

@@ -51,7 +51,8 @@ def cost_map(
     sound = np.isfinite(z) & (z > 0.0)
     if not sound.any():
         raise ArgumentError("costs", "at least one finite positive cost", "none")
-    figure, axes = new_figure(1, 1, 5.2, 4.2)
+    rows = (len(marks or {}) + 1) // 2
+    figure, axes = new_figure(1, 1, 5.2, 4.2 + 0.25 * rows)
     panel = axes[0][0]
     low, high = float(z[sound].min()), float(z[sound].max())
     norm = LogNorm(low, max(high, low * 1.01))
@@ -66,7 +67,8 @@ def cost_map(
             markeredgecolor="white", markersize=9, label=label, linestyle="none",
         )  # fmt: skip
     if marks:
-        panel.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=min(len(marks), 3))
+        # Below the map: beside or above it, long names would squeeze it.
+        figure.legend(loc="outside lower center", ncols=2)
     panel.grid(False)
     title = "" if sound.all() else "hatched: diverged"
     panel.set(xlabel=r"integral order $\lambda$", ylabel=r"derivative order $\mu$")

@@ -166,3 +166,14 @@ def test_paths_with_spaces_work(config):
     path.write_text(SHORT)
     assert main(["run", str(path), "--controller", "integer PID", "--out", "my out"]) == 0
     assert (config.parent / "my out" / "report.html").exists()
+
+
+def test_ctrl_c_is_status_130(config, monkeypatch):
+    from fpid_pin.cli import experiments
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(experiments, "simulate", interrupted)
+    assert main(["compare", str(config)]) == 130
+    assert [path.name for path in config.parent.rglob("*.toml")] == ["short.toml"]

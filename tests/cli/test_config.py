@@ -148,3 +148,15 @@ def test_a_urdf_s_path_starts_at_the_configuration_s_folder(tmp_path):
     (tmp_path / "arm.urdf").unlink()
     with pytest.raises(fp.ConfigError, match="arm.urdf"):
         parse(text, "c.toml", tmp_path)
+
+
+def test_a_recorded_reference_s_path_starts_at_the_configuration_s_folder(tmp_path):
+    t = np.linspace(0.0, 20.0, 2001)
+    rows = np.column_stack([t, np.sin(t), np.sin(t)])
+    np.savetxt(tmp_path / "motion.csv", rows, delimiter=",", header="t,joint1,joint2", comments="")
+    start, end = TEXT.index("[reference]"), TEXT.index("[[disturbance]]")
+    recorded = '[reference]\nkind = "recorded"\npath = "motion.csv"\n\n'
+    config = parse(TEXT[:start] + recorded + TEXT[end:], "c.toml", tmp_path)
+    q, v, _ = config.experiment.motion(np.array([1.0]))
+    assert np.allclose(q, np.sin(1.0), atol=1e-6)
+    assert np.allclose(v, np.cos(1.0), atol=1e-3)
