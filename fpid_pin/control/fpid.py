@@ -13,6 +13,7 @@ from fpid_pin import checks
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.adaptation import Adaptation, Safeguards
 from fpid_pin.control.controller import Controller, State
+from fpid_pin.control.parameters import SCALES, joint_scale
 from fpid_pin.control.saturation import Saturation
 from fpid_pin.control.supervisor import Supervision, Supervisor
 from fpid_pin.descriptions import described
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 INITIALISATIONS = ("caputo", "riemann_liouville", "grunwald_letnikov")
 REGRESSORS = ("law", "integer")
-SCALES = ("none", "inertia")
 
 
 @described("adaptive_fpid")
@@ -131,11 +131,7 @@ class AdaptiveFpid(Controller):
 
     def scale_on(self, arm: Arm) -> FloatArray:
         """Return s of (10) on an arm, (n,)."""
-        if isinstance(self.scale, str):
-            if self.scale == "none":
-                return np.ones(arm.n)
-            return np.diag(arm.mass_matrix(arm.home)).copy()
-        return checks.per_joint("scale", self.scale, arm.n, above=0.0)
+        return joint_scale(self.scale, arm)
 
 
 class FpidState(State):

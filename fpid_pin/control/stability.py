@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.baselines import Pid
-from fpid_pin.control.baselines.parameters import joint_scale
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import SuggestedFpid, gain_ceilings
+from fpid_pin.control.parameters import joint_scale
 from fpid_pin.control.sampled import (
     ComplexArray,
     LinearSystem,

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.baselines.parameters import check_gains, check_scale, stacked
 from fpid_pin.control.baselines.regressor import Regressor, parameter_spread
 from fpid_pin.control.controller import Controller, State
+from fpid_pin.control.parameters import check_gains, check_scale, stacked
 from fpid_pin.control.saturation import Saturation
 from fpid_pin.descriptions import described
 

@@ -1,4 +1,4 @@
-"""Parameters of a population of baselines: checked once, stacked to (runs, n)."""
+"""Parameters of laws: checked once, scaled by the arm, stacked to (runs, n)."""
 
 from __future__ import annotations
 
