@@ -27,7 +27,7 @@ from fpid_pin.simulation.recorders import Batch, Block
 PERIODS = 10
 WINDOW = PERIODS * 2.0 * np.pi  # s
 NOISE = fp.Sensors(position_noise=1e-4, velocity_noise=0.02)  # rad, rad/s
-SIGMA = 0.05  # 1/s
+SIGMA = 0.03  # 1/s; 0.05 holds too, but for the paper's gains in regulation (1.024)
 
 
 def variants() -> dict[tuple[str, str], fp.AdaptiveFpid]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -26,6 +25,7 @@ from fpid_pin.control.sampled import (
     operators,
 )
 from fpid_pin.fractional import Design, ExponentialSum
+from fpid_pin.fractional.interop import python_control
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -277,7 +277,7 @@ def _closed(plant: LinearSystem, law: list[_Part]) -> FloatArray:
 def _margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, ...]:
     """Return gain margin, gain reduction, phase margin, delay margin and crossover of one loop."""
     up, down = _gain_margins(omega, loop)
-    if importlib.util.find_spec("control") is not None:
+    if python_control() is not None:
         phases, at = _phases_by_control(omega, loop)
     else:
         phases, at = _phases(omega, loop)
@@ -307,8 +307,7 @@ def _phases(omega: FloatArray, loop: ComplexArray) -> tuple[FloatArray, FloatArr
 
 
 def _phases_by_control(omega: FloatArray, loop: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    import control
-
+    control = python_control()
     data = (np.abs(loop), np.degrees(np.angle(loop)), omega)
     _, phases, _, _, at, _ = control.stability_margins(data, returnall=True)
     return np.radians(np.asarray(phases, dtype=np.float64)), np.asarray(at, dtype=np.float64)

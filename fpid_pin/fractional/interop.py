@@ -258,6 +258,18 @@ def _merge(parts: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, Floa
     return distinct[total != 0.0], total[total != 0.0]
 
 
+def python_control() -> Any:
+    """Return the python-control package, or None where it is not installed.
+
+    A folder named ``control`` on the path imports too, as an empty package; it is not taken for it.
+    """
+    try:
+        import control
+    except ImportError:
+        return None
+    return control if hasattr(control, "StateSpace") else None
+
+
 def to_control(system: StateSpace) -> Any:
     """Return a SciPy state space as python-control's `StateSpace`.
 
@@ -266,12 +278,11 @@ def to_control(system: StateSpace) -> Any:
     DesignError
         python-control is not installed (``pip install fpid_pin[control]``).
     """
-    try:
-        import control
-    except ImportError:
+    control = python_control()
+    if control is None:
         raise DesignError(
             "control: expected python-control to be installed (pip install 'fpid_pin[control]'),"
             " got none"
-        ) from None
+        )
     dt = 0 if system.dt is None else system.dt
     return control.StateSpace(system.A, system.B, system.C, system.D, dt)

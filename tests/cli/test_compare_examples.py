@@ -7,6 +7,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.cli import config
+from fpid_pin.cli.tune_plan import read_plan
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -21,3 +22,11 @@ def test_every_controller_runs_under_every_condition(path):
     runs = fp.simulate(experiments, [controller for _, controller in pairs])
     assert all(run.outcome.completed for run in runs)
     assert {run.name for run in runs} == set(found.controllers)
+
+
+def test_the_search_s_example_is_the_paper_s():
+    plan = read_plan(config.load(EXAMPLES / "tune_two_link.toml"))
+    settings = plan.settings
+    assert (settings.population, settings.generations) == (60, 80)
+    assert (settings.crossover, settings.mutation) == (0.75, 0.03)
+    assert (plan.cost.w1, plan.cost.w2) == (1.0, 0.0)

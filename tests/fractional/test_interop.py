@@ -1,4 +1,5 @@
 import sys
+import types
 
 import exact_derivatives as exact
 import numpy as np
@@ -15,6 +16,7 @@ from fpid_pin.fractional import (
     fpid_state_space,
     to_control,
 )
+from fpid_pin.fractional.interop import python_control
 
 STEP, HORIZON = 1e-3, 20.0
 DESIGNS = [ExponentialSum(24), Crone(1e-2, 1e3, 5, 1.0), RefinedOustaloup(1e-2, 1e3, 5)]
@@ -109,7 +111,8 @@ def test_a_proportional_controller_alone_is_a_gain():
 
 
 def test_python_control_reads_the_same_system():
-    control = pytest.importorskip("control")
+    control = python_control()
+    assert control is not None, "the test extra installs it"
     for sampled in (False, True):
         system = ExponentialSum(24).state_space(0.5, step=STEP, horizon=HORIZON, sampled=sampled)
         other = to_control(system)
@@ -148,3 +151,13 @@ def test_what_cannot_be_exported_is_refused():
         ExponentialSum().state_space(1.0, step=STEP)
     with pytest.raises(ArgumentError, match="design: expected one with modes, got L1"):
         L1().state_space(0.5, step=STEP, horizon=1.0)
+
+
+def test_a_folder_named_control_is_not_python_control(monkeypatch):
+    """Such a folder imports as an empty package; the tests' own did."""
+    system = ExponentialSum(24).state_space(0.5, step=STEP, horizon=HORIZON)
+    for module in (types.ModuleType("control"), None):
+        monkeypatch.setitem(sys.modules, "control", module)
+        assert python_control() is None
+        with pytest.raises(DesignError, match="expected python-control to be installed"):
+            to_control(system)

@@ -128,7 +128,7 @@ def test_a_cost_map_marks_what_diverged_and_what_is_marked():
     panel = figure.axes[0]
     assert panel.collections[0].get_array().mask.sum() == 1
     assert panel.get_title(loc="right") == "hatched: diverged"
-    assert [text.get_text() for text in panel.get_legend().get_texts()] == ["paper"]
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["paper"]
 
 
 def test_convergence_draws_every_curve():
