@@ -190,7 +190,8 @@ class _Table:
 
     def weights(self, order: FloatArray) -> FloatArray:
         """Return the modes' weights, (modes, ...), none of them negative."""
-        alpha = order.reshape(-1)
+        # Populations ask for the same orders many times over.
+        alpha, where = np.unique(order.reshape(-1), return_inverse=True)
         weights = np.empty((self.poles.size, alpha.size))
         good = np.zeros(alpha.size, dtype=bool)
         if self._factors is not None:
@@ -200,7 +201,7 @@ class _Table:
         for k in np.flatnonzero(~good):
             weights[:, k] = self._non_negative(float(alpha[k]))
         weights[0, alpha == 0.0] = 1.0
-        return weights.reshape(self.poles.shape + order.shape)
+        return weights[:, where.reshape(-1)].reshape(self.poles.shape + order.shape)
 
     def _interpolate(self, alpha: FloatArray) -> FloatArray:
         """Interpolate the factors to orders (k,) by the barycentric formula: (modes, k)."""
