@@ -158,6 +158,7 @@ def live(
     robot = LiveRobot(experiment, controller, horizon=duration or 3600.0)
     hands = _Hands(robot, arm, arm.joint_index(push_joint), torque, announce or (lambda text: None))
     last = None if duration is None else round(duration / step)
+    timing = Timing(step)
     sent: list[float] = []
     link: LiveLink | None = None
     if view:
@@ -191,6 +192,9 @@ def live(
                         "no permission for real-time priority: other programs may delay the loop"
                     )
                 timing = keep_time(tick, step, idle=idle, every=1.0 / fps)
+        except KeyboardInterrupt:
+            # Before the first tick; later ones end `keep_time` itself.
+            pass
         finally:
             if link is not None:
                 link.close()

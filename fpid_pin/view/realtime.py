@@ -95,9 +95,9 @@ def keep_time(
     """
     timing = Timing(step)
     collecting = gc.isenabled()
-    gc.collect()
-    gc.disable()
     try:
+        gc.collect()
+        gc.disable()
         due = time.perf_counter() + step
         idle_due = due
         while True:

@@ -1,5 +1,6 @@
 """The live view: who listens, for how long, what a frame costs, what a key does."""
 
+import gc
 import os
 import pty
 import signal
@@ -38,7 +39,7 @@ import fpid_pin as fp, sys
 from fpid_pin.view import live
 report = live(fp.paper_experiment(), fp.paper_controller(), open_browser=False,
               announce=lambda text: print(text, flush=True))
-print("ended", report.timing.ticks > 0, flush=True)
+print("ended with a report of", type(report.timing).__name__, flush=True)
 """
 
 
@@ -90,10 +91,25 @@ def test_only_loopback_is_listened_on_and_ctrl_c_leaves_nothing():
         children = psutil.Process(process.pid).children(recursive=True)
         assert len(children) == 1
         process.send_signal(signal.SIGINT)
-        assert "ended True" in process.stdout.read()
+        assert "ended with a report of Timing" in process.stdout.read()
         assert process.wait(10) == 0
         assert wait_until(lambda: not any(c.is_running() for c in children), 3.0)
         assert not answers(port)
+
+
+def test_ctrl_c_before_the_first_tick_is_a_clean_end(monkeypatch):
+    """It once fell between opening the view and the first period, and was a traceback."""
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(gc, "collect", interrupted)
+    assert keep_time(lambda: True, 1e-3, idle=lambda: True, every=0.1).ticks == 0
+    assert gc.isenabled()
+    monkeypatch.undo()
+    monkeypatch.setattr(LiveLink, "show", interrupted)
+    report = live(paper_experiment(), paper_controller(), open_browser=False)
+    assert report.timing.ticks == 0
 
 
 def test_no_listener_outlives_a_killed_parent_by_five_seconds():
