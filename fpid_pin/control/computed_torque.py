@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
 from fpid_pin.arms.fleet import Fleet
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller, State
+from fpid_pin.control.parameters import check_gains, stacked
 from fpid_pin.control.saturation import Saturation
 from fpid_pin.descriptions import described
 
@@ -40,9 +40,7 @@ class ComputedTorque(Controller):
     name: str = "computed torque"
 
     def __post_init__(self) -> None:
-        for name in ("k0", "k1"):
-            array = checks.floats(name, getattr(self, name), low=0.0, max_ndim=1)
-            object.__setattr__(self, name, array)
+        check_gains(self, "k0", "k1")
 
     @classmethod
     def start_many(
@@ -56,8 +54,7 @@ class _ComputedTorqueState(State):
     def __init__(self, controllers: Sequence[ComputedTorque], arm: Arm) -> None:
         runs, n = len(controllers), arm.n
         self._fleet = Fleet([arm], runs)
-        self._k0 = np.array([checks.per_joint("k0", c.k0, n) for c in controllers])
-        self._k1 = np.array([checks.per_joint("k1", c.k1, n) for c in controllers])
+        self._k0, self._k1 = (stacked(controllers, name, arm) for name in ("k0", "k1"))
         self._saturation = Saturation(arm.effort_limit, runs)
         self._a, self._work, self._torque = (np.zeros((runs, n)) for _ in range(3))
 

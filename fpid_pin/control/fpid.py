@@ -13,7 +13,7 @@ from fpid_pin import checks
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.adaptation import Adaptation, Safeguards
 from fpid_pin.control.controller import Controller, State
-from fpid_pin.control.parameters import SCALES, joint_scale
+from fpid_pin.control.parameters import SCALES, joint_scale, stacked
 from fpid_pin.control.saturation import Saturation
 from fpid_pin.control.supervisor import Supervision, Supervisor
 from fpid_pin.descriptions import described
@@ -149,8 +149,7 @@ class FpidState(State):
         step = checks.number("step", step, above=0.0)
 
         def each(name: str) -> FloatArray:
-            rows = [checks.per_joint(name, getattr(c, name), n) for c in controllers]
-            return np.array(rows)
+            return stacked(controllers, name, arm)
 
         orders = np.stack([1.0 - each("integral_order"), each("derivative_order")])
         self._bank: Bank = first.design.bank(
