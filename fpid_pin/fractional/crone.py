@@ -21,11 +21,12 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, DesignError
-from fpid_pin.fractional.design import Coefficients, Design, check_grid, check_order
+from fpid_pin.fractional.design import Design, check_grid, check_order
+from fpid_pin.fractional.modes import Modes
 from fpid_pin.fractional.step_integrals import step_integrals
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Oustaloup(Design):
     """What the filters have in common: a band, 2N + 1 pairs of zeros and poles, widening.
 
@@ -69,7 +70,7 @@ class Oustaloup(Design):
     def zpk(self, order: float) -> tuple[FloatArray, FloatArray, float]:
         """Return zeros, poles [rad/s, negative real] and gain of H(s) for one order."""
 
-    def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Coefficients:
+    def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Modes:
         """Return the modes' coefficients; the poles depend on the order.
 
         The newest step is part of the filter: its weights are those of the modes themselves.
@@ -83,23 +84,21 @@ class Oustaloup(Design):
         weights = np.stack([g for _, g in columns], axis=1)
         one = step_integrals(poles, step)
         kick = weights.sum(axis=0)
-        now = (weights * (one.now + 0.5 * step * one.gain)).sum(axis=0)
-        before = (weights * (one.before + 0.5 * step * one.gain)).sum(axis=0)
-        mean = step * (weights * one.gain).sum(axis=0)
-        chord = step * (weights * one.flat_gain).sum(axis=0)
+        now, before, mean = (
+            (weights * part).sum(axis=0) for part in (one.now, one.before, one.mean)
+        )
         ends = (flat == 0.0) | (flat == 1.0)
         if ends.any():
-            # x_0 = f - f(0) carries order 0; order 1 is f' alone.
-            rate = np.where(flat == 1.0, 1.0, 0.0)[ends]
+            # The mode with p = 0 is f - f(0) and carries order 0; order 1 is f' alone.
+            last = flat[ends] == 1.0
             weights[:, ends] = 0.0
-            weights[0, ends] = 1.0 - rate
-            now[ends] = np.where(rate == 1.0, 1.0, 0.5 * step)
-            before[ends] = np.where(rate == 1.0, 0.0, 0.5 * step)
-            mean[ends] = np.where(rate == 1.0, 0.0, step)
-            chord[ends] = np.where(rate == 1.0, 1.0, step)
-            kick[ends] = np.where(rate == 1.0, 1.0 / step, 1.0)
+            weights[0, ends] = np.where(last, 0.0, 1.0)
+            now[ends] = np.where(last, 1.0, 0.5 * step)
+            before[ends] = np.where(last, 0.0, 0.5 * step)
+            mean[ends] = np.where(last, 0.0, step)
+            kick[ends] = np.where(last, 1.0 / step, 1.0)
         shape = (poles.shape[0], *alpha.shape)
-        return Coefficients(
+        return Modes(
             order=alpha,
             step=step,
             poles=read_only(poles.reshape(shape)),
@@ -107,7 +106,6 @@ class Oustaloup(Design):
             now=now.reshape(alpha.shape),
             before=before.reshape(alpha.shape),
             mean=mean.reshape(alpha.shape),
-            chord=chord.reshape(alpha.shape),
             kick=kick.reshape(alpha.shape),
         )
 
@@ -135,7 +133,7 @@ def _oustaloup(low: float, high: float, n: int, order: float) -> tuple[FloatArra
 
 
 @described("crone")
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Crone(Oustaloup):
     """Oustaloup's filter over [low, high] rad/s: the paper's own realisation.
 
@@ -153,7 +151,7 @@ class Crone(Oustaloup):
 
 
 @described("refined_oustaloup")
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class RefinedOustaloup(Oustaloup):
     """The refined filter of Xue, Zhao and Chen (2006), with its gain bias corrected.
 

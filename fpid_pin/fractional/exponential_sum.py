@@ -28,7 +28,8 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, DesignError
-from fpid_pin.fractional.design import Coefficients, Design, check_grid, check_order
+from fpid_pin.fractional.design import Design, check_grid, check_order
+from fpid_pin.fractional.modes import Modes
 from fpid_pin.fractional.special import gamma, gammaln, rgamma
 
 _DEFAULT_MODES = 24
@@ -42,7 +43,7 @@ _REGULARISATION = 1e-11
 
 
 @described("exponential_sum")
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class ExponentialSum(Design):
     """The kernel of equation (4) as a sum of exponentials, fitted on [step, horizon].
 
@@ -79,14 +80,14 @@ class ExponentialSum(Design):
             modes = checks.integer("modes", modes, low=1, high=_MAX_MODES)
             object.__setattr__(self, "modes", modes)
 
-    def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Coefficients:
+    def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Modes:
         """Return the modes' coefficients for every order in `order`, all with the same poles."""
         alpha = check_order(order)
         step, horizon = check_grid(step, horizon)
         table = self._table(step, horizon)
         h = step ** (1.0 - alpha)
         now = h * rgamma(3.0 - alpha)
-        return Coefficients(
+        return Modes(
             order=alpha,
             step=step,
             poles=table.poles,
@@ -94,7 +95,6 @@ class ExponentialSum(Design):
             now=now,
             before=(1.0 - alpha) * now,
             mean=6.0 * (1.0 - alpha) * h * rgamma(4.0 - alpha),
-            chord=h * rgamma(2.0 - alpha),
             kick=step**-alpha,
         )
 

@@ -5,16 +5,11 @@ sample, the rate is the quadratic through both measured rates whose mean is the 
 
     x_k = E x_(k-1) + b1 f'_k + b0 f'_(k-1) + b2 m_k
     b1, b0, b2 = h int_0^1 exp(-q theta) {1 - theta, theta, 6 theta (1 - theta)} dtheta
-
-Written with f instead of m (m_k = (f_k - f_(k-1))/h - (f'_k + f'_(k-1))/2) this is
-
-    x_k = E x_(k-1) + now f'_k + before f'_(k-1) + gain (f_k - f_(k-1))
-    now = b1 - b2/2,   before = b0 - b2/2,   gain = b2/h
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -25,27 +20,13 @@ _SERIES_BELOW = 1.0
 _SERIES_TERMS = 20
 
 
-@dataclass(frozen=True, eq=False)
-class StepIntegrals:
-    """One step of the modes with decay rates p, arrays of the poles' shape.
-
-    Attributes
-    ----------
-    decay
-        E = exp(-p h).
-    now, before
-        Weights of f'_k and f'_(k-1) [s].
-    gain
-        Weight of f_k - f_(k-1).
-    flat_gain
-        Weight of f_k - f_(k-1) where the rate is constant over the step.
-    """
+class StepIntegrals(NamedTuple):
+    """One step of the modes with decay rates p: E, b1, b0, b2 [s], arrays of the poles' shape."""
 
     decay: FloatArray
     now: FloatArray
     before: FloatArray
-    gain: FloatArray
-    flat_gain: FloatArray
+    mean: FloatArray
 
 
 def step_integrals(poles: FloatArray, step: float) -> StepIntegrals:
@@ -60,24 +41,18 @@ def step_integrals(poles: FloatArray, step: float) -> StepIntegrals:
     i0 = -np.expm1(-far) / far
     i1 = (i0 - e_far) / far
     i2 = (2.0 * i1 - e_far) / far
-    now = i0 - 4.0 * i1 + 3.0 * i2
-    before = 3.0 * i2 - 2.0 * i1
-    gain = 6.0 * (i1 - i2)
 
-    # The same four as power series, whose terms are combined before they are summed: the leading
-    # ones cancel exactly (a mode with p = 0 is f - f(0) and owes nothing to the rates).
-    s_now, s_before, s_gain, s_flat = (np.zeros_like(q) for _ in range(4))
+    # The same three as power series, whose terms are combined before they are summed.
+    now, before, mean = (np.zeros_like(q) for _ in range(3))
     term = np.ones_like(q)
     for k in range(_SERIES_TERMS):
-        s_now += term * (-2.0 * k / ((k + 1) * (k + 2) * (k + 3)))
-        s_before += term * (k / ((k + 2) * (k + 3)))
-        s_gain += term * (6.0 / ((k + 2) * (k + 3)))
-        s_flat += term / (k + 1)
+        now += term / ((k + 1) * (k + 2))
+        before += term / (k + 2)
+        mean += term * (6.0 / ((k + 2) * (k + 3)))
         term = term * (-near / (k + 1))
     return StepIntegrals(
         decay=np.exp(-q),
-        now=step * np.where(small, s_now, now),
-        before=step * np.where(small, s_before, before),
-        gain=np.where(small, s_gain, gain),
-        flat_gain=np.where(small, s_flat, i0),
+        now=step * np.where(small, now, i0 - i1),
+        before=step * np.where(small, before, i1),
+        mean=step * np.where(small, mean, 6.0 * (i1 - i2)),
     )

@@ -1,0 +1,120 @@
+"""The one decorator of this room: scalar Python compiled by numba, and kept compiled.
+
+Numba sees whether the file of a cached function has changed, but not whether another file has whose
+functions it calls. So the cache lies in a folder named after the contents of all kernels: an edit of
+any of them is a new folder.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar, overload
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_HERE = Path(__file__).parent
+
+
+def source_stamp() -> str:
+    """Return a name for the contents of all files of this room."""
+    digest = hashlib.sha256()
+    for path in sorted(_HERE.glob("*.py")):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _roots() -> list[Path]:
+    """Return where compiled kernels may be kept, the best first."""
+    asked = numba.config.CACHE_DIR
+    if asked:
+        return [Path(asked)]
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return [_HERE / "__pycache__", Path(home) / "fpid_pin"]
+
+
+def cache_folder() -> Path | None:
+    """Return the folder that compiled kernels are kept in; None where none can be written."""
+    for root in _roots():
+        folder = root / f"kernels-{source_stamp()}"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+        except OSError:
+            continue
+        return folder
+    return None
+
+
+#: Where compiled kernels are kept; None: nowhere, they are compiled anew in every process.
+CACHE = cache_folder()
+
+
+def is_cold() -> bool:
+    """Return whether kernels are yet to be compiled on this machine, which takes some seconds."""
+    return CACHE is None or next(CACHE.rglob("*.nbi"), None) is None
+
+
+@overload
+def kernel(function: F) -> F: ...
+@overload
+def kernel(*, inline: bool) -> Callable[[F], F]: ...
+
+
+def kernel(function: F | None = None, *, inline: bool = False) -> F | Callable[[F], F]:
+    """Compile a scalar function at its first call, for the types that it is called with.
+
+    No fast mathematics: sums stay in the order in which they are written, products and sums are
+    rounded one by one, and a division by zero gives inf or NaN as in C.
+
+    Parameters
+    ----------
+    function
+        Of the subset that this room's docstring names.
+    inline
+        Whether it becomes part of the kernels that call it: for what stands in their inner loops.
+    """
+    if function is None:
+        return partial(_compile, inline=inline)
+    return _compile(function, inline=inline)
+
+
+def _compile(function: F, *, inline: bool) -> F:
+    options = {
+        "error_model": "numpy", "nogil": True, "inline": "always" if inline else "never",
+    }  # fmt: skip
+    if CACHE is None:
+        return numba.njit(function, **options)  # type: ignore[no-any-return]
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = str(CACHE)
+    try:
+        compiled = numba.njit(function, cache=True, **options)
+    finally:
+        numba.config.CACHE_DIR = before
+    _forgive(getattr(compiled, "_cache", None))
+    return compiled  # type: ignore[no-any-return]
+
+
+def _forgive(cache: Any) -> None:
+    """Let a cache that cannot be read or written, on a full disk say, cost time and nothing else."""
+
+    def forgiving(method: Callable[..., Any]) -> Callable[..., Any]:
+        def attempt(*arguments: Any) -> Any:
+            try:
+                return method(*arguments)
+            except Exception:  # whatever a broken file raises
+                return None
+
+        return attempt
+
+    for name in ("load_overload", "save_overload"):
+        method = getattr(cache, name, None)
+        if method is not None:
+            setattr(cache, name, forgiving(method))

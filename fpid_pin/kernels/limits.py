@@ -1,0 +1,36 @@
+"""Limits: what a drive can give, and when a number is none any more."""
+
+from __future__ import annotations
+
+import math
+
+from fpid_pin.kernels.compiled import kernel
+
+
+@kernel(inline=True)
+def clip(x, limit):
+    """Return x within [-limit, limit]; NaN stays NaN, so that nobody takes it for a torque."""
+    if x > limit:
+        x = limit
+    elif x < -limit:
+        x = -limit
+    return x
+
+
+@kernel(inline=True)
+def winds_up(cut, push):
+    """Return whether `push` would drive a torque that was cut further beyond its limit.
+
+    Anti-windup is conditional: what would ask for yet more in the same direction is held, what
+    unwinds goes on (Åström and Hägglund, *Advanced PID Control*, 2006, section 3.5).
+    """
+    return cut * push > 0.0
+
+
+@kernel
+def finite(values):
+    """Return whether every number of a flat array is finite."""
+    total = 0.0
+    for i in range(values.size):
+        total += 0.0 * values[i]
+    return math.isfinite(total)

@@ -1,0 +1,89 @@
+"""The fractional derivative D^alpha of one signal, sample by sample, in constant memory.
+
+Each mode obeys x' = -p x + f'. Between two samples the rate is the quadratic that takes both
+measured rates and integrates to the measured change of f, so that over a step
+
+    m_k = (f_k - f_(k-1))/h - (f'_k + f'_(k-1))/2
+    x_k = E x_(k-1) + b1 f'_k + b0 f'_(k-1) + b2 m_k
+    y_k = c1 f'_k + c0 f'_(k-1) + c2 m_k + sum_i g_i E_i x_i,(k-1)
+
+with E = exp(-p h). A trailing underscore is the value one sample ago.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fpid_pin.kernels.compiled import kernel
+
+f8 = np.float64
+
+#: An operator: its order; the weights c1, c0, c2 of the newest step; its start (what its modes
+#: hold of f(0), and its output for each unit of it); and the row of the poles that are its own.
+OPERATOR = np.dtype(
+    (
+        np.record,
+        [(name, f8) for name in ("order", "now", "before", "mean", "rest", "kick")]
+        + [("row", np.int64)],
+    )
+)
+#: A pole over one step: E and b1, b0, b2.
+POLE = np.dtype((np.record, [(name, f8) for name in ("decay", "now", "before", "mean")]))
+#: A mode of one operator: its weight g and its value x.
+MODE = np.dtype((np.record, [(name, f8) for name in ("weight", "x")]))
+
+
+@kernel(inline=True)
+def begin(op, modes, f, rate):
+    """Return D^alpha f at t = 0, where the initialisation decides, and set the modes to it."""
+    for i in range(modes.size):
+        modes[i].x = op.rest * f
+    y = op.kick * f
+    if op.order == 0.0:
+        y = f
+    elif op.order == 1.0:
+        y = rate
+    return y
+
+
+@kernel(inline=True)
+def derivative(op, poles, modes, f, f_, rate, rate_, h):
+    """Return D^alpha f at this sample, eq. (4), and move the modes on to it."""
+    m = (f - f_) / h - 0.5 * (rate + rate_)
+    y = op.now * rate + op.before * rate_ + op.mean * m
+    for i in range(modes.size):
+        mode = modes[i]
+        pole = poles[i]
+        past = pole.decay * mode.x
+        y += mode.weight * past
+        mode.x = past + pole.now * rate + pole.before * rate_ + pole.mean * m
+    if op.order == 0.0:
+        y = f
+    elif op.order == 1.0:
+        y = rate
+    return y
+
+
+@kernel
+def sample(started, ops, poles, modes, f, f_, rate, rate_, held, out, h):
+    """Take one sample of many signals, (channels,); those that are `held` stand still."""
+    for c in range(ops.size):
+        op = ops[c]
+        if not started:
+            out[c] = begin(op, modes[c], f[c], rate[c])
+        elif not held[c]:
+            out[c] = derivative(op, poles[op.row], modes[c], f[c], f_[c], rate[c], rate_[c], h)
+        f_[c] = f[c]
+        rate_[c] = rate[c]
+
+
+@kernel
+def record(ops, poles, modes, f, rate, out, h):
+    """Write D^alpha of recorded signals, (N, channels), into `out`."""
+    for c in range(ops.size):
+        op = ops[c]
+        out[0, c] = begin(op, modes[c], f[0, c], rate[0, c])
+        for k in range(1, f.shape[0]):
+            out[k, c] = derivative(
+                op, poles[op.row], modes[c], f[k, c], f[k - 1, c], rate[k, c], rate[k - 1, c], h
+            )
