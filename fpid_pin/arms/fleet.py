@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -158,6 +158,24 @@ class Fleet:
                 data = self._minverse_data[plant] = self._models[plant].createData()
             out[k] = pin.computeMinverse(self._models[plant], data, q[run])
 
+    def bind(
+        self, q: FloatArray, v: FloatArray, tau: FloatArray, out: FloatArray
+    ) -> Callable[[], None]:
+        """Return `forward_dynamics` of these very arrays, checked once: for a loop."""
+        self.forward_dynamics(q, v, tau, out)
+        calls = [
+            partial(pin.abaInParallel, 1, segment.heavy, *self._views(segment, q, v, tau, out))
+            for segment in self._segments
+        ]
+        if len(calls) == 1:
+            return calls[0]
+
+        def every() -> None:
+            for call in calls:
+                call()
+
+        return every
+
     # ------------------------------------------------------------------ inside
 
     def _extra(self, armature: ArrayLike | None) -> FloatArray:
@@ -217,18 +235,15 @@ class Fleet:
         if not out.flags.c_contiguous or out.dtype != np.float64:
             # The result would land in a copy, unseen.
             raise ArgumentError("out", "a C-contiguous float64 array", f"{out.dtype} array")
-        segments = self._segments
-        if len(segments) == 1 and segments[0].columns:
-            pool = segments[0].heavy if heavy else segments[0].weightless
-            recursion(1, pool, q.T, v.T, x.T, out.T)
-            return
-        for segment in segments:
+        for segment in self._segments:
             pool = segment.heavy if heavy else segment.weightless
-            part = [array[segment.rows] for array in (q, v, x, out)]
-            if segment.columns:
-                recursion(1, pool, *(rows.T for rows in part))
-            else:
-                recursion(1, pool, *(rows.reshape(-1, 1) for rows in part))
+            recursion(1, pool, *self._views(segment, q, v, x, out))
+
+    @staticmethod
+    def _views(segment: _Segment, *arrays: FloatArray) -> list[FloatArray]:
+        """Return a segment's rows as Pinocchio wants them: a run a column, or one long column."""
+        rows = [array[segment.rows] for array in arrays]
+        return [part.T if segment.columns else part.reshape(-1, 1) for part in rows]
 
 
 def _forest(models: Sequence[Any]) -> Any:

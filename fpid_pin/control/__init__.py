@@ -1,12 +1,14 @@
 """Control laws: from reference and measurement to torque."""
 
-from fpid_pin.control.adaptation import Safeguards
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.computed_torque import ComputedTorque
-from fpid_pin.control.controller import Controller, Loop, State
+from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import SuggestedFpid, gain_ceilings, suggest_gains
+from fpid_pin.control.loop import Loop
+from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.stability import StabilityReport, stability_report
+from fpid_pin.control.state import LawState, State
 from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
 
 __all__ = [
@@ -14,6 +16,7 @@ __all__ = [
     "ComputedTorque",
     "Controller",
     "GravityOnly",
+    "LawState",
     "Loop",
     "PdGravity",
     "Pid",

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import BoolArray, FloatArray
-from fpid_pin.control.adaptation import Adaptation, Safeguards
-from fpid_pin.control.controller import Controller, State
-from fpid_pin.control.parameters import SCALES, joint_scale, stacked
-from fpid_pin.control.saturation import Saturation
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.controller import Controller
+from fpid_pin.control.parameters import check_gains, check_scale, joint_scale
+from fpid_pin.control.safeguards import Safeguards
+from fpid_pin.control.state import State
 from fpid_pin.control.supervisor import Supervision, Supervisor
 from fpid_pin.descriptions import described
-from fpid_pin.fractional import Bank, Design, ExponentialSum
+from fpid_pin.exceptions import DesignError
+from fpid_pin.fractional import Design, ExponentialSum
+from fpid_pin.fractional.design import modes_of
+from fpid_pin.fractional.modes import INITIALISATIONS
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
-INITIALISATIONS = ("caputo", "riemann_liouville", "grunwald_letnikov")
 REGRESSORS = ("law", "integer")
 
 
@@ -41,19 +43,19 @@ class AdaptiveFpid(Controller):
     Parameters
     ----------
     kp, ki, kd
-        Initial gains; N m/rad, N m/(rad s^lambda), N m s^mu/rad, or those over the scale's unit.
+        Initial gains [N m/rad], [N m/(rad s^lambda)], [N m s^mu/rad], over the scale's unit if any.
     integral_order, derivative_order
         lambda and mu, in [0, 1].
     learning_rate
         gamma; also (3, n), a row each for Kp, Ki, Kd.
     k0, k1
-        Sliding surface ``S = -(e' + k1 e + k0 int e)``, 1/s^2 and 1/s.
+        Sliding surface ``S = -(e' + k1 e + k0 int e)`` [1/s^2], [1/s].
     supervisor
         None: no supervisory torque.
     regressors
         ``"law"``: the gradient of (10) itself; ``"integer"``: e, int e, e' as printed.
     design
-        How the fractional operators are realised.
+        How the fractional operators are realised: one with modes.
     initialisation
         What the operators take the error to have been before t = 0: ``"caputo"``,
         ``"riemann_liouville"`` or ``"grunwald_letnikov"``; see `fpid_pin.fractional.Bank`.
@@ -82,33 +84,15 @@ class AdaptiveFpid(Controller):
     name: str = ""
 
     def __post_init__(self) -> None:
-        lengths: dict[str, int] = {}
-        for name in ("kp", "ki", "kd", "learning_rate", "k0", "k1"):
-            most = 2 if name == "learning_rate" else 1
-            array = checks.floats(name, getattr(self, name), low=0.0, max_ndim=most)
-            object.__setattr__(self, name, array)
-            if array.ndim:
-                lengths[name] = array.shape[-1]
-        for name in ("integral_order", "derivative_order"):
-            array = checks.floats(name, getattr(self, name), low=0.0, high=1.0, max_ndim=1)
-            object.__setattr__(self, name, array)
-            if array.ndim:
-                lengths[name] = array.shape[-1]
-        rate = cast("FloatArray", self.learning_rate)
+        check_scale(self)
+        rate = checks.floats("learning_rate", self.learning_rate, low=0.0, max_ndim=2)
         if rate.ndim == 2 and rate.shape[0] != 3:
-            raise checks.ArgumentError(
-                "learning_rate", "shape (n,) or (3, n)", f"shape {rate.shape}"
-            )
-        if isinstance(self.scale, str):
-            checks.choice("scale", self.scale, SCALES)
-        else:
-            scale = checks.floats("scale", self.scale, above=0.0, max_ndim=1)
-            object.__setattr__(self, "scale", scale)
-            if scale.ndim:
-                lengths["scale"] = scale.shape[-1]
-        if len(set(lengths.values())) > 1:
-            listed = ", ".join(f"{name} ({length},)" for name, length in lengths.items())
-            raise checks.ArgumentError("gains and orders", "one length for all joints", listed)
+            shape = f"shape {rate.shape}"
+            raise checks.ArgumentError("learning_rate", "shape (n,) or (3, n)", shape)
+        object.__setattr__(self, "learning_rate", rate)
+        check_gains(self, "kp", "ki", "kd", "k0", "k1", what="gains and orders")
+        orders = ("integral_order", "derivative_order")
+        check_gains(self, *orders, high=1.0, what="gains and orders")
         checks.choice("regressors", self.regressors, REGRESSORS)
         checks.choice("initialisation", self.initialisation, INITIALISATIONS)
         checks.instance("design", self.design, Design, "a fractional design")
@@ -118,166 +102,77 @@ class AdaptiveFpid(Controller):
             checks.instance("safeguards", self.safeguards, Safeguards, "Safeguards or None")
 
     def lockstep_key(self) -> Hashable:
-        """Return design, start and readings: what one batch of runs must share."""
-        options = (self.initialisation, self.regressors, self.supervisor is None)
-        return (type(self), repr(self.design), *options)
+        """Return design and start: what all runs of a batch must share."""
+        return (type(self), self.design, self.initialisation)
 
     @classmethod
     def start_many(
-        cls, controllers: Sequence[Controller], arm: Arm, *, step: float, horizon: float
+        cls, controllers: Sequence[AdaptiveFpid], arm: Arm, *, step: float, horizon: float
     ) -> FpidState:
         """Start all `controllers` in one state; see `Controller.start_many`."""
-        return FpidState(cast("Sequence[AdaptiveFpid]", controllers), arm, step, horizon)
+        return FpidState(controllers, arm, step, horizon)
 
     def scale_on(self, arm: Arm) -> FloatArray:
         """Return s of (10) on an arm, (n,)."""
         return joint_scale(self.scale, arm)
 
+    def rates(self, n: int) -> FloatArray:
+        """Return gamma of Kp, Ki and Kd on an arm with n joints, (3, n)."""
+        rate = np.asarray(self.learning_rate)
+        if rate.ndim == 2 and rate.shape != (3, n):
+            raise checks.ArgumentError("learning_rate", f"shape (3, {n})", f"{rate.shape}")
+        return np.broadcast_to(
+            rate if rate.ndim == 2 else checks.per_joint("learning_rate", rate, n), (3, n)
+        )
+
+    def orders(self, n: int) -> FloatArray:
+        """Return the orders of the derivatives that are taken, of int e and of e, (n, 2)."""
+        lam = checks.per_joint("integral_order", self.integral_order, n)
+        return np.stack([1.0 - lam, checks.per_joint("derivative_order", self.derivative_order, n)],
+                        axis=1)  # fmt: skip
+
 
 class FpidState(State):
-    """Adaptive FPIDs of all runs: error, int e, fractional bank, gains, supervisor, saturation.
-
-    One array holds [int e, e, e'], (3, runs, n): its first two rows are the signals of which the
-    bank takes the derivatives of orders 1 - lambda and mu, its last two are their rates.
-    """
+    """The records of `kernels.law` for all runs; Pinocchio helps where a supervisor acts."""
 
     def __init__(
         self, controllers: Sequence[AdaptiveFpid], arm: Arm, step: float, horizon: float
     ) -> None:
-        runs, n = len(controllers), arm.n
-        first = controllers[0]
-        step = checks.number("step", step, above=0.0)
+        super().__init__(len(controllers), arm, step)
+        # Imported late: it loads numba.
+        from fpid_pin.kernels import law
 
-        def each(name: str) -> FloatArray:
-            return stacked(controllers, name, arm)
-
-        orders = np.stack([1.0 - each("integral_order"), each("derivative_order")])
-        self._bank: Bank = first.design.bank(
-            orders, step=step, horizon=horizon, initialisation=first.initialisation
+        self._fpids = law.fpids
+        self.robots = np.zeros(self.runs, law.ROBOT)
+        self.joints = np.zeros(self.torque.shape, law.JOINT)
+        self.robots["h"], self.robots["threshold"] = self.step, np.inf
+        self.joints["limit"] = arm.effort_limit
+        for robot, joints, controller in zip(self.robots, self.joints, controllers, strict=True):
+            _fill(robot, joints, controller, arm)
+        self._design, self._horizon = controllers[0].design, horizon
+        self.orders = np.array([c.orders(self.n) for c in controllers])
+        modes = modes_of(self._design, self.orders, step=self.step, horizon=horizon)
+        self._ops, self._poles, self._modes = modes.records(controllers[0].initialisation)
+        self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
+        self._supervision = (
+            Supervision(arm, self.runs) if any(c.supervisor for c in controllers) else None
         )
-        rates = np.empty((3, runs, n))
-        for run, controller in enumerate(controllers):
-            rate = np.asarray(controller.learning_rate)
-            if rate.ndim == 2 and rate.shape != (3, n):
-                raise checks.ArgumentError("learning_rate", f"shape (3, {n})", f"{rate.shape}")
-            rates[:, run] = rate if rate.ndim == 2 else checks.per_joint("learning_rate", rate, n)
-        self._adaptation = Adaptation(
-            np.stack([each("kp"), each("ki"), each("kd")]),
-            rates,
-            each("k0"),
-            each("k1"),
-            step=step,
-            safeguards=[c.safeguards for c in controllers],
-        )
-        scale = np.array([c.scale_on(arm) for c in controllers])
-        self._scale = None if (scale == 1.0).all() else scale
-        self._supervision: Supervision | None = None
-        if first.supervisor is not None:
-            self._supervision = Supervision(
-                [cast("Supervisor", c.supervisor) for c in controllers], arm
-            )
-        self._saturation = Saturation(arm.effort_limit, runs)
 
-        shape = (runs, n)
-        self._signals = np.zeros((3, *shape))
-        self._int_e, self._e, self._e_dot = self._signals
-        self._values, self._rates = self._signals[:2], self._signals[1:]
-        self._phi = np.zeros((3, *shape))
-        self._fractional = self._phi[1:]
-        self._printed = first.regressors == "integer"
-        self._regressors = np.zeros((3, *shape)) if self._printed else self._phi
-        # int e += h (e + e_)/2 + h^2 (e'_ - e')/12 splits into a part of the new sample,
-        # c e - d e', and one kept from the old, c e_ + d e'_.
-        self._parts = np.zeros((2, *shape))
-        self._part_weights = np.empty((2, *shape))
-        self._part_weights[0], self._part_weights[1] = step / 2.0, step * step / 12.0
-        self._kept = np.zeros(shape)
-        self._increment = np.zeros(shape)
-        self._started = False
-        self._terms = np.empty((3, *shape))
-        self._u = np.zeros(shape)
-        self._torque = np.zeros(shape)
-        self._no_u_s = np.zeros(shape)
-        self._no_value = np.zeros(runs)
-
-    def torque(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        q_ref: FloatArray,
-        v_ref: FloatArray,
-        a_ref: FloatArray,
-    ) -> FloatArray:
-        """Advance by one tick: see `State.torque`."""
-        # The gains move at the start of a tick, by the signals of the last one, so that after the
-        # tick `signals` shows the gains that made its torque.
-        adaptation = self._adaptation
-        if adaptation.active:
-            adaptation.advance(self._regressors, self._adaptation_hold())
-        np.subtract(q_ref, q, out=self._e)
-        np.subtract(v_ref, v, out=self._e_dot)
-
-        supervision = self._supervision
-        acts = supervision is not None and supervision.measure(self._e, self._e_dot)
-        hold = self._saturation.winds_up(self._e)
-        if acts and supervision is not None:
-            acting = np.broadcast_to(supervision.acting[:, np.newaxis], self._e.shape)
-            hold = acting if hold is None else hold | acting
-        self._integrate(hold)
-        # Only the integral's row of the bank is held: the derivative must follow the error.
-        rows = None if hold is None else np.stack([hold, np.zeros_like(hold)])
-        self._bank.update(self._values, self._rates, out=self._fractional, hold=rows)
-        np.copyto(self._phi[0], self._e)
-        if self._printed:
-            self._regressors[:] = self._signals[[1, 0, 2]]
-        adaptation.measure(self._signals)
-
-        np.multiply(adaptation.gains, self._phi, out=self._terms)
-        np.add.reduce(self._terms, axis=0, out=self._u)
-        if self._scale is not None:
-            self._u *= self._scale
-        if not acts and not self._saturation.limited:
-            return self._u
-        np.copyto(self._torque, self._u)
-        if acts and supervision is not None:
-            supervision.act(q, v, a_ref, self._e, self._e_dot, self._u)
-            self._torque += supervision.torque
-        return self._saturation.apply(self._torque)
-
-    def _integrate(self, hold: BoolArray | None) -> None:
-        np.multiply(self._part_weights, self._signals[1:], out=self._parts)
-        new, old = self._parts
-        if self._started:
-            np.subtract(new, old, out=self._increment)
-            self._increment += self._kept
-            if hold is not None:
-                np.copyto(self._increment, 0.0, where=hold)
-            self._int_e += self._increment
-        self._started = True
-        np.add(new, old, out=self._kept)
-
-    def _adaptation_hold(self) -> BoolArray | None:
-        # dK.phi has the sign of -S: that is where the adaptation pushes the torque.
-        saturation = self._saturation
-        hold = saturation.winds_up(-self._adaptation.surface) if saturation.active else None
-        supervision = self._supervision
-        if supervision is not None and supervision.any_acting:
-            acting = np.broadcast_to(supervision.acting[:, np.newaxis], self._e.shape)
-            hold = acting if hold is None else hold | acting
-        return hold
+    def tick(self, inputs: FloatArray) -> None:
+        """See `State.tick`."""
+        if self._ramp is not None:
+            self._climb()
+        acts = self._fpids(
+            self.alive, self.robots, self.joints, self._ops, self._poles, self._modes, inputs,
+            self.torque,
+        )  # fmt: skip
+        if acts and self._supervision is not None:
+            self._supervision.act(self.alive, self.robots, self.joints, inputs, self.torque)
 
     def signals(self) -> Mapping[str, FloatArray]:
         """Return views of kp, ki, kd, u_fpid, u_s, s, (runs, n), and lyapunov, (runs,)."""
-        gains, supervision = self._adaptation.gains, self._supervision
-        return {
-            "kp": gains[0],
-            "ki": gains[1],
-            "kd": gains[2],
-            "u_fpid": self._u,
-            "u_s": self._no_u_s if supervision is None else supervision.torque,
-            "s": self._adaptation.surface,
-            "lyapunov": self._no_value if supervision is None else supervision.value,
-        }
+        views = {name: self.joints[name] for name in ("kp", "ki", "kd", "u_fpid", "u_s", "s")}
+        return views | {"lyapunov": self.robots["value"]}
 
     def set_orders(
         self,
@@ -288,24 +183,74 @@ class FpidState(State):
     ) -> None:
         """Change lambda and mu while running, (n,) or (runs, n); None leaves as it is.
 
-        From now on (or, with a `ramp` in s, from its end) the terms are those of a law that had
-        the new orders from the start. Designs whose poles depend on the order refuse.
+        From now on (or, with a `ramp` [s], from its end) the terms are those of a law that had the
+        new orders from the start.
+
+        Raises
+        ------
+        DesignError
+            A design whose poles depend on the order: its modes mean nothing to another one.
         """
-        orders = np.array(self._bank.order)
+        new = self.orders.copy()
         if integral_order is not None:
-            array = checks.floats("integral_order", integral_order, low=0.0, high=1.0)
-            orders[0] = 1.0 - array
+            order = checks.floats("integral_order", integral_order, low=0.0, high=1.0)
+            new[..., 0] = 1.0 - order
         if derivative_order is not None:
-            orders[1] = checks.floats("derivative_order", derivative_order, low=0.0, high=1.0)
-        self._bank.set_order(orders, ramp=ramp)
+            new[..., 1] = checks.floats("derivative_order", derivative_order, low=0.0, high=1.0)
+        if len(self._poles) > 1:
+            raise DesignError(
+                f"orders: expected a design with shared poles, got {type(self._design).__name__}"
+            )
+        steps = round(checks.number("ramp", ramp, low=0.0) / self.step)
+        if steps:
+            self._ramp = (self.orders, new, 0, steps)
+        else:
+            self._ramp = None
+            self._use(new)
+
+    def _climb(self) -> None:
+        """Move the orders by one step of their ramp."""
+        assert self._ramp is not None
+        first, last, done, steps = self._ramp
+        part = (done + 1) / steps
+        self._use(last if part >= 1.0 else first + part * (last - first))
+        self._ramp = None if part >= 1.0 else (first, last, done + 1, steps)
+
+    def _use(self, orders: FloatArray) -> None:
+        self.orders = orders
+        modes = modes_of(self._design, orders, step=self.step, horizon=self._horizon)
+        for name in ("order", "now", "before", "mean"):
+            self._ops[name] = getattr(modes, name)
+        self._modes["weight"] = np.moveaxis(modes.weights, 0, -1)
 
     def retire(self, run: int) -> None:
         """See `State.retire`."""
-        for rows in (self._signals, self._phi, self._terms):
-            rows[:, run] = 0.0
-        for row in (self._kept, self._u, self._torque):
-            row[run] = 0.0
-        self._bank.retire((slice(None), run))
-        self._adaptation.retire(run)
-        if self._supervision is not None:
-            self._supervision.retire(run)
+        super().retire(run)
+        self.joints[run] = 0.0
+        self.robots[run] = 0.0
+        self._modes["x"][run] = 0.0
+
+
+def _fill(robot: Any, joints: Any, controller: AdaptiveFpid, arm: Arm) -> None:
+    """Write a description into the records of one run."""
+    n = arm.n
+    joints["scale"] = controller.scale_on(arm)
+    for name in ("k0", "k1"):
+        joints[name] = checks.per_joint(name, getattr(controller, name), n)
+    guard = controller.safeguards
+    bounds = np.full((2, 3, n), [[[-np.inf]], [[np.inf]]]) if guard is None else guard.bounds(n)
+    for name, rate, low, high in zip(("kp", "ki", "kd"), controller.rates(n), *bounds, strict=True):
+        # Projection counts from the start.
+        gain = np.clip(checks.per_joint(name, getattr(controller, name), n), low, high)
+        joints[name] = joints[f"{name}_0"] = gain
+        joints[f"{name}_min"], joints[f"{name}_max"] = low, high
+        joints[f"gamma_{name[1]}"] = rate
+    robot["printed"] = controller.regressors == "integer"
+    if guard is not None:
+        robot["guarded"] = True
+        joints["sigma"], joints["nu"] = guard.sigma, guard.e_modification
+        joints["dead_zone"] = guard.dead_zone
+    if controller.supervisor is not None:
+        joints["bound"] = controller.supervisor.bound(n)
+        for name, value in controller.supervisor.record().items():
+            robot[name] = value

@@ -11,10 +11,11 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.adaptation import Safeguards
-from fpid_pin.control.controller import Controller, State
+from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.sampled import critical_derivative
+from fpid_pin.control.state import State
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.fractional import Design, ExponentialSum

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -17,36 +18,48 @@ if TYPE_CHECKING:
 SCALES = ("none", "inertia")
 
 
-def check_gains(description: Any, *names: str, above: float | None = None) -> None:
+def check_gains(
+    description: Any,
+    *names: str,
+    low: float | None = 0.0,
+    high: float | None = None,
+    above: float | None = None,
+    what: str = "gains",
+) -> None:
     """Replace the named fields of a frozen description by checked read-only arrays.
 
-    Each is a scalar or (n,); at least 0, or more than `above`. All (n,) must have one length.
+    Each is a scalar or (n,), within its bounds. All (n,) must have one length.
 
     Raises
     ------
     ArgumentError
-        A negative gain, or lengths that differ.
+        A number out of bounds, or lengths that differ.
     """
-    low = 0.0 if above is None else None
     for name in names:
         value = getattr(description, name)
-        array = checks.floats(name, value, low=low, above=above, max_ndim=1)
+        array = checks.floats(
+            name, value, low=None if above is not None else low, high=high, above=above, max_ndim=1
+        )
         object.__setattr__(description, name, array)
+    check_lengths(description, what)
+
+
+def check_lengths(description: Any, what: str = "gains") -> None:
+    """Check that all arrays of a description have one length, (n,) or (..., n)."""
     lengths = {
-        name: len(value)
+        name: value.shape[-1]
         for name, value in vars(description).items()
         if isinstance(value, np.ndarray) and value.ndim
     }
     if len(set(lengths.values())) > 1:
         listed = ", ".join(f"{name} ({length},)" for name, length in lengths.items())
-        raise checks.ArgumentError("gains", "one length for all joints", listed)
+        raise checks.ArgumentError(what, "one length for all joints", listed)
 
 
 def check_scale(description: Any) -> None:
     """Check the field ``scale`` of a description: one of `SCALES`, a scalar or (n,)."""
-    scale = description.scale
-    if isinstance(scale, str):
-        checks.choice("scale", scale, SCALES)
+    if isinstance(description.scale, str):
+        checks.choice("scale", description.scale, SCALES)
     else:
         check_gains(description, "scale", above=0.0)
 
@@ -57,15 +70,47 @@ def joint_scale(scale: str | ArrayLike, arm: Arm) -> FloatArray:
     ``"none"``: 1, gains in N m/rad; ``"inertia"``: M_jj at the arm's home, gains in 1/s^2.
     """
     if isinstance(scale, str):
-        if scale == "none":
+        if checks.choice("scale", scale, SCALES) == "none":
             return np.ones(arm.n)
         return np.diag(arm.mass_matrix(arm.home)).copy()
     return checks.per_joint("scale", scale, arm.n, above=0.0)
 
 
-def stacked(controllers: Sequence[Any], name: str, arm: Arm, *, scaled: bool = False) -> FloatArray:
-    """Return one parameter of all controllers, (runs, n); times their scale if `scaled`."""
-    rows = [checks.per_joint(name, getattr(c, name), arm.n) for c in controllers]
-    if scaled:
-        rows = [row * joint_scale(c.scale, arm) for row, c in zip(rows, controllers, strict=True)]
-    return np.array(rows)
+def is_number(value: Any) -> bool:
+    """Return whether a field holds numbers: a scalar or an array of them (truth is none)."""
+    if isinstance(value, (bool, str)):
+        return False
+    return isinstance(value, (int, float, np.ndarray, np.number)) or (
+        isinstance(value, (tuple, list)) and len(value) > 0 and all(is_number(x) for x in value)
+    )
+
+
+def number_fields(description: Any) -> list[str]:
+    """Return the names of the fields that hold numbers, the scale among them."""
+    return [
+        field.name
+        for field in dataclasses.fields(description)
+        if field.name == "scale" or is_number(getattr(description, field.name))
+    ]
+
+
+def stack(controllers: Sequence[Any], arm: Arm) -> Any:
+    """Return one description that stands for all `controllers`: numbers are (runs, n).
+
+    Raises
+    ------
+    ArgumentError
+        An array that is not one number a joint of `arm`.
+    """
+    first = controllers[0]
+    whole = object.__new__(type(first))
+    if not dataclasses.is_dataclass(first):
+        return first
+    for field in dataclasses.fields(first):
+        name, value = field.name, getattr(first, field.name)
+        if name == "scale":
+            value = np.array([joint_scale(c.scale, arm) for c in controllers])
+        elif is_number(value):
+            value = np.array([checks.per_joint(name, getattr(c, name), arm.n) for c in controllers])
+        object.__setattr__(whole, name, value)
+    return whole

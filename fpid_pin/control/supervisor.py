@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms.fleet import Fleet
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.descriptions import described
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ def lyapunov_matrix(k0: float, k1: float, weight: ArrayLike | None = None) -> Fl
     Parameters
     ----------
     k0, k1
-        Coefficients of ``s^2 + k1 s + k0``, 1/s^2 and 1/s; both positive, so that A is stable.
+        Coefficients of ``s^2 + k1 s + k0``, [1/s^2] and [1/s]; both positive, so that A is stable.
     weight
         Q, (2, 2), symmetric and positive definite; the identity if None.
 
@@ -72,9 +71,9 @@ class Supervisor:
     reference_bound
         sup ``||[q_d,j, q'_d,j]||`` over time and joints.
     disturbance_bound
-        d_u, friction included, scalar or (n,), N m.
+        d_u, friction included, scalar or (n,) [N m].
     gravity_bound
-        G_u, scalar or (n,), N m; None uses ``|G(q)|`` of the nominal model.
+        G_u, scalar or (n,) [N m]; None uses ``|G(q)|`` of the nominal model.
     k0, k1
         The supervisor's own error dynamics, eq. (39); not those of the sliding surface.
     weight
@@ -126,110 +125,58 @@ class Supervisor:
         smallest = float(np.linalg.eigvalsh(self.p)[0])
         return 0.5 * smallest * (self.m_x - self.reference_bound) ** 2
 
+    def bound(self, n: int) -> FloatArray:
+        """Return d_u + G_u of an arm with n joints, (n,) [N m]; d_u where G_u is the model's."""
+        total = checks.per_joint("supervisor.disturbance_bound", self.disturbance_bound, n)
+        if self.gravity_bound is not None:
+            total = total + checks.per_joint("supervisor.gravity_bound", self.gravity_bound, n)
+        return total
+
+    def record(self) -> dict[str, float]:
+        """Return the constants of `kernels.supervisor`, by name."""
+        p, factor = self.p, np.linalg.cholesky(self.p)
+        return {
+            "l11": factor[0, 0],
+            "l21": factor[1, 0],
+            "l22": factor[1, 1],
+            "p12": p[0, 1],
+            "p22": p[1, 1],
+            "k0": self.k0,
+            "k1": self.k1,
+            "threshold": self.threshold,
+            "layer": self.boundary_layer,
+            "own_gravity": self.gravity_bound is None,
+        }
+
 
 class Supervision:
-    """The state of the supervisors of all runs: V, who acts, and u_s.
+    """The model's terms of u_s (20), for the ticks in which the supervisor of some run acts.
 
     Parameters
     ----------
-    supervisors
-        One a run.
     arm
         The nominal arm, whose M, C and G the law uses.
+    runs
+        Number of runs.
     """
 
-    def __init__(self, supervisors: Sequence[Supervisor], arm: Arm) -> None:
-        runs, n = len(supervisors), arm.n
-        shape = (runs, n)
+    def __init__(self, arm: Arm, runs: int) -> None:
+        # Imported late: it loads numba.
+        from fpid_pin.kernels import supervisor
+
+        self._kernels = supervisor
         self._fleet = Fleet([arm], runs)
-        # V = 1/2 sum_j |L^T E_j|^2 with P = L L^T: sums of squares cannot go negative.
-        factors = np.array([np.linalg.cholesky(s.p) for s in supervisors])
-        p = np.array([s.p for s in supervisors])
+        self._demand, self._b, *self._terms = np.zeros((7, runs, arm.n))
 
-        def spread(values: FloatArray) -> FloatArray:
-            return np.ascontiguousarray(np.broadcast_to(values[:, np.newaxis], shape))
-
-        self._l11, self._l21, self._l22 = (
-            spread(factors[:, i, j]) for i, j in ((0, 0), (1, 0), (1, 1))
-        )
-        self._p12, self._p22 = spread(p[:, 0, 1]), spread(p[:, 1, 1])
-        self._k0 = spread(np.array([s.k0 for s in supervisors]))
-        self._k1 = spread(np.array([s.k1 for s in supervisors]))
-        self._threshold = np.array([s.threshold for s in supervisors])
-        self._layer = spread(np.array([s.boundary_layer for s in supervisors]))
-        self._bound = np.empty(shape)
-        self._own_gravity = np.zeros(runs, dtype=bool)
-        for run, s in enumerate(supervisors):
-            self._bound[run] = checks.per_joint(
-                "supervisor.disturbance_bound", s.disturbance_bound, n
-            )
-            if s.gravity_bound is None:
-                self._own_gravity[run] = True
-            else:
-                self._bound[run] += checks.per_joint("supervisor.gravity_bound", s.gravity_bound, n)
-        self.torque = np.zeros(shape)
-        self.value = np.zeros(runs)
-        self.acting = np.zeros(runs, dtype=bool)
-        self.any_acting = False
-        self._left, self._right, self._x, self._w = (np.empty(shape) for _ in range(4))
-
-    def measure(self, e: FloatArray, e_dot: FloatArray) -> bool:
-        """Evaluate V (14) and return whether the supervisor of any run acts this tick."""
-        left, right = self._left, self._right
-        np.multiply(self._l11, e, out=left)
-        np.multiply(self._l21, e_dot, out=right)
-        left += right
-        np.multiply(self._l22, e_dot, out=right)
-        left *= left
-        right *= right
-        left += right
-        np.add.reduce(left, axis=1, out=self.value)
-        self.value *= 0.5
-        np.greater_equal(self.value, self._threshold, out=self.acting)
-        acts = bool(self.acting.any())
-        if self.any_acting and not acts:
-            self.torque[:] = 0.0
-        self.any_acting = acts
-        return acts
-
-    def act(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        a_ref: FloatArray,
-        e: FloatArray,
-        e_dot: FloatArray,
-        u_fpid: FloatArray,
-    ) -> None:
-        """Evaluate u_s (20) into `torque`; only called in ticks where some run acts."""
-        total, x, w = self._left, self._x, self._w
-        np.abs(u_fpid, out=total)
-        total += self._bound
-        if self._own_gravity.any():
-            self._fleet.gravity(q, x)
-            np.abs(x, out=x)
-            x *= self._own_gravity[:, np.newaxis]
-            total += x
-        self._fleet.coriolis(q, v, x)
-        total += np.abs(x, out=x)
-        np.multiply(self._k0, e, out=w)
-        w += self._k1 * e_dot
-        self._fleet.mass_times(q, w, x)
-        total += np.abs(x, out=x)
-        w[:] = a_ref
-        self._fleet.mass_times(q, w, x)
-        total += np.abs(x, out=x)
-        np.multiply(self._p12, e, out=x)
-        x += self._p22 * e_dot
-        self._fleet.inverse_mass_times(q, x, w)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ramp = np.clip(w / self._layer, -1.0, 1.0)
-        total *= np.where(self._layer > 0.0, ramp, np.sign(w))
-        np.copyto(self.torque, 0.0)
-        np.copyto(self.torque, total, where=self.acting[:, np.newaxis])
-
-    def retire(self, run: int) -> None:
-        """Silence a run's supervisor for good."""
-        self._threshold[run] = np.inf
-        self.torque[run] = 0.0
-        self.value[run] = 0.0
+    def act(self, alive: BoolArray, robots: Any, joints: Any, inputs: FloatArray,
+            torque: FloatArray) -> None:  # fmt: skip
+        """Add u_s to the torque of every run whose supervisor acts; see `kernels.supervisor`."""
+        q, v, a_ref = inputs[0], inputs[1], inputs[4]
+        gravity, coriolis, demand, feedforward, w = self._terms
+        self._kernels.weigh(alive, robots, joints, self._demand, self._b)
+        self._fleet.gravity(q, gravity)
+        self._fleet.coriolis(q, v, coriolis)
+        self._fleet.mass_times(q, self._demand, demand)
+        self._fleet.mass_times(q, a_ref, feedforward)
+        self._fleet.inverse_mass_times(q, self._b, w)
+        self._kernels.supervise(alive, robots, joints, *self._terms, torque)

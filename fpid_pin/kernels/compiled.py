@@ -1,8 +1,8 @@
 """The one decorator of this room: scalar Python compiled by numba, and kept compiled.
 
-Numba sees whether the file of a cached function has changed, but not whether another file has whose
-functions it calls. So the cache lies in a folder named after the contents of all kernels: an edit of
-any of them is a new folder.
+Numba sees whether the file of a cached function has changed, but not whether another file has
+whose functions it calls. So the cache lies in a folder named after the contents of all kernels: an
+edit of any of them is a new folder.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def _compile(function: F, *, inline: bool) -> F:
 
 
 def _forgive(cache: Any) -> None:
-    """Let a cache that cannot be read or written, on a full disk say, cost time and nothing else."""
+    """Let a cache that cannot be read or written (a full disk) cost time and nothing else."""
 
     def forgiving(method: Callable[..., Any]) -> Callable[..., Any]:
         def attempt(*arguments: Any) -> Any:

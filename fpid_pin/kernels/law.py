@@ -5,37 +5,25 @@ A trailing underscore is a value one sample ago; a record still holds it when a 
 
 from __future__ import annotations
 
-import numpy as np
-
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.limits import clip, winds_up
 from fpid_pin.kernels.operator import begin, derivative
-from fpid_pin.kernels.supervisor import SUPERVISOR, lyapunov
+from fpid_pin.kernels.layout import layout
+from fpid_pin.kernels.supervisor import lyapunov
 
-f8 = np.float64
-
-#: A joint. First its description: gains at the start, their learning rates, the sliding surface,
-#: scale and effort limit, safeguards, the supervisor's bound G_u + d_u. Then what changes.
-JOINT = np.dtype(
-    (
-        np.record,
-        [
-            (name, f8)
-            for name in (
-                "kp_0 ki_0 kd_0 gamma_p gamma_i gamma_d k0 k1 scale limit "
-                "kp_min ki_min kd_min kp_max ki_max kd_max sigma nu dead_zone bound "
-                "kp ki kd e e_dot int_e i_e d_e s u_fpid u_s cut"
-            ).split()
-        ],
-    )
+#: A joint. Its description: gains at the start and their learning rates, sliding surface, scale,
+#: effort limit, the supervisor's bound G_u + d_u; safeguards. Then what changes.
+JOINT = layout(
+    "kp_0 ki_0 kd_0 gamma_p gamma_i gamma_d k0 k1 scale limit bound "
+    "kp_min ki_min kd_min kp_max ki_max kd_max sigma nu dead_zone "
+    "kp ki kd e e_dot int_e i_e d_e s u_fpid u_s cut"
 )
-#: A robot: its step, readings of the paper, and whether it has safeguards; whether it has begun.
-ROBOT = np.dtype(
-    (
-        np.record,
-        [("h", f8), ("printed", np.int64), ("guarded", np.int64), ("started", np.int64)]
-        + [(name, SUPERVISOR.fields[name][0]) for name in SUPERVISOR.names],
-    )
+#: A robot: its step, and its supervisor: P = L L^T of (15), error dynamics k0 and k1 of (39), V_M
+#: of (16), a boundary layer, V. Flags: regressors as printed, safeguards, G_u is |G(q)| of the
+#: model, the supervisor acts, the law has begun.
+ROBOT = layout(
+    "h l11 l21 l22 p12 p22 k0 k1 threshold layer value",
+    "printed guarded own_gravity acting started",
 )
 
 

@@ -34,3 +34,14 @@ def finite(values):
     for i in range(values.size):
         total += 0.0 * values[i]
     return math.isfinite(total)
+
+
+@kernel
+def saturate(joints, torque):
+    """Clip the torque of one robot, (n,), and note by how much; count the tick."""
+    for j in range(joints.size):
+        c = joints[j]
+        asked = torque[j]
+        torque[j] = clip(asked, c.limit)
+        c.cut = asked - torque[j]
+        c.ticks += 1.0

@@ -1,48 +1,124 @@
-"""What happens to the arms in a tick, their accelerations being Pinocchio's (or another kernel's)."""
+"""What happens to the arms in a tick; their accelerations come from outside, from Pinocchio.
+
+Arrays are (runs, n). Runs with the same disturbance or reference share its samples: tables are
+(..., K, groups, n), and `group` says which of them is a run's.
+"""
 
 from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.limits import clip
+from fpid_pin.kernels.layout import layout
 
-f8 = np.float64
-
-#: A joint of a plant: its drive's limit, viscous friction F_v, and a push from outside.
-DRIVE = np.dtype((np.record, [(name, f8) for name in ("limit", "viscous", "push")]))
+#: A joint's drive: effort limit, viscous friction F_v, and a torque from outside.
+DRIVE = layout("limit viscous push")
 
 
 @kernel
-def drive(alive, drives, torque, v, force, group, k, applied, tau):
-    """Write what the drives give, and with it all torques on the arms: u + d(t) - F_v q'.
+def drive(alive, drives, torque, q, v, k, rows, tau):
+    """Clip the torques at the drives' limits; record q, q' and torque as row k; F_v q' brakes.
 
-    `force` is (groups, K, n): runs with the same disturbance share its samples.
+    Returns whether a torque is not finite.
     """
+    lost = False
     for r in range(alive.size):
-        d = force[group[r], k]
         for j in range(drives.shape[1]):
             c = drives[r, j]
-            applied[r, j] = 0.0
-            tau[r, j] = 0.0
+            u = 0.0
             if alive[r]:
-                applied[r, j] = clip(torque[r, j], c.limit)
-                tau[r, j] = applied[r, j] + d[j] + c.push - c.viscous * v[r, j]
+                u = clip(torque[r, j], c.limit)
+                lost = lost or not math.isfinite(u)
+            rows[0, k, r, j] = q[r, j]
+            rows[1, k, r, j] = v[r, j]
+            rows[2, k, r, j] = u
+            tau[r, j] = u + c.push - c.viscous * v[r, j]
+    return lost
 
 
 @kernel
-def euler(alive, q, v, a, h):
-    """One step of semi-implicit Euler, first half: v+ = v + h a."""
-    for r in range(alive.size):
-        for j in range(v.shape[1]):
-            v[r, j] += h * a[r, j]
+def disturb(tau, forces, group, k, total):
+    """Add the disturbance of row k to the torques on the arms."""
+    for r in range(group.size):
+        for j in range(tau.shape[1]):
+            total[r, j] = tau[r, j] + forces[k, group[r], j]
+
+
+@kernel(inline=True)
+def accelerate(v, a, h):
+    """v+ = v + h a: the first half of a step of semi-implicit Euler."""
+    for j in range(v.size):
+        v[j] += h * a[j]
+
+
+@kernel(inline=True)
+def coast(q, v, h):
+    """q+ = q + h v+: its second half."""
+    for j in range(q.size):
+        q[j] += h * v[j]
 
 
 @kernel
-def advance(q, v, h):
-    """Second half: q+ = q + h v+."""
+def euler(q, v, a, h):
+    """One step of semi-implicit Euler of every run."""
+    for r in range(q.shape[0]):
+        accelerate(v[r], a[r], h)
+        coast(q[r], v[r], h)
+
+
+@kernel
+def accelerate_all(v, a, h):
+    """The first half of a step of every run."""
+    for r in range(v.shape[0]):
+        accelerate(v[r], a[r], h)
+
+
+@kernel
+def coast_all(q, v, h):
+    """The second half of a step of every run."""
+    for r in range(q.shape[0]):
+        coast(q[r], v[r], h)
+
+
+@kernel
+def stage(q, v, slopes, i, part, q_next, v_next):
+    """Go from (q, v) along slope i, of (2, 4, runs, n), by `part` of a time: a stage of RK4."""
     for r in range(q.shape[0]):
         for j in range(q.shape[1]):
-            q[r, j] += h * v[r, j]
+            q_next[r, j] = q[r, j] + part * slopes[0, i, r, j]
+            v_next[r, j] = v[r, j] + part * slopes[1, i, r, j]
+
+
+@kernel(inline=True)
+def simpson(slopes, i, r, j):
+    """Return the mean slope of the four stages."""
+    middle = 2.0 * slopes[i, 1, r, j] + 2.0 * slopes[i, 2, r, j]
+    return (slopes[i, 0, r, j] + middle + slopes[i, 3, r, j]) / 6.0
+
+
+@kernel
+def runge_kutta(q, v, slopes, h):
+    """One step of the classical Runge-Kutta rule of every run, from the slopes of its stages."""
+    for r in range(q.shape[0]):
+        for j in range(q.shape[1]):
+            q[r, j] += h * simpson(slopes, 0, r, j)
+            v[r, j] += h * simpson(slopes, 1, r, j)
+
+
+@kernel
+def arrive(alive, q, v, runaway, references, group, k, seen):
+    """Look up row k of the references, and return whether a run has run away or lost its numbers.
+
+    `seen` is what the laws will see, (5, runs, n): q and q' are written to it unless they are it.
+    """
+    lost = False
+    for r in range(alive.size):
+        if not alive[r]:
+            continue
+        for j in range(q.shape[1]):
+            sound = math.isfinite(q[r, j]) and abs(v[r, j]) <= runaway[r]
+            lost = lost or not sound
+            for i in range(3):
+                seen[2 + i, r, j] = references[i, k, group[r], j]
+    return lost

@@ -12,25 +12,16 @@ with E = exp(-p h). A trailing underscore is the value one sample ago.
 
 from __future__ import annotations
 
-import numpy as np
-
 from fpid_pin.kernels.compiled import kernel
-
-f8 = np.float64
+from fpid_pin.kernels.layout import layout
 
 #: An operator: its order; the weights c1, c0, c2 of the newest step; its start (what its modes
 #: hold of f(0), and its output for each unit of it); and the row of the poles that are its own.
-OPERATOR = np.dtype(
-    (
-        np.record,
-        [(name, f8) for name in ("order", "now", "before", "mean", "rest", "kick")]
-        + [("row", np.int64)],
-    )
-)
+OPERATOR = layout("order now before mean rest kick", "row")
 #: A pole over one step: E and b1, b0, b2.
-POLE = np.dtype((np.record, [(name, f8) for name in ("decay", "now", "before", "mean")]))
+POLE = layout("decay now before mean")
 #: A mode of one operator: its weight g and its value x.
-MODE = np.dtype((np.record, [(name, f8) for name in ("weight", "x")]))
+MODE = layout("weight x")
 
 
 @kernel(inline=True)

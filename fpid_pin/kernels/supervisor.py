@@ -2,22 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.limits import clip
-
-f8 = np.float64
-
-#: P = L L^T of (15), its own error dynamics k0 and k1 of (39), V_M of (16), a boundary layer;
-#: whether G_u is |G(q)| of the model; V and whether it acts.
-SUPERVISOR = np.dtype(
-    (
-        np.record,
-        [(name, f8) for name in "l11 l21 l22 p12 p22 k0 k1 threshold layer value".split()]
-        + [("own_gravity", np.int64), ("acting", np.int64)],
-    )
-)
 
 
 @kernel(inline=True)
@@ -39,6 +25,10 @@ def weigh(alive, robots, joints, demand, b):
     for r in range(robots.size):
         s = robots[r]
         for j in range(joints.shape[1]):
+            demand[r, j] = 0.0
+            b[r, j] = 0.0
+            if not alive[r]:
+                continue
             c = joints[r, j]
             demand[r, j] = s.k0 * c.e + s.k1 * c.e_dot
             b[r, j] = s.p12 * c.e + s.p22 * c.e_dot

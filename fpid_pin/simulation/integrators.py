@@ -9,40 +9,66 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fpid_pin.arms import DryFriction, Fleet
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.simulation.plant import ResolvedPlant
 
+Indices = NDArray[np.int64]
+
 # RK4 is stable on the negative real axis to -2.785; beyond half of it, it is not accurate either.
 _RK4_REACH = 1.4
 
 
 class Integrator(ABC):
-    """Advances (q, v) by one step.
+    """Advances (q, v), (runs, n) each, by one step, in place.
+
+    Parameters
+    ----------
+    plants
+        One a run.
+    step
+        h [s].
+    q, v
+        The arrays that it advances.
 
     Attributes
     ----------
     offsets
         Where in the step the disturbance is needed, as parts of it.
+    tau : ndarray, (runs, n)
+        Torques on the arms that are held over the step: its caller writes them.
     """
 
     offsets: tuple[float, ...]
 
-    @abstractmethod
-    def advance(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        torque: FloatArray,
-        disturbance: FloatArray | None,
-        q_next: FloatArray,
-        v_next: FloatArray,
+    def __init__(
+        self, plants: Sequence[ResolvedPlant], step: float, q: FloatArray, v: FloatArray
     ) -> None:
-        """Write the state after the step into `q_next`, `v_next`; all arrays (runs, n).
+        # Imported late: it loads numba.
+        from fpid_pin.kernels import motion
 
-        `disturbance` is (len(offsets), runs, n), or None where no run has any.
+        self._kernels, self._step = motion, step
+        self._q, self._v = q, v
+        self.tau: FloatArray = np.zeros_like(q)
+        # What is held and what varies, together.
+        self._total: FloatArray = np.zeros_like(q)
+        self._viscous = np.array([p.viscous_friction for p in plants])
+
+    @abstractmethod
+    def advance(self, forces: FloatArray | None, group: Indices, k: int) -> None:
+        """Advance q and v.
+
+        Parameters
+        ----------
+        forces
+            Disturbances, (len(offsets), K, groups, n); None where no run has any.
+        group
+            Which of them is a run's, (runs,).
+        k
+            Their row.
         """
 
     def retire(self, run: int) -> None:  # noqa: B027 - only friction has a memory
@@ -58,42 +84,31 @@ class SemiImplicitEuler(Integrator):
 
     offsets = (0.0,)
 
-    def __init__(self, plants: Sequence[ResolvedPlant], step: float) -> None:
-        runs, n = len(plants), plants[0].arm.n
-        viscous = np.array([p.viscous_friction for p in plants])
-        dry = np.array([p.dry_friction for p in plants])
-        self._viscous = viscous if viscous.any() else None
-        self._fleet = Fleet(
-            [p.arm for p in plants],
-            runs,
-            armature=None if self._viscous is None else step * viscous,
-        )
-        self._dry = DryFriction(self._fleet, dry, step) if dry.any() else None
-        self._step = step
-        self._a, self._tau = np.zeros((runs, n)), np.zeros((runs, n))
-
-    def advance(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        torque: FloatArray,
-        disturbance: FloatArray | None,
-        q_next: FloatArray,
-        v_next: FloatArray,
+    def __init__(
+        self, plants: Sequence[ResolvedPlant], step: float, q: FloatArray, v: FloatArray
     ) -> None:
+        super().__init__(plants, step, q, v)
+        dry = np.array([p.dry_friction for p in plants])
+        viscous = step * self._viscous if self._viscous.any() else None
+        fleet = Fleet([p.arm for p in plants], len(q), armature=viscous)
+        self._a: FloatArray = np.zeros_like(q)
+        self._accelerations = fleet.bind(q, v, self.tau, self._a)
+        self._disturbed = fleet.bind(q, v, self._total, self._a)
+        self._dry = DryFriction(fleet, dry, step) if dry.any() else None
+
+    def advance(self, forces: FloatArray | None, group: Indices, k: int) -> None:
         """See `Integrator.advance`."""
-        a = self._a
-        if disturbance is not None:
-            torque = np.add(torque, disturbance[0], out=self._tau)
-        if self._viscous is not None:
-            torque = np.subtract(torque, np.multiply(self._viscous, v, out=a), out=self._tau)
-        self._fleet.forward_dynamics(q, v, torque, a)
-        np.multiply(a, self._step, out=a)
-        np.add(v, a, out=v_next)
-        if self._dry is not None:
-            self._dry.apply(q, v_next)
-        np.multiply(v_next, self._step, out=a)
-        np.add(q, a, out=q_next)
+        if forces is None:
+            self._accelerations()
+        else:
+            self._kernels.disturb(self.tau, forces[0], group, k, self._total)
+            self._disturbed()
+        if self._dry is None:
+            self._kernels.euler(self._q, self._v, self._a, self._step)
+        else:
+            self._kernels.accelerate_all(self._v, self._a, self._step)
+            self._dry.apply(self._q, self._v)
+            self._kernels.coast_all(self._q, self._v, self._step)
 
     def retire(self, run: int) -> None:
         """See `Integrator.retire`."""
@@ -113,47 +128,30 @@ class RungeKutta4(Integrator):
 
     offsets = (0.0, 0.5, 1.0)
 
-    def __init__(self, plants: Sequence[ResolvedPlant], step: float) -> None:
+    def __init__(
+        self, plants: Sequence[ResolvedPlant], step: float, q: FloatArray, v: FloatArray
+    ) -> None:
         for plant in plants:
             _refuse_stiff(plant, step)
-        runs, n = len(plants), plants[0].arm.n
-        viscous = np.array([p.viscous_friction for p in plants])
-        self._viscous = viscous if viscous.any() else None
-        self._fleet = Fleet([p.arm for p in plants], runs)
-        self._step = step
-        shape = (runs, n)
-        self._k_q, self._k_v = np.zeros((4, *shape)), np.zeros((4, *shape))
-        self._q, self._v, self._tau = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+        super().__init__(plants, step, q, v)
+        self._fleet = Fleet([p.arm for p in plants], len(q))
+        self._k: FloatArray = np.zeros((2, 4, *q.shape))
+        self._stage: FloatArray = np.zeros((2, *q.shape))
 
-    def _slope(
-        self, stage: int, q: FloatArray, v: FloatArray, torque: FloatArray, d: FloatArray | None
-    ) -> None:
-        self._k_q[stage] = v
-        if d is not None:
-            torque = np.add(torque, d, out=self._tau)
-        if self._viscous is not None:
-            torque = np.subtract(torque, self._viscous * v, out=self._tau)
-        self._fleet.forward_dynamics(q, v, torque, self._k_v[stage])
-
-    def advance(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        torque: FloatArray,
-        disturbance: FloatArray | None,
-        q_next: FloatArray,
-        v_next: FloatArray,
-    ) -> None:
+    def advance(self, forces: FloatArray | None, group: Indices, k: int) -> None:
         """See `Integrator.advance`."""
-        h = self._step
-        d = (None, None, None) if disturbance is None else tuple(disturbance)
-        self._slope(0, q, v, torque, d[0])
-        for stage, part, at in ((1, 0.5, d[1]), (2, 0.5, d[1]), (3, 1.0, d[2])):
-            np.add(q, part * h * self._k_q[stage - 1], out=self._q)
-            np.add(v, part * h * self._k_v[stage - 1], out=self._v)
-            self._slope(stage, self._q, self._v, torque, at)
-        for x, k, x_next in ((q, self._k_q, q_next), (v, self._k_v, v_next)):
-            np.add(x, h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]), out=x_next)
+        slopes, (q, v) = self._k, self._stage
+        q[:], v[:] = self._q, self._v
+        for stage, (part, at) in enumerate(((0.5, 0), (0.5, 1), (1.0, 1), (0.0, 2))):
+            self._total[:] = self.tau
+            if forces is not None:
+                self._kernels.disturb(self.tau, forces[at], group, k, self._total)
+            # tau brakes by the rate at the step's start; a stage has a rate of its own.
+            self._total += self._viscous * (self._v - v)
+            slopes[0, stage] = v
+            self._fleet.forward_dynamics(q, v, self._total, slopes[1, stage])
+            self._kernels.stage(self._q, self._v, slopes, stage, part * self._step, q, v)
+        self._kernels.runge_kutta(self._q, self._v, slopes, self._step)
 
 
 def _refuse_stiff(plant: ResolvedPlant, step: float) -> None:
@@ -177,7 +175,5 @@ def _refuse_stiff(plant: ResolvedPlant, step: float) -> None:
             )
 
 
-def integrator(name: str, plants: Sequence[ResolvedPlant], step: float) -> Integrator:
-    """Build the integrator of that name for the plants of all runs."""
-    rule = {"semi_implicit_euler": SemiImplicitEuler, "rk4": RungeKutta4}[name]
-    return rule(plants, step)
+#: The rules by the names that experiments use.
+INTEGRATORS = {"semi_implicit_euler": SemiImplicitEuler, "rk4": RungeKutta4}

@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.simulation.recorders import Batch, Block, total, void
+from fpid_pin.simulation.recorders import BLOCK_ROWS, Batch, Block, total, void
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.run import Run
-
-# Rows summed at a time; fixed, since the grouping of a sum decides its last bits.
-BLOCK_ROWS = 128
 
 _SUMS = ("square", "late", "size", "aged", "effort", "changes")
 
@@ -87,6 +84,8 @@ class MetricsRecorder:
 
     def take(self, block: Block) -> None:
         """See `Recorder.take`."""
+        if not len(block.t):
+            return
         k, stop, only = len(block.t), self._applied, self._only
         error = void(block.q_ref - block.q, block, stop)
         if only & {"ise", "rms", "rms_tail"}:
@@ -140,7 +139,7 @@ def metrics_of(run: Run) -> Metrics:
     """Return the metrics of a recorded run: the same bits as while it ran."""
     recorder = MetricsRecorder()
     n = run.q.shape[1]
-    recorder.start(Batch((), (), runs=1, n=n, rows=run.planned_rows, step=run.step))
+    recorder.start(Batch(runs=1, n=n, rows=run.planned_rows, step=run.step))
     for first in range(0, len(run.t), BLOCK_ROWS):
         rows = slice(first, first + BLOCK_ROWS)
         t = run.t[rows]

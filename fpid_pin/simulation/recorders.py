@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from fpid_pin.checks import FloatArray
 
-if TYPE_CHECKING:
-    from fpid_pin.control.controller import Controller
-    from fpid_pin.simulation.experiment import Experiment
-
 ALL_SIGNALS = ("*",)
+
+#: Rows handed on at a time; fixed, since the grouping of a sum decides its last bits.
+BLOCK_ROWS = 128
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class Outcome:
     time
         When it ended, s.
     joint, cause
-        Which joint ended it, and why; empty where it completed.
+        Which joint ended it (none where it was the law itself), and why; empty where it completed.
     """
 
     completed: bool
@@ -39,6 +38,8 @@ class Outcome:
     def __str__(self) -> str:
         if self.completed:
             return f"completed at {self.time:g} s"
+        if not self.joint:
+            return f"ended at {self.time:g} s: {self.cause}"
         return f"diverged at {self.time:g} s, {self.joint}: {self.cause}"
 
 
@@ -46,8 +47,6 @@ class Outcome:
 class Batch:
     """What is common to the runs of one lockstep call."""
 
-    experiments: Sequence[Experiment]
-    controllers: Sequence[Controller]
     runs: int
     n: int
     rows: int

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.descriptions import described
 
 VELOCITY_SOURCES = ("measured", "differentiated")
@@ -70,94 +71,48 @@ class SensorState:
     n
         Number of joints.
     step
-        Sampling period, s.
+        Sampling period [s].
     """
 
     def __init__(
         self, sensors: Sequence[Sensors | None], seeds: Sequence[int], n: int, step: float
     ) -> None:
+        # Imported late: it loads numba.
+        from fpid_pin.kernels.sensors import SENSOR, measure
+
+        self._measure = measure
         runs = len(sensors)
-        given = [Sensors() if s is None else s for s in sensors]
-
-        def each(name: str) -> FloatArray:
-            return np.array(
-                [checks.per_joint(f"sensors.{name}", getattr(s, name), n) for s in given]
-            )
-
-        self._noise_scale = np.stack([each("position_noise"), each("velocity_noise")])
-        self._noisy = bool(self._noise_scale.any())
+        self._joints = np.zeros((runs, n), SENSOR)
+        for own, given in zip(self._joints, sensors, strict=True):
+            _fill(own, Sensors() if given is None else given, n, step)
+        noisy = self._joints["noise_q"].any() or self._joints["noise_v"].any()
         self._generators = [np.random.default_rng(seed) for seed in seeds]
-        self._noise = np.empty((_NOISE_ROWS if self._noisy else 0, 2, runs, n))
-        self._noise_row = _NOISE_ROWS
-
-        self._bias = each("velocity_bias")
-        self._biased = bool(self._bias.any())
-        resolution = each("position_resolution")
-        self._coarse = resolution > 0.0
-        self._quantised = bool(self._coarse.any())
-        self._resolution = np.where(self._coarse, resolution, 1.0)
-
-        derived = np.array([s.velocity == "differentiated" for s in given])
-        self._derived = np.ascontiguousarray(np.broadcast_to(derived[:, np.newaxis], (runs, n)))
-        self._derives = bool(derived.any())
-        keep = np.array([np.exp(-s.velocity_cutoff * step) for s in given])[:, np.newaxis]
-        self._keep, self._gain = keep, (1.0 - keep) / step
-        self._filtered = np.zeros((runs, n))
-        self._last_q = np.zeros((runs, n))
-
-        delays = np.array([s.delay for s in given])
-        self._delays, self._depth = delays, int(delays.max()) + 1
-        self._history = np.zeros((self._depth, 2, runs, n))
-        self._measured = np.zeros((2, runs, n))
-        self._runs = np.arange(runs)
+        self._noise = np.zeros((_NOISE_ROWS if noisy else 0, 2, runs, n))
+        self._history = np.zeros((int(self._joints["delay"].max()) + 1, 2, runs, n))
         self._tick = 0
 
-    def measure(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return what is measured of q and v at this tick, (2, runs, n); its own buffer."""
-        measured = self._measured
-        self._delay(q, v, measured)
-        if self._noisy:
-            if self._noise_row == _NOISE_ROWS:
-                for run, generator in enumerate(self._generators):
-                    shape = (_NOISE_ROWS, 2, self._noise.shape[-1])
-                    self._noise[:, :, run] = generator.standard_normal(shape)
-                self._noise *= self._noise_scale
-                self._noise_row = 0
-            measured += self._noise[self._noise_row]
-            self._noise_row += 1
-        if self._biased:
-            measured[1] += self._bias
-        if self._quantised:
-            counts = np.rint(measured[0] / self._resolution) * self._resolution
-            np.copyto(measured[0], counts, where=self._coarse)
-        if self._derives:
-            if self._tick == 0:
-                self._last_q[:] = measured[0]
-            self._filtered *= self._keep
-            self._filtered += self._gain * (measured[0] - self._last_q)
-            self._last_q[:] = measured[0]
-            np.copyto(measured[1], self._filtered, where=self._derived)
+    def measure(self, alive: BoolArray, q: FloatArray, v: FloatArray, seen: FloatArray) -> None:
+        """Write what is measured of q and v at this tick, (runs, n), into `seen`, (5, runs, n)."""
+        row = self._tick % _NOISE_ROWS
+        if row == 0 and len(self._noise):
+            for run, generator in enumerate(self._generators):
+                self._noise[:, :, run] = generator.standard_normal(
+                    (_NOISE_ROWS, 2, self._noise.shape[-1])
+                )
+        self._measure(
+            alive, self._joints, q, v, self._tick, self._history, self._noise, row, seen
+        )  # fmt: skip
         self._tick += 1
-        return measured
 
-    def _delay(self, q: FloatArray, v: FloatArray, out: FloatArray) -> None:
-        if self._depth == 1:
-            out[0], out[1] = q, v
-            return
-        history = self._history
-        if self._tick == 0:
-            # Before t = 0 the arm is taken to have been where it starts.
-            history[:, 0], history[:, 1] = q, v
-        slot = self._tick % self._depth
-        history[slot, 0], history[slot, 1] = q, v
-        late = (slot - self._delays) % self._depth
-        out[:] = history[late, :, self._runs].transpose(1, 0, 2)
 
-    def retire(self, run: int) -> None:
-        """Make a diverged run's rows exact zeros."""
-        self._noise_scale[:, run] = 0.0
-        self._bias[run] = 0.0
-        self._noise[:, :, run] = 0.0
-        self._history[:, :, run] = 0.0
-        self._measured[:, run] = 0.0
-        self._filtered[run] = self._last_q[run] = 0.0
+def _fill(joints: Any, sensors: Sensors, n: int, step: float) -> None:
+    """Write the sensors of one run into its records, (n,)."""
+    for name, value in (
+        ("noise_q", "position_noise"), ("noise_v", "velocity_noise"), ("bias", "velocity_bias"),
+        ("resolution", "position_resolution"),
+    ):  # fmt: skip
+        joints[name] = checks.per_joint(f"sensors.{value}", getattr(sensors, value), n)
+    joints["keep"] = np.exp(-sensors.velocity_cutoff * step)
+    joints["gain"] = (1.0 - joints["keep"]) / step
+    joints["delay"] = sensors.delay
+    joints["derived"] = sensors.velocity == "differentiated"

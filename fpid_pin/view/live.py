@@ -13,12 +13,12 @@ from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.simulator import Simulator
 from fpid_pin.view.camera import stage
 from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink
 from fpid_pin.view.page import render
 from fpid_pin.view.realtime import Timing, keep_time, urgent
-from fpid_pin.view.robot import LiveRobot
 from fpid_pin.view.scene import live_scene
 
 HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"
@@ -67,7 +67,7 @@ class _Hands:
     """Turns keys into pushes."""
 
     def __init__(
-        self, robot: LiveRobot, arm: Arm, joint: int, torque: FloatArray,
+        self, robot: Simulator, arm: Arm, joint: int, torque: FloatArray,
         announce: Callable[[str], None],
     ) -> None:  # fmt: skip
         self._robot, self._arm, self._joint, self._torque = robot, arm, joint, torque
@@ -155,7 +155,7 @@ def live(
     torque = push_torques(arm)
     if push_torque is not None:
         torque = np.full(arm.n, checks.number("push_torque", push_torque))
-    robot = LiveRobot(experiment, controller, horizon=duration or 3600.0)
+    robot = Simulator([experiment], [controller], horizon=duration or 3600.0)
     hands = _Hands(robot, arm, arm.joint_index(push_joint), torque, announce or (lambda text: None))
     last = None if duration is None else round(duration / step)
     timing = Timing(step)
@@ -170,14 +170,15 @@ def live(
         link = LiveLink(render(scene, title), port=port, announce=announce)
 
     def tick() -> bool:
-        return robot.tick() and (last is None or robot.t < last * step - 0.5 * step)
+        robot.tick()
+        return robot.alive and (last is None or robot.row < last)
 
     with Keyboard() as keyboard:
 
         def idle() -> bool:
             if link is not None:
                 start = time.perf_counter()
-                link.send(robot.t, [(robot.q, robot.q_ref, robot.torque)])
+                link.send(robot.t, [(robot.q[0], robot.q_ref[0], robot.torque[0])])
                 sent.append(time.perf_counter() - start)
                 if not hands.take(link.keys()):
                     return False
@@ -203,7 +204,7 @@ def live(
         send_times=np.array(sent),
         dropped=0 if link is None else link.dropped,
         pushes=tuple(hands.pushes),
-        q=robot.q.copy(),
-        q_ref=robot.q_ref.copy(),
-        fault=robot.fault,
+        q=robot.q[0].copy(),
+        q_ref=robot.q_ref[0].copy(),
+        fault=str(robot.ends[0] or ""),
     )

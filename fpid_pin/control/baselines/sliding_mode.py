@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin.arms.fleet import Fleet
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller, State
-from fpid_pin.control.parameters import check_gains, check_scale, stacked
-from fpid_pin.control.saturation import Saturation
+from fpid_pin.control.controller import Controller
+from fpid_pin.control.parameters import check_gains, check_scale
+from fpid_pin.control.state import LawState
 from fpid_pin.descriptions import described
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 
 @described("sliding_mode")
@@ -55,64 +50,21 @@ class SlidingMode(Controller):
         check_gains(self, "slope", "gain", "boundary_layer")
         check_scale(self)
 
-    @classmethod
-    def start_many(
-        cls, controllers: Sequence[Controller], arm: Arm, *, step: float, horizon: float
-    ) -> State:
-        """Start all `controllers` in one state; see `Controller.start_many`."""
-        return _SlidingModeState(cast("Sequence[SlidingMode]", controllers), arm)
-
-
-class _SlidingModeState(State):
-    def __init__(self, controllers: Sequence[SlidingMode], arm: Arm) -> None:
-        runs = len(controllers)
-        self._fleet = Fleet([arm], runs)
-        self._slope = stacked(controllers, "slope", arm)
-        self._gain = stacked(controllers, "gain", arm, scaled=True)
-        layer = stacked(controllers, "boundary_layer", arm)
-        # Without a layer the ramp is so steep that only its ends are left.
-        self._steepness = 1.0 / np.maximum(layer, 1e-300)
-        self._saturation = Saturation(arm.effort_limit, runs)
-        shape = (runs, arm.n)
-        self._v_r, self._a_r, self._x, self._y = (np.zeros(shape) for _ in range(4))
-        self._surface, self._torque = np.zeros(shape), np.zeros(shape)
+    def begin(self, state: LawState) -> None:
+        """Show S."""
+        state.shown["s"] = np.zeros_like(state.torque)
 
     def torque(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        q_ref: FloatArray,
-        v_ref: FloatArray,
-        a_ref: FloatArray,
-    ) -> FloatArray:
-        """See `State.torque`."""
-        v_r, a_r, x, y, torque = self._v_r, self._a_r, self._x, self._y, self._torque
-        np.subtract(q_ref, q, out=v_r)
-        v_r *= self._slope
-        v_r += v_ref
-        np.subtract(v_ref, v, out=a_r)
-        a_r *= self._slope
-        a_r += a_ref
-        np.subtract(v, v_r, out=self._surface)
-
+        self: Any, state: LawState, q: FloatArray, v: FloatArray,
+        q_ref: FloatArray, v_ref: FloatArray, a_ref: FloatArray,
+    ) -> Any:  # fmt: skip
+        """See `Controller.torque`."""
+        v_r = v_ref + self.slope * (q_ref - q)
+        a_r = a_ref + self.slope * (v_ref - v)
+        s = v - v_r
+        state.shown["s"][:] = s
         # C(q, v) w is bilinear and symmetric: c((v + w)/2) - c((v - w)/2) with c(x) = C(q, x) x.
-        np.add(v, v_r, out=x)
-        x *= 0.5
-        self._fleet.inverse_dynamics(q, x, a_r, torque)
-        np.multiply(self._surface, 0.5, out=x)
-        self._fleet.coriolis(q, x, y)
-        torque -= y
-
-        np.multiply(self._surface, self._steepness, out=x)
-        np.minimum(np.maximum(x, -1.0, out=x), 1.0, out=x)
-        x *= self._gain
-        torque -= x
-        return self._saturation.apply(torque)
-
-    def signals(self) -> Mapping[str, FloatArray]:
-        """Return a view of s, (runs, n)."""
-        return {"s": self._surface}
-
-    def retire(self, run: int) -> None:
-        """See `State.retire`."""
-        self._surface[run] = 0.0
+        model = state.inverse_dynamics(q, 0.5 * (v + v_r), a_r) - state.coriolis(q, 0.5 * s)
+        # Without a layer the ramp is so steep that only its ends are left.
+        ramp = np.clip(s / np.maximum(self.boundary_layer, 1e-300), -1.0, 1.0)
+        return model - self.scale * self.gain * ramp

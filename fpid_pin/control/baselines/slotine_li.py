@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,13 +11,10 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.baselines.regressor import Regressor, parameter_spread
-from fpid_pin.control.controller import Controller, State
-from fpid_pin.control.parameters import check_gains, check_scale, stacked
-from fpid_pin.control.saturation import Saturation
+from fpid_pin.control.controller import Controller
+from fpid_pin.control.parameters import check_gains, check_scale
+from fpid_pin.control.state import LawState
 from fpid_pin.descriptions import described
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 
 @described("slotine_li")
@@ -72,90 +68,43 @@ class SlotineLi(Controller):
             object.__setattr__(self, name, value)
         checks.instance("friction", self.friction, bool, "true or false")
 
-    @classmethod
-    def start_many(
-        cls, controllers: Sequence[Controller], arm: Arm, *, step: float, horizon: float
-    ) -> State:
-        """Start all `controllers` in one state; see `Controller.start_many`."""
-        return _SlotineLiState(cast("Sequence[SlotineLi]", controllers), arm, step)
-
-
-class _SlotineLiState(State):
-    def __init__(self, controllers: Sequence[SlotineLi], arm: Arm, step: float) -> None:
-        runs, n = len(controllers), arm.n
-        self._slope = stacked(controllers, "slope", arm)
-        self._damping = stacked(controllers, "damping", arm, scaled=True)
-        self._saturation = Saturation(arm.effort_limit, runs)
-        self._regressor = Regressor(arm, runs)
-        nominal = arm.inertial_parameters
-        spread = parameter_spread(arm)
-        rate = np.array([c.adaptation_rate for c in controllers])[:, np.newaxis]
-        frictional = np.array([c.friction for c in controllers])[:, np.newaxis]
+    def begin(self: Any, state: LawState) -> None:
+        """Prepare the regressor, the estimate and the rates at which it moves."""
+        n = state.n
         # The last 2 n parameters are F_v and F_d.
-        known = np.array([c.initial for c in controllers])[:, np.newaxis] * nominal
-        self.parameters = np.hstack([known, np.zeros((runs, 2 * n))])
-        self._initial = self.parameters.copy()
-        self._rate = -step * rate * spread**2
-        self._rate[:, 10 * n :] *= frictional
-        self._leak = step * np.array([c.leakage for c in controllers])[:, np.newaxis]
-        self._adapts, self._leaks = bool(self._rate.any()), bool(self._leak.any())
-        shape = (runs, n)
-        self._v_r, self._a_r, self._torque = (np.zeros(shape) for _ in range(3))
-        self._surface, self._driver = np.zeros(shape), np.zeros(shape)
-        self._products = np.zeros_like(self._regressor.value)
-        self._increment = np.zeros_like(self.parameters)
+        known = np.outer(self.initial[:, 0], state.arm.inertial_parameters)
+        initial = np.hstack([known, np.zeros((state.runs, 2 * n))])
+        rate = self.adaptation_rate[:, :1] * parameter_spread(state.arm) ** 2
+        rate[:, 10 * n :] *= self.friction
+        regressor = Regressor(state.arm, state.runs)
+        state.memory["regressor"], state.memory["y"] = regressor, regressor.value
+        state.memory["initial"], state.memory["parameters"] = initial, initial.copy()
+        state.memory["rate"] = rate
+        state.shown["s"] = np.zeros_like(state.torque)
 
     def torque(
-        self,
-        q: FloatArray,
-        v: FloatArray,
-        q_ref: FloatArray,
-        v_ref: FloatArray,
-        a_ref: FloatArray,
-    ) -> FloatArray:
-        """See `State.torque`."""
-        if self._adapts:
-            self._adapt()
-        v_r, a_r, torque = self._v_r, self._a_r, self._torque
-        np.subtract(q_ref, q, out=v_r)
-        v_r *= self._slope
-        v_r += v_ref
-        np.subtract(v_ref, v, out=a_r)
-        a_r *= self._slope
-        a_r += a_ref
-        np.subtract(v, v_r, out=self._surface)
-        y = self._regressor.update(q, v, v_r, a_r)
-        np.einsum("rjp,rp->rj", y, self.parameters, out=torque)
-        torque += self._regressor.rotor
-        np.multiply(self._damping, self._surface, out=self._driver)
-        torque -= self._driver
-        return self._saturation.apply(torque)
+        self: Any, state: LawState, q: FloatArray, v: FloatArray,
+        q_ref: FloatArray, v_ref: FloatArray, a_ref: FloatArray,
+    ) -> Any:  # fmt: skip
+        """See `Controller.torque`."""
+        self._adapt(state)
+        v_r = v_ref + self.slope * (q_ref - q)
+        a_r = a_ref + self.slope * (v_ref - v)
+        s = state.shown["s"]
+        s[:] = v - v_r
+        regressor = state.memory["regressor"]
+        y = regressor.update(q, v, v_r, a_r)
+        model = np.einsum("rjp,rp->rj", y, state.memory["parameters"]) + regressor.rotor
+        return model - self.scale * self.damping * s
 
-    def _adapt(self) -> None:
+    def _adapt(self: Any, state: LawState) -> None:
         """Move the parameters by one step, with the regressor and S of the last tick.
 
         A joint whose torque was cut tells nothing about the parameters while adapting to it would
         ask for more torque yet.
         """
-        driver, increment = self._driver, self._increment
-        np.copyto(driver, self._surface)
-        hold = self._saturation.winds_up(-self._surface)
-        if hold is not None:
-            driver[hold] = 0.0
-        np.multiply(self._regressor.value, driver[:, :, np.newaxis], out=self._products)
-        np.add.reduce(self._products, axis=1, out=increment)
-        increment *= self._rate
-        if self._leaks:
-            increment -= self._leak * (self.parameters - self._initial)
-        self.parameters += increment
-
-    def signals(self) -> Mapping[str, FloatArray]:
-        """Return a view of s, (runs, n)."""
-        return {"s": self._surface}
-
-    def retire(self, run: int) -> None:
-        """See `State.retire`."""
-        for array in (self.parameters, self._initial, self._surface, self._torque):
-            array[run] = 0.0
-        self._rate[run] = 0.0
-        self._regressor.value[run] = 0.0
+        s, parameters = state.shown["s"], state.memory["parameters"]
+        driver = np.where(state.winds_up(-s), 0.0, s)
+        gradient = np.add.reduce(state.memory["y"] * driver[:, :, np.newaxis], axis=1)
+        pull = self.leakage[:, :1] * (parameters - state.memory["initial"])
+        parameters -= state.step * (state.memory["rate"] * gradient + pull)

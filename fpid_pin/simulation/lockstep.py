@@ -1,4 +1,4 @@
-"""`simulate` and `evaluate`: the ways into the loop, for one robot or thousands."""
+"""`simulate` and `evaluate`: the ways into the engine, for one robot or thousands."""
 
 from __future__ import annotations
 
@@ -12,15 +12,23 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
-from fpid_pin.exceptions import ArgumentError, FpidWarning
+from fpid_pin.exceptions import ArgumentError, FpidWarning, SimulationError
 from fpid_pin.simulation.costs import Cost, QuadraticCost
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
-from fpid_pin.simulation.loop import Progress, lockstep
 from fpid_pin.simulation.metrics import MetricsRecorder
-from fpid_pin.simulation.recorders import FullRecord
+from fpid_pin.simulation.recorders import (
+    ALL_SIGNALS,
+    BLOCK_ROWS,
+    Batch,
+    FullRecord,
+    Outcome,
+    Recorder,
+)
 from fpid_pin.simulation.run import Run, describe_run
+from fpid_pin.simulation.simulator import Simulator
 
+Progress = Callable[[float], None]
 # More runs in one call gain nothing: their states no longer fit the processor's cache.
 MOST_RUNS = 240
 
@@ -47,16 +55,87 @@ def pair(
 def batches(
     experiments: Sequence[Experiment], controllers: Sequence[Controller], most: int
 ) -> list[list[int]]:
-    """Sort runs into calls of the loop: what must be alike in one call, at most `most` runs."""
+    """Sort runs into calls of the engine: what must be alike in one call, at most `most` runs."""
     groups: dict[Hashable, list[int]] = {}
     for run, (e, c) in enumerate(zip(experiments, controllers, strict=True)):
-        key = (c.lockstep_key(), id(e.arm), e.step, e.rows, e.integrator)
+        key = (c.lockstep_key(), e.arm, e.step, e.rows, e.integrator)
         groups.setdefault(key, []).append(run)
     return [
         group[start : start + most]
         for group in groups.values()
         for start in range(0, len(group), most)
     ]
+
+
+def lockstep(
+    experiments: Sequence[Experiment],
+    controllers: Sequence[Controller],
+    recorders: Sequence[Recorder],
+    progress: Progress | None = None,
+) -> list[Outcome]:
+    """Simulate runs that share arm, step, duration, integrator and kind of controller.
+
+    Parameters
+    ----------
+    experiments, controllers
+        One a run.
+    recorders
+        What to do with the rows.
+    progress
+        Called with the part done, from 0 to 1, every so many rows.
+
+    Returns
+    -------
+    list of Outcome
+        One a run; a diverged run does not disturb the others.
+
+    Raises
+    ------
+    SimulationError
+        A law of one's own that went wrong in company: which of the runs is to blame is not known.
+        A single run ends with that as its cause.
+    """
+    rows, h = experiments[0].rows, experiments[0].step
+    wanted = {name for recorder in recorders for name in recorder.wanted}
+    keep = None if wanted & set(ALL_SIGNALS) else sorted(wanted)
+    with np.errstate(all="ignore"):
+        simulator = Simulator(experiments, controllers, keep=keep)
+        batch = Batch(len(experiments), experiments[0].arm.n, rows, h)
+        for recorder in recorders:
+            recorder.start(batch)
+        fault = ""
+        for first in range(0, rows, BLOCK_ROWS):
+            try:
+                simulator.tick(min(BLOCK_ROWS, rows - first))
+            except SimulationError as error:
+                if len(experiments) > 1:
+                    raise
+                fault = str(error)
+            block = simulator.block()
+            for recorder in recorders:
+                recorder.take(block)
+            if fault:
+                return [Outcome(completed=False, time=simulator.t, cause=fault)]
+            if not simulator.alive:
+                break
+            if progress is not None:
+                progress((first + len(block.t)) / rows)
+    done = Outcome(completed=True, time=(rows - 1) * h)
+    # A run may be lost by the step after its last row, which is no part of it.
+    return [end if end is not None and round(end.time / h) < rows else done
+            for end in simulator.ends]  # fmt: skip
+
+
+def _each_by_itself(members: list[int], run: Callable[[list[int]], None]) -> None:
+    """Run a batch; where a law goes wrong in company, find out whose by halving it."""
+    try:
+        run(members)
+    except SimulationError:
+        if len(members) == 1:
+            raise
+        half = len(members) // 2
+        _each_by_itself(members[:half], run)
+        _each_by_itself(members[half:], run)
 
 
 def _overall(
@@ -123,25 +202,32 @@ def simulate(
         warnings.warn(line, FpidWarning, stacklevel=2)
     runs: list[Run | None] = [None] * len(experiments)
     done = 0
-    for members in batches(experiments, controllers, MOST_RUNS):
-        record = FullRecord()
+
+    def record(members: list[int]) -> None:
+        recorder = FullRecord()
         es, cs = [experiments[i] for i in members], [controllers[i] for i in members]
-        outcomes = lockstep(es, cs, [record], _overall(progress, done, len(members), len(runs)))
-        done += len(members)
+        outcomes = lockstep(es, cs, [recorder], _overall(progress, done, len(members), len(runs)))
         for row, (i, outcome) in enumerate(zip(members, outcomes, strict=True)):
-            e, c = experiments[i], controllers[i]
-            h = e.step
-            rows = e.rows if outcome.completed else round(outcome.time / h)
-            t = np.arange(rows, dtype=np.float64) * h
-            arrays = {name: values[row, :rows] for name, values in record.arrays.items()}
-            named = {name: arrays.pop(name) for name in ("q", "v", "q_ref", "v_ref", "torque")}
-            runs[i] = Run(
-                t, **named, signals=arrays, outcome=outcome, step=h,
-                planned_rows=e.rows, meta=describe_run(e, c, getattr(c, "name", "")),
-            )  # fmt: skip
+            runs[i] = _run(experiments[i], controllers[i], recorder, row, outcome)
+
+    for members in batches(experiments, controllers, MOST_RUNS):
+        _each_by_itself(members, record)
+        done += len(members)
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
     finished = [run for run in runs if run is not None]
     return finished[0] if single else finished
+
+
+def _run(e: Experiment, c: Controller, record: FullRecord, row: int, outcome: Outcome) -> Run:
+    """Make a run of its row of a record, cut where it ended."""
+    rows = e.rows if outcome.completed else round(outcome.time / e.step)
+    arrays = {name: values[row, :rows] for name, values in record.arrays.items()}
+    named = {name: arrays.pop(name) for name in ("q", "v", "q_ref", "v_ref", "torque")}
+    t = np.arange(rows, dtype=np.float64) * e.step
+    return Run(
+        t, **named, signals=arrays, outcome=outcome, step=e.step,
+        planned_rows=e.rows, meta=describe_run(e, c, getattr(c, "name", "")),
+    )  # fmt: skip
 
 
 def evaluate(
@@ -179,6 +265,7 @@ def evaluate(
     if executor is None:
         table = _evaluate(es, cs, costs, progress)
     else:
+        warm(es, cs)
         parts = shards or int(getattr(executor, "_max_workers", 2))
         cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
         futures: list[Future[FloatArray]] = [
@@ -194,6 +281,17 @@ def evaluate(
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
 
+def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:
+    """Make a tick of each kind of run, so that worker processes find all kernels compiled."""
+    with np.errstate(all="ignore"):
+        for members in batches(experiments, controllers, len(experiments)):
+            first = members[0]
+            try:
+                Simulator([experiments[first]], [controllers[first]]).tick()
+            except SimulationError:
+                continue  # the run itself will say so
+
+
 def _evaluate(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
@@ -203,7 +301,8 @@ def _evaluate(
     table = np.full((len(experiments), len(costs)), np.inf)
     needs = _union(cost.needs for cost in costs)
     done = 0
-    for members in batches(experiments, controllers, MOST_RUNS):
+
+    def judge(members: list[int]) -> None:
         recorder = MetricsRecorder(needs)
         outcomes = lockstep(
             [experiments[i] for i in members],
@@ -211,10 +310,13 @@ def _evaluate(
             [recorder],
             _overall(progress, done, len(members), len(experiments)),
         )
-        done += len(members)
         for i, outcome, metrics in zip(members, outcomes, recorder.result(), strict=True):
             if outcome.completed:
                 table[i] = [cost.of(metrics) for cost in costs]
+
+    for members in batches(experiments, controllers, MOST_RUNS):
+        _each_by_itself(members, judge)
+        done += len(members)
     return table
 
 

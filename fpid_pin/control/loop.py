@@ -1,0 +1,85 @@
+"""A law on one robot, a tick at a time."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.state import State
+
+_NAMES = ("q", "v", "q_ref", "v_ref", "a_ref")
+
+
+class Loop:
+    """A law on one robot: arrays of shape (n,) in, a fresh (n,) torque out, inputs checked.
+
+    Parameters
+    ----------
+    state
+        A state with one run.
+    """
+
+    def __init__(self, state: State) -> None:
+        # Imported late: it loads numba.
+        from fpid_pin.kernels.limits import finite
+
+        self.state = state
+        self._finite = finite
+        self._shape = (state.n,)
+        self._inputs = np.zeros((5, 1, state.n))
+        self._flat = self._inputs.reshape(-1)
+        self._rows = tuple(self._inputs[:, 0])
+        self._rest = np.zeros(state.n)
+        self._torque = state.torque[0]
+
+    def torque(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        q_ref: ArrayLike,
+        v_ref: ArrayLike,
+        a_ref: ArrayLike | None = None,
+    ) -> FloatArray:
+        """Advance by one tick and return the torque for this sampling period, (n,) [N m].
+
+        Parameters
+        ----------
+        q, v
+            Measured joint angles [rad] and rates [rad/s], (n,).
+        q_ref, v_ref, a_ref
+            Reference; no `a_ref` means zero acceleration.
+
+        Raises
+        ------
+        ArgumentError
+            Wrong length, NaN or inf. The state is then as before the call.
+        SimulationError
+            A law of one's own that raises, or returns something of another shape.
+        """
+        given = (q, v, q_ref, v_ref, self._rest if a_ref is None else a_ref)
+        for row, value in zip(self._rows, given, strict=True):
+            # The checks of a well-made array take longer than the law; they are for the others.
+            if type(value) is np.ndarray and value.shape == self._shape and value.dtype == float:
+                row[:] = value
+            else:
+                self._take(given)
+                break
+        if not self._finite(self._flat):
+            self._take(self._rows)
+        self.state.tick(self._inputs)
+        return self._torque.copy()
+
+    def _take(self, given: tuple[ArrayLike, ...]) -> None:
+        """Copy the inputs, each of them checked."""
+        arrays = [
+            checks.vector(name, value, self.state.n)
+            for name, value in zip(_NAMES, given, strict=True)
+        ]
+        for row, array in zip(self._rows, arrays, strict=True):
+            row[:] = array
+
+    def signals(self) -> dict[str, FloatArray]:
+        """Return copies of the law's inner signals at the last tick, (n,) or scalars."""
+        return {name: value[0].copy() for name, value in self.state.signals().items()}

@@ -1,0 +1,158 @@
+"""Dry friction of one robot over one step as a box problem: F_d after eq. (6).
+
+Find v+ and the friction torque l with
+
+    v+ = v_free - W l,  W = h M^-1,   |l_j| <= F_d,j,   l_j = F_d,j sgn(v+_j) where v+_j != 0
+
+by block principal pivoting (Júdice and Pires, Computers & Operations Research 21, 1994): guess
+which joints stick, solve, exchange those at fault, repeat.
+"""
+
+from __future__ import annotations
+
+from fpid_pin.kernels.compiled import kernel
+
+#: Relative slack of the conditions on friction and speed, well above rounding.
+SLACK = 1e-12
+#: Rounds in which every joint at fault changes sides; then one joint a round, which cannot cycle.
+BLOCK_ROUNDS = 8
+
+
+@kernel(inline=True)
+def sign(x):
+    """Return -1, 0 or 1."""
+    s = 0.0
+    if x > 0.0:
+        s = 1.0
+    elif x < 0.0:
+        s = -1.0
+    return s
+
+
+@kernel
+def slide(alive, dry, v_free, force):
+    """Write the friction of joints that all go on as they do, F_d sgn(v_free), (runs, n)."""
+    for r in range(alive.size):
+        for j in range(dry.shape[1]):
+            force[r, j] = dry[r, j] * sign(v_free[r, j]) if alive[r] else 0.0
+
+
+@kernel
+def keeps_sliding(dry, v_free, speed, stuck, h, turns):
+    """Turn `speed` from M^-1 l into v+; note the joints and the runs in which one would turn round.
+
+    Returns whether there is such a run.
+    """
+    any_turns = False
+    for r in range(dry.shape[0]):
+        turns[r] = False
+        for j in range(dry.shape[1]):
+            speed[r, j] = v_free[r, j] - h * speed[r, j]
+            against = dry[r, j] > 0.0 and not sign(v_free[r, j]) * speed[r, j] > 0.0
+            turns[r] = turns[r] or against
+        for j in range(dry.shape[1]):
+            against = dry[r, j] > 0.0 and not sign(v_free[r, j]) * speed[r, j] > 0.0
+            # A joint that stuck is taken to stick until it is found to slide.
+            stuck[r, j] = turns[r] and (against or stuck[r, j])
+        any_turns = any_turns or turns[r]
+    return any_turns
+
+
+@kernel
+def rests(dry, hold, stuck, force, speed, turns, h):
+    """Settle runs in which all joints stay where they stick; `hold` is M v_free.
+
+    Friction then takes up the whole momentum, l = M v_free/h. Returns whether a run is left.
+    """
+    left = False
+    for r in range(dry.shape[0]):
+        if not turns[r]:
+            continue
+        stays = True
+        for j in range(dry.shape[1]):
+            stays = stays and stuck[r, j] and abs(hold[r, j] / h) <= dry[r, j]
+        if stays:
+            turns[r] = False
+            for j in range(dry.shape[1]):
+                force[r, j] = hold[r, j] / h
+                speed[r, j] = 0.0
+        left = left or turns[r]
+    return left
+
+
+@kernel(inline=True)
+def solve(matrix, right, chosen):
+    """Solve the rows and columns that are `chosen` of a symmetric positive definite system.
+
+    Both `matrix` and `right` are overwritten; `right` is then the solution, 0 where not chosen.
+    """
+    n = right.size
+    for i in range(n):
+        if not chosen[i]:
+            right[i] = 0.0
+            continue
+        for k in range(i + 1, n):
+            if chosen[k]:
+                factor = matrix[k, i] / matrix[i, i]
+                right[k] -= factor * right[i]
+                for j in range(i + 1, n):
+                    matrix[k, j] -= factor * matrix[i, j]
+    for back in range(n):
+        i = n - 1 - back
+        if chosen[i]:
+            for j in range(i + 1, n):
+                right[i] -= matrix[i, j] * right[j]
+            right[i] /= matrix[i, i]
+
+
+@kernel
+def stick_slip(response, dry, v_free, stuck, force, speed, side, fault, matrix):
+    """Solve the box problem of one robot, (n,); `stuck` holds a guess and then the answer.
+
+    `response` is W; `side`, `fault` and `matrix` are room to work in.
+    """
+    n = dry.size
+    for j in range(n):
+        side[j] = sign(v_free[j])
+        stuck[j] = stuck[j] and dry[j] > 0.0
+    last = BLOCK_ROUNDS + 20 * n
+    rounds = 0
+    going = True
+    while going:
+        for j in range(n):
+            force[j] = v_free[j]
+            for k in range(n):
+                matrix[j, k] = response[j, k]
+                if not stuck[k]:
+                    force[j] -= response[j, k] * side[k] * dry[k]
+        solve(matrix, force, stuck)
+        at_fault = -1
+        for j in range(n):
+            if not stuck[j]:
+                force[j] = side[j] * dry[j]
+        for j in range(n):
+            speed[j] = 0.0
+            if not stuck[j]:
+                speed[j] = v_free[j]
+                for k in range(n):
+                    speed[j] -= response[j, k] * force[k]
+            # Speeds below this are zero: a rounding of what its own friction would do to it.
+            still = -SLACK * dry[j] * response[j, j]
+            breaks = stuck[j] and abs(force[j]) > dry[j] * (1.0 + SLACK)
+            stops = dry[j] > 0.0 and side[j] * speed[j] < still
+            fault[j] = breaks or stops
+            if fault[j]:
+                at_fault = j
+        going = at_fault >= 0 and rounds < last
+        if going:
+            for j in range(n):
+                # After a while only the last joint at fault: Murty's rule, which always ends.
+                if fault[j] and (rounds < BLOCK_ROUNDS or j == at_fault):
+                    if stuck[j]:
+                        side[j] = sign(force[j])
+                    stuck[j] = not stuck[j]
+        rounds += 1
+    for j in range(n):
+        force[j] = min(max(force[j], -dry[j]), dry[j])
+        if dry[j] > 0.0 and side[j] * speed[j] < 0.0:
+            speed[j] = 0.0

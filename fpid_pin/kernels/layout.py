@@ -1,0 +1,11 @@
+"""Records: what a kernel reads and writes by name."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def layout(numbers: str, integers: str = "") -> np.dtype[np.record]:
+    """Return the type of a record of numbers and of integers (counts and flags), by their names."""
+    fields = [(name, np.float64) for name in numbers.split()]
+    return np.dtype((np.record, fields + [(name, np.int64) for name in integers.split()]))

@@ -1,0 +1,254 @@
+"""The one engine: any number of robots, their controllers and plants, a tick at a time.
+
+A tick: measure, torque, the drives' limits, record, one step of the motion with the torque held.
+Which runs share a tick never changes a bit of any of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.controller import Controller
+from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.integrators import INTEGRATORS
+from fpid_pin.simulation.plant import ResolvedPlant, plant_of
+from fpid_pin.simulation.recorders import BLOCK_ROWS, Block, Outcome
+from fpid_pin.simulation.sensors import SensorState
+
+#: Fractional operators are fitted to the first of these that a run fits in [s]: runs of different
+#: durations then agree to the last bit as long as both last.
+HORIZONS = tuple(base * 10.0**decade for decade in range(7) for base in (20.0, 60.0))
+
+
+def horizon_of(duration: float) -> float:
+    """Return the horizon that fractional operators of a run of `duration` [s] are fitted for."""
+    return next((horizon for horizon in HORIZONS if duration <= horizon), duration)
+
+
+class Simulator:
+    """Runs that share arm, step, integrator and kind of law, a tick at a time.
+
+    Parameters
+    ----------
+    experiments, controllers
+        One a run.
+    horizon
+        Longest time that it will go on [s]; None: the longest duration.
+    keep
+        Names of the controllers' signals that blocks hold; None: all of them.
+
+    Attributes
+    ----------
+    row : int
+        Number of the next row: ticks made.
+    q, v, q_ref, torque : ndarray, (runs, n)
+        Joint angles [rad] and rates [rad/s] now, their reference, and what the drives gave at the
+        last tick [N m]; live buffers.
+    ends : list of Outcome or None
+        How and when a run ended early; None while it goes on.
+
+    Raises
+    ------
+    ArgumentError, SimulationError
+        Descriptions that do not fit each other.
+    """
+
+    def __init__(
+        self,
+        experiments: Sequence[Experiment],
+        controllers: Sequence[Controller],
+        *,
+        horizon: float | None = None,
+        keep: Sequence[str] | None = (),
+    ) -> None:
+        # Imported late: it loads numba.
+        from fpid_pin.kernels import motion
+
+        first = experiments[0]
+        runs, n, h = len(experiments), first.arm.n, first.step
+        self._experiments, self.step = list(experiments), h
+        plants = [plant_of(e) for e in experiments]
+        longest = max(e.duration for e in experiments) if horizon is None else horizon
+        self._state = type(controllers[0]).start_many(
+            controllers, first.arm, step=h, horizon=horizon_of(longest)
+        )
+        self.row, self._block_row = 0, 0
+        self.ends: list[Outcome | None] = [None] * runs
+        self._alive = self._state.alive
+        self._last = np.full(runs, np.iinfo(np.int64).max)  # rows that count
+
+        # What the laws see; q and v themselves where no run has sensors.
+        self._seen = np.zeros((5, runs, n))
+        self.q_ref = self._seen[2]
+        self._sensors = None
+        if any(e.sensors is not None for e in experiments):
+            seeds = [e.seed for e in experiments]
+            self._sensors = SensorState([e.sensors for e in experiments], seeds, n, h)
+        self.q, self.v = self._seen[:2] if self._sensors is None else np.zeros((2, runs, n))
+        self.q[:] = [e.q0 for e in experiments]
+        self.v[:] = [e.v0 for e in experiments]
+
+        self._kernels = motion
+        self._drives = np.zeros((runs, n), motion.DRIVE)
+        self._drives["limit"] = [p.effort_limit for p in plants]
+        self._drives["viscous"] = [p.viscous_friction for p in plants]
+        self._push_ends = np.zeros((runs, n), dtype=np.int64)
+        self._pushed = False
+        self._motion = INTEGRATORS[first.integrator](plants, h, self.q, self.v)
+        self._runaway = np.array([e.runaway_speed for e in experiments])
+
+        self._references = _Table([(e.reference, e.motion) for e in experiments], 3, n)
+        self._forces = _disturbances(plants, len(self._motion.offsets), n)
+        self._rows = np.zeros((3, BLOCK_ROWS, runs, n))
+        self.torque: FloatArray = self._rows[2, 0]
+        live = self._state.signals()
+        names = list(live) if keep is None else [name for name in live if name in keep]
+        self._kept = {name: np.zeros((BLOCK_ROWS, *live[name].shape)) for name in names}
+        self._live = [(live[name], self._kept[name]) for name in names]
+
+    @property
+    def t(self) -> float:
+        """Time of the next tick [s]."""
+        return self.row * self.step
+
+    @property
+    def alive(self) -> bool:
+        """Whether a run still goes on."""
+        return bool(self._alive.any())
+
+    def push(self, joint: str | int, torque: float, duration: float, run: int = 0) -> None:
+        """Disturb a joint of a run by `torque` [N m] for `duration` [s] from now."""
+        j = self._experiments[run].arm.joint_index(joint)
+        self._drives["push"][run, j] = checks.number("torque", torque)
+        ticks = max(round(checks.number("duration", duration, above=0.0) / self.step), 1)
+        self._push_ends[run, j] = self.row + ticks
+        self._pushed = True
+
+    def tick(self, count: int = 1) -> None:
+        """Make `count` ticks; those of one block at most, for whoever takes blocks.
+
+        Raises
+        ------
+        SimulationError
+            A law of one's own that raised, or returned something of another shape.
+        """
+        kernels, motion, state, seen = self._kernels, self._motion, self._state, self._seen
+        alive, drives, torque, rows = self._alive, self._drives, self._state.torque, self._rows
+        q, v, sensors = self.q, self.v, self._sensors
+        refs, ref_group = self._references.values, self._references.group
+        force_group = self._forces.group if self._forces is not None else ref_group
+        for _ in range(count):
+            k = self.row % BLOCK_ROWS
+            if k == 0:
+                self._sample()
+                kernels.arrive(alive, q, v, self._runaway, refs, ref_group, 0, seen)
+            forces = None if self._forces is None else self._forces.values
+            if sensors is not None:
+                sensors.measure(alive, q, v, seen)
+            if self._pushed:
+                self._end_pushes()
+            state.tick(seen)
+            if kernels.drive(alive, drives, torque, q, v, k, rows, motion.tau):
+                self._find_ends(self.row, torque)
+            for live, kept in self._live:
+                kept[k] = live
+            motion.advance(forces, force_group, k)
+            self.row += 1
+            ahead = (k + 1) % BLOCK_ROWS
+            if kernels.arrive(alive, q, v, self._runaway, refs, ref_group, ahead, seen):
+                self._find_ends(self.row, torque)
+        self.torque = rows[2, (self.row - 1) % BLOCK_ROWS]
+
+    def block(self) -> Block:
+        """Return the rows since the last block, at most `BLOCK_ROWS`; views of live buffers."""
+        first, size = self._block_row, self.row - self._block_row
+        self._block_row = self.row
+        table, group = self._references.values, self._references.group
+        part = table[:2, :size] if table.shape[2] == 1 else table[:2, :size, group]
+        q_ref, v_ref = np.broadcast_to(part, (2, size, len(group), table.shape[-1]))
+        t: FloatArray = np.arange(first, self.row, dtype=np.float64) * self.step
+        valid = np.clip(self._last - first, 0, size)
+        kept = {name: values[:size] for name, values in self._kept.items()}
+        return Block(first, t, q_ref, v_ref, *self._rows[:, :size], valid, kept)
+
+    def _sample(self) -> None:
+        """Sample the references and disturbances of the next block."""
+        t: FloatArray = np.arange(self.row, self.row + BLOCK_ROWS, dtype=np.float64) * self.step
+        self._references.sample([t])
+        if self._forces is not None:
+            self._forces.sample([t + part * self.step for part in self._motion.offsets])
+
+    def _end_pushes(self) -> None:
+        over = self._push_ends <= self.row
+        self._drives["push"][over] = 0.0
+        self._pushed = not over.all()
+
+    def _find_ends(self, row: int, torque: FloatArray) -> None:
+        """End the runs whose state of this row, or whose torque, does not count any more."""
+        slow = np.abs(self.v) <= self._runaway[:, np.newaxis]
+        sound = slow & np.isfinite(self.q) & np.isfinite(torque)
+        for run in np.flatnonzero(self._alive & ~sound.all(axis=1)).tolist():
+            joint = int(np.argmin(sound[run]))
+            speed = self.v[run, joint]
+            if not np.isfinite(speed):
+                cause = "speed is not finite"
+            elif not slow[run, joint]:
+                limit = self._runaway[run]
+                cause = f"speed {abs(speed):.3g} rad/s is beyond {limit:g} rad/s"
+            elif not np.isfinite(torque[run, joint]):
+                cause = "torque is not finite"
+            else:
+                cause = "angle is not finite"
+            self._end(run, row, self._experiments[run].arm.joint_names[joint], cause)
+
+    def _end(self, run: int, row: int, joint: str, cause: str) -> None:
+        self.ends[run] = Outcome(False, row * self.step, joint, cause)
+        self._last[run] = row
+        self._state.retire(run)
+        self._motion.retire(run)
+        self._drives[run] = 0.0
+        for array in (self.q, self.v, self._motion.tau):
+            array[run] = 0.0
+        self._seen[:, run] = 0.0
+
+
+class _Table:
+    """Samples, (parts, K, groups, n), of what runs are given from outside; `group` of each run.
+
+    What several runs share is sampled once.
+    """
+
+    def __init__(
+        self, sources: Sequence[tuple[object, Callable[[FloatArray], Sequence[FloatArray]]]],
+        parts: int, n: int,
+    ) -> None:  # fmt: skip
+        # Objects are told apart by identity; keep them alive so that no identity is reused.
+        self._keys = [key for key, _ in sources]
+        groups = {id(key): (k, sample) for k, (key, sample) in enumerate(sources)}
+        self._samplers = [sample for _, sample in groups.values()]
+        places = {key: place for place, key in enumerate(groups)}
+        self.group: NDArray[np.int64] = np.array([places[id(key)] for key, _ in sources])
+        self.values: FloatArray = np.zeros((parts, BLOCK_ROWS, len(groups), n))
+
+    def sample(self, times: Sequence[FloatArray]) -> None:
+        """Sample at `times`, one (K,) for each part, or one for all that a sampler returns."""
+        for place, sampler in enumerate(self._samplers):
+            found = sampler(times[0]) if len(times) == 1 else [sampler(t)[0] for t in times]
+            for part, values in zip(self.values, found, strict=True):
+                part[:, place] = values
+
+
+def _disturbances(plants: Sequence[ResolvedPlant], parts: int, n: int) -> _Table | None:
+    if all(p.disturbance is None for p in plants):
+        return None
+
+    def sampler(plant: ResolvedPlant) -> Callable[[FloatArray], Sequence[FloatArray]]:
+        d = plant.disturbance
+        return lambda t: (np.zeros((len(t), n)) if d is None else d.sample(t),)
+
+    return _Table([(p.disturbance, sampler(p)) for p in plants], parts, n)
