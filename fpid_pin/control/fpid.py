@@ -219,8 +219,8 @@ class FpidState(State):
     def _use(self, orders: FloatArray) -> None:
         self.orders = orders
         modes = modes_of(self._design, orders, step=self.step, horizon=self._horizon)
-        for name in ("order", "now", "before", "mean"):
-            self._ops[name] = getattr(modes, name)
+        for name, value in modes.operator().items():
+            self._ops[name] = value
         self._modes["weight"] = np.moveaxis(modes.weights, 0, -1)
 
     def retire(self, run: int) -> None:

@@ -93,6 +93,10 @@ class Modes:
         """Whether all orders use the same poles, so that an order can change without a bump."""
         return self.poles.ndim == 1
 
+    def operator(self) -> dict[str, FloatArray]:
+        """Return what depends on the order in a record of `kernels.operator`, by name."""
+        return {"order": self.order, "c1": self.now, "c0": self.before, "c2": self.mean}
+
     def records(self, initialisation: str = "caputo") -> Records:
         """Return new records, at t = 0, for the kernels."""
         # Imported late: it loads numba.
@@ -100,8 +104,8 @@ class Modes:
 
         shape = self.order.shape
         ops = np.zeros(shape, OPERATOR)
-        for name in ("order", "now", "before", "mean"):
-            ops[name] = getattr(self, name)
+        for name, value in self.operator().items():
+            ops[name] = value
         ops["rest"] = FROM_REST[initialisation]
         if initialisation == "grunwald_letnikov":
             ops["kick"] = self.kick
@@ -111,8 +115,8 @@ class Modes:
             ops["row"] = np.arange(self.order.size).reshape(shape)
         one = step_integrals(flat.T, self.step)
         poles = np.zeros(one.decay.shape, POLE)
-        for name in ("decay", "now", "before", "mean"):
-            poles[name] = getattr(one, name)
+        for name, value in zip(("decay", "b1", "b0", "b2"), one, strict=True):
+            poles[name] = value
         modes = np.zeros((*shape, len(table)), MODE)
         modes["weight"] = np.moveaxis(self.weights, 0, -1)
         return Records(ops, poles, modes)

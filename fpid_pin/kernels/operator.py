@@ -17,9 +17,9 @@ from fpid_pin.kernels.layout import layout
 
 #: An operator: its order; the weights c1, c0, c2 of the newest step; its start (what its modes
 #: hold of f(0), and its output for each unit of it); and the row of the poles that are its own.
-OPERATOR = layout("order now before mean rest kick", "row")
+OPERATOR = layout("order c1 c0 c2 rest kick", "row")
 #: A pole over one step: E and b1, b0, b2.
-POLE = layout("decay now before mean")
+POLE = layout("decay b1 b0 b2")
 #: A mode of one operator: its weight g and its value x.
 MODE = layout("weight x")
 
@@ -41,13 +41,13 @@ def begin(op, modes, f, rate):
 def derivative(op, poles, modes, f, f_, rate, rate_, h):
     """Return D^alpha f at this sample, eq. (4), and move the modes on to it."""
     m = (f - f_) / h - 0.5 * (rate + rate_)
-    y = op.now * rate + op.before * rate_ + op.mean * m
+    y = op.c1 * rate + op.c0 * rate_ + op.c2 * m
     for i in range(modes.size):
         mode = modes[i]
         pole = poles[i]
         past = pole.decay * mode.x
         y += mode.weight * past
-        mode.x = past + pole.now * rate + pole.before * rate_ + pole.mean * m
+        mode.x = past + pole.b1 * rate + pole.b0 * rate_ + pole.b2 * m
     if op.order == 0.0:
         y = f
     elif op.order == 1.0:
@@ -69,12 +69,15 @@ def sample(started, ops, poles, modes, f, f_, rate, rate_, held, out, h):
 
 
 @kernel
-def record(ops, poles, modes, f, rate, out, h):
-    """Write D^alpha of recorded signals, (N, channels), into `out`."""
+def record(ops, poles, modes, f, rate, rate_, out, h):
+    """Write D^alpha of recorded signals, (N, channels), into `out`.
+
+    In row k, `rate` and `rate_` are the rates at the ends of the step that leads to it.
+    """
     for c in range(ops.size):
         op = ops[c]
         out[0, c] = begin(op, modes[c], f[0, c], rate[0, c])
         for k in range(1, f.shape[0]):
             out[k, c] = derivative(
-                op, poles[op.row], modes[c], f[k, c], f[k - 1, c], rate[k, c], rate[k - 1, c], h
+                op, poles[op.row], modes[c], f[k, c], f[k - 1, c], rate[k, c], rate_[k, c], h
             )
