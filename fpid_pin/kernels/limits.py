@@ -30,10 +30,10 @@ def winds_up(cut, push):
 @kernel
 def finite(values):
     """Return whether every number of a flat array is finite."""
-    total = 0.0
+    sound = True
     for i in range(values.size):
-        total += 0.0 * values[i]
-    return math.isfinite(total)
+        sound = sound and math.isfinite(values[i])
+    return sound
 
 
 @kernel

@@ -28,8 +28,9 @@ def drive(alive, drives, torque, q, v, k, rows, tau):
             c = drives[r, j]
             u = 0.0
             if alive[r]:
+                # Asked before the limits, which would hide it.
+                lost = lost or not math.isfinite(torque[r, j])
                 u = clip(torque[r, j], c.limit)
-                lost = lost or not math.isfinite(u)
             rows[0, k, r, j] = q[r, j]
             rows[1, k, r, j] = v[r, j]
             rows[2, k, r, j] = u

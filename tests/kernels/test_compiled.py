@@ -1,0 +1,154 @@
+"""The cache of compiled kernels: never stale, never in the way."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import fpid_pin
+from fpid_pin.kernels import compiled
+
+QUIET = {"PYTHONDONTWRITEBYTECODE": "1"}
+PACKAGE = Path(fpid_pin.__file__).parent
+
+
+def copy_of_the_room(tmp_path):
+    """Return a folder with kernels/ alone: it needs no other room."""
+    root = tmp_path / "site"
+    shutil.copytree(
+        PACKAGE / "kernels", root / "fpid_pin" / "kernels",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )  # fmt: skip
+    (root / "fpid_pin" / "__init__.py").write_text("")
+    return root
+
+
+def run(root, code, **environment):
+    """Run a script on a copy, in a process of its own, and return what it prints."""
+    inherited = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False,
+        cwd=root,
+        env=inherited | {"PYTHONPATH": str(root)} | environment,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+CLIPPED = """
+import numpy as np
+from fpid_pin.kernels import compiled, motion
+drives = np.zeros((1, 1), motion.DRIVE)
+drives["limit"] = 5.0
+rows, tau = np.zeros((3, 1, 1, 1)), np.zeros((1, 1))
+alive = np.ones(1, bool)
+motion.drive(alive, drives, np.full((1, 1), 9.0), tau, tau, 0, rows, tau)
+print(rows[2, 0, 0, 0], compiled.CACHE is None, motion.drive.stats.cache_hits)
+"""
+
+
+def test_an_edit_of_a_kernel_reaches_its_callers_in_other_files(tmp_path):
+    root = copy_of_the_room(tmp_path)
+    assert run(root, CLIPPED) == "5.0 False Counter()"
+    assert run(root, CLIPPED).startswith("5.0 False Counter({(Array(bool")
+    limits = root / "fpid_pin" / "kernels" / "limits.py"
+    text = limits.read_text()
+    assert text.count("x = limit\n") == 1
+    limits.write_text(text.replace("x = limit\n", "x = limit + 1.0\n"))
+    assert run(root, CLIPPED) == "6.0 False Counter()"
+
+
+def test_where_no_folder_can_be_written_kernels_are_compiled_without_a_cache(tmp_path):
+    root = copy_of_the_room(tmp_path)
+    # A file where the folder would be stops root too, whom permissions do not.
+    (root / "fpid_pin" / "kernels" / "__pycache__").write_text("")
+    nowhere = {
+        "XDG_CACHE_HOME": "/dev/null/cache",
+        "HOME": "/dev/null",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+    assert run(root, CLIPPED, **nowhere) == "5.0 True Counter()"
+
+
+def test_the_user_s_cache_serves_where_the_package_cannot_be_written(tmp_path):
+    root = copy_of_the_room(tmp_path)
+    (root / "fpid_pin" / "kernels" / "__pycache__").write_text("")
+    home = {
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+    }
+    assert run(root, CLIPPED, **home, **QUIET) == "5.0 False Counter()"
+    assert list((tmp_path / "cache" / "fpid_pin").rglob("*.nbi"))
+
+
+def test_a_folder_that_the_user_names_is_taken(tmp_path):
+    root = copy_of_the_room(tmp_path)
+    run(root, CLIPPED, NUMBA_CACHE_DIR=str(tmp_path / "mine"))
+    assert list((tmp_path / "mine").rglob("*.nbi"))
+
+
+def test_a_cache_that_cannot_hold_anything_costs_time_only(tmp_path):
+    root = copy_of_the_room(tmp_path)
+    full = (
+        "import resource, signal\n"
+        "import numba, numpy\n"  # whose own files are written before the disk is full
+        "import fpid_pin.kernels.compiled\n"
+        "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))\n"
+    )
+    assert run(root, full + CLIPPED, **QUIET) == "5.0 False Counter()"
+
+
+def test_a_damaged_cache_is_compiled_anew(tmp_path):
+    root = copy_of_the_room(tmp_path)
+    run(root, CLIPPED)
+    for path in (root / "fpid_pin" / "kernels" / "__pycache__").rglob("*.nb?"):
+        path.write_bytes(path.read_bytes()[:100])
+    assert run(root, CLIPPED).startswith("5.0 False")
+
+
+@pytest.mark.kernels
+def test_a_kernel_is_the_function_that_it_was(monkeypatch, tmp_path):
+    def double(x):
+        return 2.0 * x
+
+    assert compiled.kernel(double)(3.0) == 6.0
+    monkeypatch.setattr(compiled, "CACHE", None)
+    assert compiled.kernel(inline=True)(double)(3.0) == 6.0
+    assert compiled.is_cold()
+    monkeypatch.setattr(compiled, "CACHE", tmp_path)
+    assert compiled.is_cold()
+    (tmp_path / "one.nbi").write_text("")
+    assert not compiled.is_cold()
+
+
+@pytest.mark.kernels
+def test_no_folder_at_all_is_found_out(monkeypatch, tmp_path):
+    monkeypatch.setattr(compiled, "_roots", lambda: [tmp_path / "file" / "x", tmp_path])
+    (tmp_path / "file").write_text("")
+    assert compiled.cache_folder().parent == tmp_path
+    monkeypatch.setattr(compiled, "_roots", lambda: [tmp_path / "file" / "x"])
+    assert compiled.cache_folder() is None
+    monkeypatch.undo()
+    monkeypatch.setattr(compiled.numba.config, "CACHE_DIR", str(tmp_path))
+    assert compiled._roots() == [tmp_path]
+    monkeypatch.setattr(compiled.numba.config, "CACHE_DIR", "")
+    assert len(compiled._roots()) == 2
+
+
+@pytest.mark.kernels
+def test_a_broken_cache_is_forgiven():
+    class Broken:
+        def load_overload(self, *arguments):
+            raise EOFError
+
+        def save_overload(self, *arguments):
+            return "saved"
+
+    cache = Broken()
+    compiled._forgive(cache)
+    assert cache.load_overload(1, 2) is None
+    assert cache.save_overload(1, 2) == "saved"
+    compiled._forgive(object())

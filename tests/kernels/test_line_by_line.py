@@ -1,0 +1,41 @@
+"""The kernels without compilation: every line and every branch of them is gone through."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import fpid_pin
+
+ROOT = Path(__file__).parents[2]
+KERNELS = Path(fpid_pin.__file__).parent / "kernels"
+
+
+def test_the_tests_of_the_kernels_pass_line_by_line_and_leave_no_branch_out(tmp_path):
+    environment = os.environ | {
+        "NUMBA_DISABLE_JIT": "1",
+        "COVERAGE_FILE": str(tmp_path / "coverage"),
+        "COVERAGE_RCFILE": os.devnull,
+    }
+    report = tmp_path / "report.json"
+
+    def coverage(*arguments):
+        done = subprocess.run(
+            [sys.executable, "-m", "coverage", *arguments], capture_output=True, text=True,
+            cwd=ROOT, env=environment, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
+
+    only = ["--branch", f"--include={KERNELS}/*"]
+    coverage("run", *only, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "kernels",
+             "tests/kernels")  # fmt: skip
+    coverage("json", "-o", str(report))
+    found = json.loads(report.read_text())
+    missing = {
+        name: (file["missing_lines"], file["missing_branches"])
+        for name, file in found["files"].items()
+        if file["missing_lines"] or file["missing_branches"]
+    }
+    assert missing == {}
+    assert {Path(name).name for name in found["files"]} >= {"law.py", "operator.py", "motion.py"}
