@@ -11,7 +11,6 @@ from fpid_pin import descriptions
 from fpid_pin.control import Controller
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.baselines.regressor import FRICTION_SPEED, Regressor, parameter_spread
-from fpid_pin.control.saturation import Saturation
 
 ALL = [
     Pid(kp=(80.0, 90.0), ki=50.0, kd=(20.0, 15.0)),
@@ -153,9 +152,10 @@ def test_slotine_li_lyapunov_function_does_not_rise():
     for k in range(1500):
         t = k * step
         ref = np.full((1, 2), np.sin(t)), np.full((1, 2), np.cos(t)), np.full((1, 2), -np.sin(t))
-        torque = state.torque(q, v, *ref).copy()
+        state.tick(np.stack([q, v, *ref]))
+        torque = state.torque.copy()
         s = state.signals()["s"][0]
-        wrong = (state.parameters[0, : 10 * arm.n] - arm.inertial_parameters) / spread
+        wrong = (state.memory["parameters"][0, : 10 * arm.n] - arm.inertial_parameters) / spread
         values.append(0.5 * s @ arm.mass_matrix(q[0]) @ s + 0.5 * wrong @ wrong / 4.0)
         v = v + step * arm.forward_dynamics(q[0], v[0], torque[0])
         q = q + step * v
@@ -180,13 +180,16 @@ def test_torques_stay_within_the_effort_limits(law):
     assert (np.abs(run.torque) <= [12.0, 8.0]).all()
 
 
-def test_pid_winds_up_less_than_one_that_always_integrates(monkeypatch):
+def test_pid_winds_up_less_than_one_that_always_integrates():
     arm = fp.Arm.planar([1.0], [1.0], gravity=0.0).with_limits(effort=1.0)
     law = Pid(kp=30.0, ki=30.0, kd=10.0)
     experiment = hold(arm, 0.0, 1.0, duration=5.0, step=2e-3)
     held = fp.simulate(experiment, law)
-    monkeypatch.setattr(Saturation, "winds_up", lambda self, push: None)
-    wound = fp.simulate(experiment, law)
+    # A law that does not know of the drive's limit winds up.
+    ignorant = dataclasses.replace(
+        experiment, arm=arm.with_limits(effort=np.inf), plant=fp.Plant(effort_limit=1.0)
+    )
+    wound = fp.simulate(ignorant, law)
     assert -held.error.min() < 0.6 * -wound.error.min()
 
 
@@ -216,10 +219,13 @@ def test_a_retired_run_is_silent_and_the_other_unaffected(law):
     alone = type(law).start_many([law], arm, step=1e-3, horizon=1.0)
     for k, rows in enumerate(inputs):
         rows[:, 0] = rows[:, 0] if k == 0 else 0.0
-        torque = kept.torque(*rows)[1]
-        assert (torque == alone.torque(*np.ascontiguousarray(rows[:, 1:]))[0]).all()
+        kept.tick(rows)
+        alone.tick(np.ascontiguousarray(rows[:, 1:]))
+        assert (kept.torque[1] == alone.torque[0]).all()
         kept.retire(0)
-    assert np.isfinite(kept.torque(*inputs[-1])).all()
+    kept.tick(inputs[-1])
+    assert (kept.torque[0] == 0.0).all()
+    assert np.isfinite(kept.torque).all()
 
 
 @pytest.mark.parametrize("law", ALL, ids=IDS)

@@ -44,6 +44,33 @@ def test_orders_one_are_a_plain_adaptive_integer_pid():
     assert np.abs(run.torque - u).max() < 1e-10 * np.abs(u).max()
 
 
+def test_orders_that_change_want_shared_poles_and_may_ramp():
+    arm, fixed = fp.Arm.two_link(), {"kp": 10.0, "ki": 25.0, "kd": 20.0, "learning_rate": 0.0}
+    crone = fp.AdaptiveFpid(**fixed, integral_order=0.9, design=fp.fractional.Crone())
+    with pytest.raises(fp.exceptions.DesignError, match="shared poles, got Crone"):
+        crone.start(arm, step=1e-3).state.set_orders(integral_order=0.5)
+    early, late = (
+        fp.AdaptiveFpid(**fixed, derivative_order=mu).start(arm, step=1e-3) for mu in (0.6, 0.9)
+    )
+    late.state.set_orders(derivative_order=0.6, ramp=0.05)
+    rng = np.random.default_rng(4)
+    for k in range(100):
+        inputs = rng.normal(size=(4, 2))
+        pair = late.torque(*inputs), early.torque(*inputs)
+        if k < 40:
+            assert (pair[0] != pair[1]).any()
+        if k >= 50:
+            assert np.abs(pair[0] - pair[1]).max() < 1e-9 * np.abs(pair[1]).max()
+
+
+def test_a_design_that_keeps_the_past_is_for_signals():
+    law = dataclasses.replace(fp.paper_controller(), design=fp.fractional.L1())
+    with pytest.raises(fp.ArgumentError, match="design: expected one with modes, got L1"):
+        law.start(fp.Arm.two_link(), step=1e-3)
+    with pytest.raises(fp.ArgumentError, match="design: expected a fractional design, got str"):
+        dataclasses.replace(fp.paper_controller(), design="crone")
+
+
 def test_without_learning_the_gains_stay():
     controller = dataclasses.replace(fp.paper_controller(), learning_rate=0.0)
     run = fp.simulate(fp.paper_experiment(duration=0.2), controller)
@@ -68,8 +95,8 @@ def test_the_record_satisfies_equations_10_21_and_30_to_32(regressors):
     integral[1:] = np.cumsum(steps, axis=0)
     surface = -(rate + 2.0 * e + 1.0 * integral)
     assert np.abs(run.s - surface).max() < 1e-11
-    bank = controller.design.bank(
-        np.array([[1 - 0.901, 1 - 0.931], [0.921, 0.932]]), step=h, horizon=2.0
+    bank = fp.fractional.Bank(
+        controller.design, [[1 - 0.901, 1 - 0.931], [0.921, 0.932]], step=h, horizon=20.0
     )
     fractional = np.array(
         [bank.update(np.stack([i, x]), np.stack([x, r])).copy()
@@ -104,7 +131,7 @@ def test_a_loop_gives_what_the_simulation_gave():
     controller = fp.paper_controller()
     experiment = fp.paper_experiment(duration=0.3)
     run = fp.simulate(experiment, controller)
-    loop = controller.start(experiment.arm, step=experiment.step, horizon=0.3)
+    loop = controller.start(experiment.arm, step=experiment.step, horizon=20.0)
     for k, t in enumerate(run.t):
         reference = np.sin([t, t]), np.cos([t, t]), -np.sin([t, t])
         tau = loop.torque(run.q[k], run.v[k], *reference)

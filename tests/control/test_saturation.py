@@ -4,34 +4,8 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 import fpid_pin as fp
-from fpid_pin.control.saturation import Saturation
-
-numbers = st.floats(-100.0, 100.0, allow_nan=False)
-
-
-@given(arrays(np.float64, (3, 2), elements=numbers), arrays(np.float64, (3, 2), elements=numbers))
-def test_torques_are_clipped_and_only_further_pushes_wind_up(torque, push):
-    limit = np.array([10.0, np.inf])
-    asked = torque.copy()
-    component = Saturation(limit, 3)
-    given_ = component.apply(torque)
-    assert given_ is torque
-    assert (torque == np.clip(asked, -limit, limit)).all()
-    mask = component.winds_up(push)
-    further = (np.abs(asked) > limit) & (np.sign(asked) == np.sign(push))
-    tiny = np.abs(push) < 1e-200  # the product of cut and push underflows
-    assert ((np.zeros((3, 2), bool) if mask is None else mask) == further)[~tiny].all()
-
-
-def test_without_limits_nothing_winds_up():
-    component = Saturation(np.full(2, np.inf), 1)
-    component.apply(np.full((1, 2), 1e9))
-    assert component.winds_up(np.ones((1, 2))) is None
 
 
 def saturated(law, ticks):
@@ -73,14 +47,17 @@ def test_a_push_back_from_the_limit_unwinds_at_once():
     assert (loop.signals()["ki"] != gains).any()
 
 
-def test_held_integrals_overshoot_less_than_wound_up_ones(monkeypatch):
+def test_held_integrals_overshoot_less_than_wound_up_ones():
     arm = fp.Arm.planar([1.0], [1.0], gravity=0.0).with_limits(effort=1.0)
     law = fp.AdaptiveFpid(
         kp=30.0, ki=30.0, kd=10.0, integral_order=0.9, derivative_order=0.95, learning_rate=1.0
     )
     experiment = fp.Experiment(arm=arm, reference=fp.Hold(1.0), q0=0.0, duration=5.0, step=2e-3)
     held = fp.simulate(experiment, law)
-    monkeypatch.setattr(Saturation, "winds_up", lambda self, push: None)
-    wound = fp.simulate(experiment, law)
+    # A law that does not know of the drive's limit winds up.
+    ignorant = dataclasses.replace(
+        experiment, arm=arm.with_limits(effort=np.inf), plant=fp.Plant(effort_limit=1.0)
+    )
+    wound = fp.simulate(ignorant, law)
     assert -held.error.min() < 0.8 * -wound.error.min()
     assert held.metrics.rms_tail[0] < wound.metrics.rms_tail[0]

@@ -82,12 +82,12 @@ def test_a_retired_run_is_exact_zeros_from_then_on():
     rng = np.random.default_rng(0)
     inputs = rng.normal(size=(5, 2, 2))
     for _ in range(50):
-        state.torque(*inputs)
+        state.tick(inputs)
     state.retire(0)
     for _ in range(50):
-        torque = state.torque(*inputs)
-        assert (torque[0] == 0.0).all()
-        assert (torque[1] != 0.0).all()
+        state.tick(inputs)
+        assert (state.torque[0] == 0.0).all()
+        assert (state.torque[1] != 0.0).all()
     assert (state.signals()["kp"][0] == 0.0).all()
 
 

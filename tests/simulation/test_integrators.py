@@ -12,13 +12,8 @@ import fpid_pin as fp
 class Free(fp.Controller):
     """No torque at all."""
 
-    @classmethod
-    def start_many(cls, controllers, arm, *, step, horizon):
-        class Nothing(fp.State):
-            def torque(self, q, v, q_ref, v_ref, a_ref):
-                return np.zeros_like(q)
-
-        return Nothing()
+    def torque(self, state, q, v, q_ref, v_ref, a_ref):
+        return np.zeros_like(q)
 
 
 def swing(integrator, step, plant=None, duration=1.0, arm=None):

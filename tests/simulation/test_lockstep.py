@@ -1,16 +1,13 @@
 """One loop for any number of runs: the same bits whatever the batching."""
 
 import dataclasses
-import importlib
 import tracemalloc
 
 import numpy as np
 import pytest
 
 import fpid_pin as fp
-
-# The package shows the function of this name; its module is meant here.
-rooms = importlib.import_module("fpid_pin.simulation.simulate")
+from fpid_pin.simulation import lockstep
 
 
 def population(count, duration=0.25):
@@ -53,7 +50,7 @@ def same(first, second):
 def test_a_population_gives_the_same_bits_in_any_chunks(chunk, monkeypatch):
     experiments, controllers = population(64)
     whole = fp.simulate(experiments, controllers)
-    monkeypatch.setattr(rooms, "MOST_RUNS", chunk)
+    monkeypatch.setattr(lockstep, "MOST_RUNS", chunk)
     for run, alone in zip(whole, fp.simulate(experiments, controllers), strict=True):
         assert same(run, alone)
 
@@ -67,7 +64,7 @@ def test_costs_are_the_same_bits_in_any_chunks_and_are_those_of_the_record(monke
     ]
     assert (whole == recorded).all()
     for chunk in (1, 5):
-        monkeypatch.setattr(rooms, "MOST_RUNS", chunk)
+        monkeypatch.setattr(lockstep, "MOST_RUNS", chunk)
         assert (fp.evaluate(experiments, controllers, costs) == whole).all()
 
 
@@ -99,6 +96,28 @@ def test_kinds_of_controllers_and_experiments_may_be_mixed():
     assert [len(run.t) for run in runs] == [101, 201, 101]
     for run, e, c in zip(runs, [base, longer, base], controllers, strict=True):
         assert (run.q == fp.simulate(e, c).q).all()
+
+
+def test_equal_arms_built_apart_share_a_call():
+    experiments = [fp.paper_experiment(duration=0.1) for _ in range(3)]
+    assert len({id(e.arm) for e in experiments}) == 3
+    controllers = [fp.paper_controller(o) for o in ("symbol", "sign", "integer")]
+    assert lockstep.batches(experiments, controllers, 240) == [[0, 1, 2]]
+    heavy = dataclasses.replace(experiments[0], arm=experiments[0].arm.with_payload(1.0))
+    assert len(lockstep.batches([*experiments[:2], heavy], controllers, 240)) == 2
+
+
+def test_designs_are_told_apart_by_what_they_are():
+    base, designs = fp.paper_controller(), fp.fractional
+    laws = [
+        dataclasses.replace(base, design=design)
+        for design in (
+            designs.ExponentialSum(24), designs.ExponentialSum(24), designs.ExponentialSum(32),
+            designs.Crone(), designs.Crone(n=6),
+        )
+    ]  # fmt: skip
+    experiments = [fp.paper_experiment(duration=0.1)] * 5
+    assert lockstep.batches(experiments, laws, 240) == [[0, 1], [2], [3], [4]]
 
 
 def test_numbers_that_do_not_match_are_refused():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin.simulation.lockstep import lockstep
 from fpid_pin.simulation.metrics import MetricsRecorder
-from fpid_pin.simulation.simulate import lockstep
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,11 @@ def measured(sensors, q, v=None, seeds=None, n=1):
     state = SensorState([sensors] * runs if not isinstance(sensors, list) else sensors,
                         seeds or [0] * runs, n, STEP)  # fmt: skip
     v = np.zeros_like(q) if v is None else v
-    return np.array([state.measure(x, y).copy() for x, y in zip(q, v, strict=True)])
+    alive, seen, found = np.ones(runs, bool), np.zeros((5, runs, n)), []
+    for x, y in zip(q, v, strict=True):
+        state.measure(alive, x, y, seen)
+        found.append(seen[:2].copy())
+    return np.array(found)
 
 
 def ramp(rows, runs=1, n=1, slope=1.0):
@@ -91,11 +95,13 @@ def test_a_retired_run_stays_zero():
         [fp.Sensors(position_noise=1.0, velocity_noise=1.0, velocity_bias=1.0, delay=3)], [0], 1,
         STEP,
     )  # fmt: skip
-    state.measure(np.ones((1, 1)), np.ones((1, 1)))
-    state.retire(0)
+    alive, seen = np.ones(1, bool), np.zeros((5, 1, 1))
+    state.measure(alive, np.ones((1, 1)), np.ones((1, 1)), seen)
+    assert (seen[:2] != 0.0).all()
+    alive[0] = False
     for _ in range(600):
-        found = state.measure(np.zeros((1, 1)), np.zeros((1, 1)))
-    assert (found == 0.0).all()
+        state.measure(alive, np.zeros((1, 1)), np.zeros((1, 1)), seen)
+        assert (seen == 0.0).all()
 
 
 @pytest.mark.parametrize(
