@@ -1,4 +1,4 @@
-"""The live view: who listens, for how long, what a frame costs, what a key does."""
+"""The live view: who listens, for how long, what becomes of a frame, what a key does."""
 
 import gc
 import os
@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import termios
+import threading
 import time
 import urllib.request
 from contextlib import contextmanager
@@ -116,9 +117,7 @@ def test_no_listener_outlives_a_killed_parent_by_five_seconds():
     with live_process() as (process, port):
         assert answers(port)
         process.kill()
-        start = time.monotonic()
         assert wait_until(lambda: not answers(port), 5.0)
-        assert time.monotonic() - start < 5.0
 
 
 def test_a_port_in_use_is_left_alone_and_said():
@@ -163,28 +162,30 @@ def test_pages_of_other_sites_are_refused(path, headers, status):
             assert int(client.recv(12).split()[1]) == status
 
 
-def test_a_frame_takes_far_less_than_three_milliseconds_to_send():
+def test_frames_without_a_viewer_are_taken_and_none_is_dropped():
+    """300 frames of seven joints are 27 kB: however slow the server, the pipe holds them."""
     frame = [(np.zeros(7), np.zeros(7), np.zeros(7))]
     with LiveLink("page", announce=lambda text: None) as link:
-        times = []
         for k in range(300):
-            start = time.perf_counter()
             link.send(0.01 * k, frame)
-            times.append(time.perf_counter() - start)
-        assert np.median(times) < 3e-3
         assert link.alive
+        assert link.dropped == 0
 
 
 def test_sending_never_waits_for_a_server_that_is_stopped():
     frame = [(np.zeros(300), np.zeros(300), np.zeros(300))]
     with LiveLink("page", announce=lambda text: None) as link:
         os.kill(link.pid, signal.SIGSTOP)
-        start = time.perf_counter()
-        for k in range(2000):
-            link.send(0.01 * k, frame)
-        assert time.perf_counter() - start < 2.0
-        assert link.dropped > 0
+        # 7 MB, of which a pipe holds 64 kB: a send that waited would not come back.
+        sending = threading.Thread(
+            target=lambda: [link.send(0.01 * k, frame) for k in range(2000)], daemon=True
+        )
+        sending.start()
+        sending.join(20.0)
+        waits = sending.is_alive()
         os.kill(link.pid, signal.SIGCONT)
+        assert not waits
+        assert link.dropped > 0
         # The stream is still in step: what was cut short is completed before the next frame.
         time.sleep(0.3)
         for k in range(50):
