@@ -1,4 +1,4 @@
-"""The live view: who listens, for how long, what a frame costs, what a key does."""
+"""The live view: who listens, for how long, what becomes of a frame, what a key does."""
 
 import gc
 import os
@@ -8,6 +8,7 @@ import socket
 import subprocess
 import sys
 import termios
+import threading
 import time
 import urllib.request
 from contextlib import contextmanager
@@ -29,7 +30,7 @@ from fpid_pin import (
     simulate,
 )
 from fpid_pin.simulation import Simulator
-from fpid_pin.view import live, play
+from fpid_pin.view import live, play, realtime
 from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink, can_open_browser
 from fpid_pin.view.realtime import Timing, keep_time
@@ -116,9 +117,7 @@ def test_no_listener_outlives_a_killed_parent_by_five_seconds():
     with live_process() as (process, port):
         assert answers(port)
         process.kill()
-        start = time.monotonic()
         assert wait_until(lambda: not answers(port), 5.0)
-        assert time.monotonic() - start < 5.0
 
 
 def test_a_port_in_use_is_left_alone_and_said():
@@ -163,28 +162,30 @@ def test_pages_of_other_sites_are_refused(path, headers, status):
             assert int(client.recv(12).split()[1]) == status
 
 
-def test_a_frame_takes_far_less_than_three_milliseconds_to_send():
+def test_frames_without_a_viewer_are_taken_and_none_is_dropped():
+    """300 frames of seven joints are 27 kB: however slow the server, the pipe holds them."""
     frame = [(np.zeros(7), np.zeros(7), np.zeros(7))]
     with LiveLink("page", announce=lambda text: None) as link:
-        times = []
         for k in range(300):
-            start = time.perf_counter()
             link.send(0.01 * k, frame)
-            times.append(time.perf_counter() - start)
-        assert np.median(times) < 3e-3
         assert link.alive
+        assert link.dropped == 0
 
 
 def test_sending_never_waits_for_a_server_that_is_stopped():
     frame = [(np.zeros(300), np.zeros(300), np.zeros(300))]
     with LiveLink("page", announce=lambda text: None) as link:
         os.kill(link.pid, signal.SIGSTOP)
-        start = time.perf_counter()
-        for k in range(2000):
-            link.send(0.01 * k, frame)
-        assert time.perf_counter() - start < 2.0
-        assert link.dropped > 0
+        # 7 MB, of which a pipe holds 64 kB: a send that waited would not come back.
+        sending = threading.Thread(
+            target=lambda: [link.send(0.01 * k, frame) for k in range(2000)], daemon=True
+        )
+        sending.start()
+        sending.join(20.0)
+        waits = sending.is_alive()
         os.kill(link.pid, signal.SIGCONT)
+        assert not waits
+        assert link.dropped > 0
         # The stream is still in step: what was cut short is completed before the next frame.
         time.sleep(0.3)
         for k in range(50):
@@ -273,20 +274,81 @@ def test_lateness_is_counted_to_a_microsecond():
     assert "deadlines missed" in str(timing)
 
 
-def test_the_period_is_kept_on_average_and_overruns_are_counted():
-    marks = []
+class Clock:
+    """Stands for `time`: it moves when read (a microsecond), slept on or worked on, else not.
+
+    A sleep ends 0.6 ms later than asked for, which is more than the loop's spinning hides.
+    """
+
+    READ, LATE = 1e-6, 6e-4
+
+    def __init__(self):
+        self.now = 0.0
+
+    def perf_counter(self):
+        self.now += self.READ
+        return self.now
+
+    def sleep(self, seconds):
+        assert seconds > 0.0
+        self.now += seconds + self.LATE
+
+
+PERIOD, TICKS = 2e-3, 200
+
+
+def kept(monkeypatch, work):
+    """Keep a period of 2 ms over ticks that work ``work(k)`` s, by the clock above.
+
+    Returns how late each began and ended, against a schedule counted from the start, s.
+    """
+    clock, begins, ends = Clock(), [], []
 
     def tick():
-        marks.append(time.perf_counter())
-        if len(marks) == 50:
-            time.sleep(0.02)
-        return len(marks) < 200
+        begins.append(clock.now)
+        clock.now += work(len(ends))
+        ends.append(clock.now)
+        return len(ends) < TICKS
 
-    timing = keep_time(tick, 2e-3, idle=lambda: True, every=0.02)
-    assert timing.ticks == 200
-    assert timing.missed >= 1
-    # Ticks that were late are made up for: the schedule does not drift.
-    assert marks[-1] - marks[0] == pytest.approx(199 * 2e-3, abs=0.15)
+    monkeypatch.setattr(realtime, "time", clock)
+    timing = keep_time(tick, PERIOD, idle=lambda: True, every=1.0)
+    due = PERIOD * np.arange(1, TICKS + 1)
+    return timing, np.array(begins) - due, np.array(ends) - due
+
+
+def test_lateness_does_not_add_up(monkeypatch):
+    """Each tick is as late as its own sleep, no more.
+
+    Were the next counted from when a tick began, the last would be late by 199 times 0.35 ms =
+    70 ms (what spinning leaves of 0.6), from when it ended, by 270 ms.
+    """
+    timing, late, _ = kept(monkeypatch, lambda k: 1e-3)
+    assert late.min() > 0.0
+    assert late.max() < Clock.LATE
+    assert (timing.ticks, timing.missed, timing.restarts) == (TICKS, 0, 0)
+    assert timing.worst == pytest.approx(late.max(), abs=5 * Clock.READ)
+
+
+def test_an_overrun_is_made_up_for_and_every_late_end_is_counted(monkeypatch):
+    timing, late, ended = kept(monkeypatch, lambda k: 2e-2 if k == 50 else 1e-3)
+    # Ticks follow each other at once, 1 ms of work each, until all 18 ms are caught up with.
+    assert late[51] == pytest.approx(18e-3, abs=1e-3)
+    assert np.diff(late[51:66]) == pytest.approx([-1e-3] * 14, abs=10 * Clock.READ)
+    assert late[75:].max() < Clock.LATE
+    missed = int((ended > PERIOD).sum())
+    assert missed > 10
+    assert timing.missed == missed
+    assert timing.worst == pytest.approx(late.max(), abs=5 * Clock.READ)
+    assert timing.restarts == 0
+
+
+def test_after_a_long_stop_the_schedule_starts_anew(monkeypatch):
+    """As after a suspended laptop: half a second is not made up for by 250 ticks at once."""
+    timing, late, _ = kept(monkeypatch, lambda k: 0.5 if k == 50 else 1e-3)
+    assert timing.restarts == 1
+    assert timing.missed == 1
+    assert np.ptp(late[51:]) < Clock.LATE
+    assert late[51:] == pytest.approx([0.5] * (TICKS - 51), abs=PERIOD)
 
 
 def test_keys_are_read_from_a_terminal_which_is_restored(monkeypatch):
