@@ -7,6 +7,7 @@
 """
 
 from fpid_pin import exceptions, fractional, view
+from fpid_pin._version import __version__
 from fpid_pin.arms import Arm
 from fpid_pin.control import (
     AdaptiveFpid,
@@ -80,8 +81,6 @@ from fpid_pin.tuning import (
     tune,
 )
 
-__version__ = "0.1.0"
-
 __all__ = [
     "AdaptiveFpid",
     "ArgumentError",
@@ -134,6 +133,7 @@ __all__ = [
     "TuningResult",
     "Waypoints",
     "WorkerPool",
+    "__version__",
     "cost_map",
     "cross_check",
     "evaluate",

@@ -194,7 +194,7 @@ def test_a_checkpoint_holds_no_pickle(checkpoint):
 
 
 def test_other_versions_are_told(checkpoint, monkeypatch):
-    monkeypatch.setattr(fp, "__version__", "9.9")
+    monkeypatch.setattr("fpid_pin.tuning.checkpoint.__version__", "9.9")
     with pytest.warns(fp.FpidWarning, match=r"fpid_pin is '.*' there and '9\.9' here"):
         resume(checkpoint)
 
