@@ -31,7 +31,14 @@ from typing import Any
 import numpy as np
 
 import fpid_pin as fp
-from fpid_pin.tuning import Report, Space, TuningResult, cross_check, tune
+from fpid_pin.tuning import (
+    SearchProgress,
+    SearchSettings,
+    Space,
+    TuningResult,
+    cross_check,
+    tune,
+)
 
 WEIGHTS = (0.0, 1e-4, 1e-3)  # w2 of (33)
 NOISE = fp.Sensors(velocity_noise=0.05)  # rad/s
@@ -77,13 +84,13 @@ class Line:
     def __init__(self, title: str) -> None:
         self._title, self._last = title, 0.0
 
-    def __call__(self, report: Report) -> None:
-        if report.rate > 0.0 and time.monotonic() - self._last > 20.0:
+    def __call__(self, progress: SearchProgress) -> None:
+        if progress.rate > 0.0 and time.monotonic() - self._last > 20.0:
             self._last = time.monotonic()
             print(
-                f"{self._title}: generation {report.generation} of {report.generations}, "
-                f"best {report.best:.5g}, {report.rate:.1f} evaluations/s, "
-                f"{report.seconds_left:.0f} s left",
+                f"{self._title}: generation {progress.generation} of {progress.generations}, "
+                f"best {progress.best:.5g}, {progress.rate:.1f} evaluations/s, "
+                f"{progress.seconds_left:.0f} s left",
                 flush=True,
             )
 
@@ -174,13 +181,15 @@ def one_weight(
             base,
             Space(**genes),
             cost,
-            population=options.population,
-            generations=options.generations,
-            seeds=options.seeds,
-            initial=start,
-            workers=options.workers,
-            checkpoint=folder / slug,
-            resume=True,
+            SearchSettings(
+                population=options.population,
+                generations=options.generations,
+                seeds=options.seeds,
+                initial=start,
+                workers=options.workers,
+                checkpoint=folder / slug,
+                resume=True,
+            ),
             progress=Line(f"w2 = {w2:g}, {title}"),
         )
         named[title] = result.controller
@@ -198,9 +207,11 @@ def one_weight(
             fp.paper_controller(supervised=False),
             Space(**ORDERS),
             cost,
-            population=options.population,
-            generations=options.generations,
-            workers=options.workers,
+            SearchSettings(
+                population=options.population,
+                generations=options.generations,
+                workers=options.workers,
+            ),
         )
         named["orders by differential evolution"] = found.controller
         notes.append(

@@ -45,7 +45,7 @@ def run_live(
     console
         Where to print.
     """
-    from fpid_pin.view.live import HELP, live
+    from fpid_pin.view.live_session import HELP, live
 
     console = console or Console()
     config = load(config_path)

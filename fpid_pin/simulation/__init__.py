@@ -13,7 +13,7 @@ from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.sensors import Sensors
 from fpid_pin.simulation.simulate import evaluate, simulate
 from fpid_pin.simulation.tool_path import ToolCircle
-from fpid_pin.simulation.trajectories import Quintic, Recorded, Waypoints
+from fpid_pin.simulation.trajectories import Quintic, RecordedMotion, Waypoints
 
 __all__ = [
     "Cosine",
@@ -29,7 +29,7 @@ __all__ = [
     "Pulse",
     "QuadraticCost",
     "Quintic",
-    "Recorded",
+    "RecordedMotion",
     "Recorder",
     "Reference",
     "Run",

@@ -14,6 +14,7 @@ import numpy as np
 
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.disturbances import Disturbance
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.integrators import integrator
@@ -21,8 +22,6 @@ from fpid_pin.simulation.metrics import BLOCK_ROWS
 from fpid_pin.simulation.plant import plant_of
 from fpid_pin.simulation.recorders import ALL_SIGNALS, Batch, Block, Outcome, Recorder
 from fpid_pin.simulation.sensors import SensorState
-
-Progress = Callable[[float], None]
 
 
 class _Retirable(Protocol):
@@ -75,7 +74,7 @@ def lockstep(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
     recorders: Sequence[Recorder],
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> list[Outcome]:
     """Simulate runs that share arm, step, duration, integrator and kind of controller.
 
@@ -86,7 +85,7 @@ def lockstep(
     recorders
         What to do with the rows.
     progress
-        Called with the part done, from 0 to 1, every so many rows.
+        Called every so many rows.
 
     Returns
     -------
@@ -175,7 +174,7 @@ def lockstep(
                 if not alive.any():
                     break
             if progress is not None:
-                progress((row + size) / rows)
+                progress(Progress((row + size) / rows))
     return [o or Outcome(completed=True, time=(rows - 1) * h) for o in outcomes]
 
 

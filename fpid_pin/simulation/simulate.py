@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from concurrent.futures import Executor, Future
 from typing import overload
 
@@ -13,10 +13,11 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.exceptions import ArgumentError, FpidWarning
+from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.costs import Cost, QuadraticCost
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
-from fpid_pin.simulation.loop import Progress, lockstep
+from fpid_pin.simulation.loop import lockstep
 from fpid_pin.simulation.metrics import MetricsRecorder
 from fpid_pin.simulation.recorders import FullRecord
 from fpid_pin.simulation.run import Run, describe_run
@@ -60,30 +61,30 @@ def batches(
 
 
 def _overall(
-    progress: Progress | None, done: int, size: int, runs: int
-) -> Callable[[float], None] | None:
+    progress: ProgressCallback | None, done: int, size: int, runs: int
+) -> ProgressCallback | None:
     if progress is None:
         return None
-    return lambda part: progress((done + part * size) / runs)
+    return lambda inner: progress(Progress((done + inner.part * size) / runs))
 
 
 @overload
 def simulate(
-    experiment: Experiment, controller: Controller, *, progress: Progress | None = None
+    experiment: Experiment, controller: Controller, *, progress: ProgressCallback | None = None
 ) -> Run: ...
 @overload
 def simulate(
     experiment: Sequence[Experiment],
     controller: Controller | Sequence[Controller],
     *,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> list[Run]: ...
 @overload
 def simulate(
     experiment: Experiment,
     controller: Sequence[Controller],
     *,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> list[Run]: ...
 
 
@@ -91,7 +92,7 @@ def simulate(
     experiment: Experiment | Sequence[Experiment],
     controller: Controller | Sequence[Controller],
     *,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Run | list[Run]:
     """Simulate and record everything.
 
@@ -100,7 +101,7 @@ def simulate(
     experiment, controller
         One of each gives a `Run`; sequences give a list of runs, a single one serving all.
     progress
-        Called now and then with the part done, 0 to 1.
+        Called now and then with a `Progress`.
 
     Returns
     -------
@@ -151,7 +152,7 @@ def evaluate(
     *,
     executor: Executor | None = None,
     shards: int | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> FloatArray:
     """Simulate and keep only the cost; memory does not depend on the horizon.
 
@@ -189,7 +190,7 @@ def evaluate(
         for number, future in enumerate(futures, start=1):
             pieces.append(future.result())
             if progress is not None:
-                progress(number / len(futures))
+                progress(Progress(number / len(futures)))
         table = np.concatenate(pieces)
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
@@ -198,7 +199,7 @@ def _evaluate(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
     costs: Sequence[Cost],
-    progress: Progress | None,
+    progress: ProgressCallback | None,
 ) -> FloatArray:
     table = np.full((len(experiments), len(costs)), np.inf)
     needs = _union(cost.needs for cost in costs)

@@ -119,7 +119,7 @@ class Waypoints:
 
 @described("recorded", "Reference")
 @dataclass(frozen=True, eq=False)
-class Recorded:
+class RecordedMotion:
     """A recorded motion of the joints, repeated through a cubic spline.
 
     In a configuration ``path`` names a CSV file, as for `from_csv`. A saved run holds the motion
@@ -159,7 +159,7 @@ class Recorded:
         object.__setattr__(self, "_splines", _derivatives(CubicSpline(times, positions, axis=0)))
 
     @classmethod
-    def from_csv(cls, path: str | Path) -> Recorded:
+    def from_csv(cls, path: str | Path) -> RecordedMotion:
         """Read ``t, q_1, ..., q_n`` (s, rad), a row a sample; a first row of names is skipped.
 
         Raises
@@ -175,7 +175,7 @@ class Recorded:
         return cls(table[:, 0], table[:, 1:])
 
     @classmethod
-    def from_table(cls, fields: Mapping[str, Any]) -> Recorded:
+    def from_table(cls, fields: Mapping[str, Any]) -> RecordedMotion:
         """Build from a configuration's table, with ``path``, or from a saved run's."""
         allowed = ("path", "times", "positions")
         for key in fields:

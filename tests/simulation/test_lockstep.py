@@ -110,9 +110,10 @@ def test_numbers_that_do_not_match_are_refused():
 
 
 def test_progress_ends_at_one_and_never_goes_back():
-    parts = []
+    told = []
     experiments, controllers = population(6, duration=0.3)
-    fp.simulate(experiments, controllers, progress=parts.append)
+    fp.simulate(experiments, controllers, progress=told.append)
+    parts = [progress.part for progress in told]
     assert parts == sorted(parts)
     assert parts[-1] == pytest.approx(1.0)
 

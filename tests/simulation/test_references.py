@@ -8,7 +8,7 @@ import pytest
 import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.simulation.tool_path import ToolCircle
-from fpid_pin.simulation.trajectories import Quintic, Recorded, Waypoints
+from fpid_pin.simulation.trajectories import Quintic, RecordedMotion, Waypoints
 
 TIMES = (0.0, 1.0, 1.5, 3.0)
 POSES = ((0.0, 0.1), (0.5, -0.2), (0.4, 0.3), (1.0, 0.0))
@@ -21,7 +21,7 @@ def circle(**others):
 
 def recorded():
     t = np.linspace(0.0, 3.0, 61)
-    return Recorded(t, np.stack([np.sin(t), 0.3 * np.cos(2.0 * t)], axis=1))
+    return RecordedMotion(t, np.stack([np.sin(t), 0.3 * np.cos(2.0 * t)], axis=1))
 
 
 REFERENCES = {
@@ -95,7 +95,7 @@ def test_a_recording_is_read_from_csv_with_or_without_names(tmp_path):
     for head in ([], ["t, shoulder, elbow"]):
         path = tmp_path / "motion.csv"
         path.write_text("\n".join([*head, *lines, ""]))
-        motion = Recorded.from_csv(path)
+        motion = RecordedMotion.from_csv(path)
         q, _, _ = motion.sample(np.array([0.2, 0.3]))
         assert q == pytest.approx(np.array([[0.3, 0.0], [0.2, 0.1]]))
         table = {"kind": "recorded", "path": str(path)}
@@ -120,7 +120,7 @@ def test_a_csv_with_gaps_is_refused_with_its_line(tmp_path, text, message):
     path = tmp_path / "motion.csv"
     path.write_text(text)
     with pytest.raises(fp.ArgumentError, match=message):
-        Recorded.from_csv(path)
+        RecordedMotion.from_csv(path)
 
 
 @pytest.mark.parametrize("orientation", [False, True])
@@ -174,8 +174,11 @@ def test_a_circle_with_a_ramp_starts_at_rest_and_loses_half_of_it():
         (lambda: Waypoints((0.0, 1.0), ((0.0,),)), "a row for each time"),
         (lambda: Waypoints((0.0,), ((0.0,),)), "at least two times"),
         (lambda: Waypoints(TIMES, POSES, method="linear"), "reference.method: expected one of"),
-        (lambda: Recorded.from_csv("no-such-file.csv"), "no-such-file.csv: expected a CSV file"),
-        (lambda: Recorded.from_table({"paths": "x"}), "did you mean path"),
+        (
+            lambda: RecordedMotion.from_csv("no-such-file.csv"),
+            "no-such-file.csv: expected a CSV file",
+        ),
+        (lambda: RecordedMotion.from_table({"paths": "x"}), "did you mean path"),
     ],
 )
 def test_bad_references_are_named(build, message):

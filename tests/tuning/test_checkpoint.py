@@ -12,25 +12,31 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.exceptions import TuningError
-from fpid_pin.tuning import Space, pareto, tune
+from fpid_pin.tuning import SearchSettings, Space, pareto, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
-SMALL = {"population": 6, "seeds": (0, 7)}
 TWO = (fp.MetricCost("ise"), fp.MetricCost("energy"))
+
+
+def small(**changes):
+    return SearchSettings(**({"population": 6, "seeds": (0, 7)} | changes))
+
 
 SCRIPT = """
 import sys
 import fpid_pin as fp
-from fpid_pin.tuning import Space, tune
+from fpid_pin.tuning import SearchSettings, Space, tune
 
-def said(report):
-    print(report.generation, flush=True)
+def said(progress):
+    print(progress.generation, flush=True)
 
 tune(fp.paper_experiment(duration=0.3, step=5e-3), fp.paper_controller(supervised=False),
-     Space(integral_order=(0, 1), derivative_order=(0, 1)), population=6, seeds=(0, 7),
-     generations=30, checkpoint=sys.argv[1], resume=True, progress=said)
+     Space(integral_order=(0, 1), derivative_order=(0, 1)),
+     settings=SearchSettings(population=6, seeds=(0, 7), generations=30, checkpoint=sys.argv[1],
+                             resume=True),
+     progress=said)
 print("done", flush=True)
 """
 
@@ -69,44 +75,47 @@ def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
     leftovers = [f for f in tmp_path.iterdir() if f != path and not f.name.endswith(".part")]
     assert leftovers == []
     resumed = tune(
-        EXPERIMENT, CONTROLLER, ORDERS, generations=30, checkpoint=path, resume=True, **SMALL
+        EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30, checkpoint=path, resume=True)
     )
-    never = tune(EXPERIMENT, CONTROLLER, ORDERS, generations=30, **SMALL)
+    never = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30))
     assert bits(resumed) == bits(never)
 
 
 @pytest.mark.parametrize("done", [1, 3])
 def test_a_search_can_be_made_longer(tmp_path, done):
     path = tmp_path / "search.npz"
-    tune(EXPERIMENT, CONTROLLER, ORDERS, generations=done, checkpoint=path, **SMALL)
+    tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=done, checkpoint=path))
     longer = tune(
-        EXPERIMENT, CONTROLLER, ORDERS, generations=5, checkpoint=path, resume=True, **SMALL
+        EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=5, checkpoint=path, resume=True)
     )
-    assert bits(longer) == bits(tune(EXPERIMENT, CONTROLLER, ORDERS, generations=5, **SMALL))
+    assert bits(longer) == bits(tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=5)))
     with pytest.raises(TuningError, match="generations is 4 here, and 5 are done"):
-        tune(EXPERIMENT, CONTROLLER, ORDERS, generations=4, checkpoint=path, resume=True, **SMALL)
+        resume(path, generations=4)
 
 
 def test_a_front_resumes_to_the_same_bits(tmp_path):
     path = tmp_path / "front.npz"
-    pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=2, checkpoint=path, **SMALL)
+    pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, small(generations=2, checkpoint=path))
     resumed = pareto(
-        EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=5, checkpoint=path, resume=True, **SMALL
+        EXPERIMENT, CONTROLLER, ORDERS, TWO, small(generations=5, checkpoint=path, resume=True)
     )
-    never = pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=5, **SMALL)
+    never = pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, small(generations=5))
     assert bits(resumed) == bits(never)
 
 
 @pytest.fixture
 def checkpoint(tmp_path):
     path = tmp_path / "search.npz"
-    tune(EXPERIMENT, CONTROLLER, ORDERS, generations=2, checkpoint=path, **SMALL)
+    tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=2, checkpoint=path))
     return path
 
 
 def resume(path, **changes):
-    given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS} | SMALL
-    return tune(**(given | changes), generations=3, checkpoint=path, resume=True)
+    given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS}
+    asked = {"generations": 3, "checkpoint": path, "resume": True}
+    for name, value in changes.items():
+        (asked if hasattr(SearchSettings, name) else given)[name] = value
+    return tune(**given, settings=small(**asked))
 
 
 @pytest.mark.parametrize(
@@ -139,7 +148,7 @@ def test_a_checkpoint_of_another_search_is_refused_with_the_difference(checkpoin
 def test_an_earlier_checkpoint_is_never_overwritten_unasked(checkpoint):
     before = checkpoint.read_bytes()
     with pytest.raises(TuningError, match="resume it, or remove it"):
-        tune(EXPERIMENT, CONTROLLER, ORDERS, generations=2, checkpoint=checkpoint, **SMALL)
+        tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=2, checkpoint=checkpoint))
     assert checkpoint.read_bytes() == before
 
 
@@ -202,20 +211,17 @@ def test_other_versions_are_told(checkpoint, monkeypatch):
 def test_a_folder_that_cannot_be_written_is_told_before_the_search(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    reports = []
+    told, settings = [], small(checkpoint=blocked / "search.npz")
     with pytest.raises(fp.FileFormatError, match="cannot be written"):
-        tune(
-            EXPERIMENT, CONTROLLER, ORDERS, checkpoint=blocked / "search.npz",
-            progress=reports.append, **SMALL,
-        )  # fmt: skip
-    assert reports == []
+        tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings, progress=told.append)
+    assert told == []
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_without_permission_is_told_before_the_search(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(fp.FileFormatError, match="cannot be written"):
-        tune(EXPERIMENT, CONTROLLER, ORDERS, checkpoint=tmp_path / "search.npz", **SMALL)
+        tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(checkpoint=tmp_path / "search.npz"))
 
 
 def test_a_cost_of_ones_own_resumes_in_another_process(tmp_path):
@@ -226,7 +232,7 @@ def test_a_cost_of_ones_own_resumes_in_another_process(tmp_path):
             return float(metrics.iae.sum())
 
     path = tmp_path / "search.npz"
-    tune(EXPERIMENT, CONTROLLER, ORDERS, Own(), generations=1, checkpoint=path, **SMALL)
+    tune(EXPERIMENT, CONTROLLER, ORDERS, Own(), small(generations=1, checkpoint=path))
     # Another object, at another address, as it would be in another process.
     keep = Own()
     assert resume(path, cost=Own()).history.best.shape == (3, 2)

@@ -5,7 +5,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.tuning import RobustCost, Space, scenarios, tune
+from fpid_pin.tuning import RobustCost, SearchSettings, Space, scenarios, tune
 from fpid_pin.tuning.robust import over_scenarios
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
@@ -39,7 +39,7 @@ def test_the_robust_cost_of_the_best_is_that_of_its_runs(reduce, by_hand):
     varied = scenarios(EXPERIMENT, payloads=(0.0, 0.4, 0.8))
     space = Space(integral_order=(0, 1), derivative_order=(0, 1))
     cost = RobustCost(fp.QuadraticCost(1, 0), reduce)
-    result = tune(varied, CONTROLLER, space, cost, population=6, generations=3)
+    result = tune(varied, CONTROLLER, space, cost, SearchSettings(population=6, generations=3))
     each = [fp.evaluate(e, [result.controller], cost)[0] for e in varied]
     assert result.cost == pytest.approx(by_hand(each), rel=1e-15)
     plain = fp.evaluate(varied[0], [result.controller], fp.QuadraticCost(1, 0))[0]

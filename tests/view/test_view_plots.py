@@ -6,7 +6,7 @@ import pytest
 
 from fpid_pin import ArgumentError, Arm
 from fpid_pin.view import figures, plots, save_figure
-from fpid_pin.view.figures import is_integer
+from fpid_pin.view.paper_figures import is_integer
 from fpid_pin.view.style import _MOST, figure_bytes, thinned
 
 
