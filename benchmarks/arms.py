@@ -65,7 +65,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="arms; all of the catalogue if none is given")
     parser.add_argument("--quick", action="store_true", help="4 s instead of 20 s, nothing written")
-    parser.add_argument("--bandwidth", type=float, default=10.0, help="rad/s")
+    parser.add_argument("--bandwidth", type=float, default=10.0, help="[rad/s]")
     options = parser.parse_args()
     others = sorted(set(names()) - set(ASKED))
     head = [

@@ -27,7 +27,7 @@ from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode,
 from fpid_pin.control.gains import LEARNING_ERROR, LEARNING_TIME, suggest_gains
 
 POPULATION = 24
-NOISE = fp.Sensors(position_noise=2e-5, velocity_noise=0.01)  # rad, rad/s
+NOISE = fp.Sensors(position_noise=2e-5, velocity_noise=0.01)  # [rad], [rad/s]
 Genes = Mapping[str, float]
 
 

@@ -25,8 +25,8 @@ from fpid_pin.simulation.loop import lockstep
 from fpid_pin.simulation.recorders import Batch, Block
 
 PERIODS = 10
-WINDOW = PERIODS * 2.0 * np.pi  # s
-NOISE = fp.Sensors(position_noise=1e-4, velocity_noise=0.02)  # rad, rad/s
+WINDOW = PERIODS * 2.0 * np.pi  # [s]
+NOISE = fp.Sensors(position_noise=1e-4, velocity_noise=0.02)  # [rad], [rad/s]
 SIGMA = 0.03  # 1/s; 0.05 holds too, but for the paper's gains in regulation (1.024)
 
 
@@ -93,7 +93,7 @@ class Windows:
 
     @property
     def rms(self) -> FloatArray:
-        """Root mean square of e, (windows, runs, n), rad; NaN where a run had ended."""
+        """Root mean square of e [rad], (windows, runs, n); NaN where a run had ended."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.sqrt(self.square / self.count[:, :, np.newaxis])
 

@@ -41,7 +41,7 @@ from fpid_pin.tuning import (
 )
 
 WEIGHTS = (0.0, 1e-4, 1e-3)  # w2 of (33)
-NOISE = fp.Sensors(velocity_noise=0.05)  # rad/s
+NOISE = fp.Sensors(velocity_noise=0.05)  # [rad/s]
 ORDERS = {"integral_order": (0, 1), "derivative_order": (0, 1)}
 # A factor of ten and more to either side of the paper's gains 10-25 and gamma 25.
 GAINS: dict[str, Any] = {

@@ -32,7 +32,7 @@ RUNS = (1, 10, 30, 60, 120, 240)
 
 
 def best(action: Callable[[], object], repeats: int) -> float:
-    """Return the shortest of several times, s: what is needed when nobody else is there."""
+    """Return the shortest of several times [s]: what is needed when nobody else is there."""
     times = []
     for _ in range(repeats):
         began = time.process_time()

@@ -16,7 +16,7 @@ import numpy as np
 
 import fpid_pin as fp
 
-PUSH = (30.0, 12.0)  # N m
+PUSH = (30.0, 12.0)  # [N m]
 
 
 def main() -> None:

@@ -48,7 +48,7 @@ def arm_run(name: str) -> fp.Run:
 
 
 def photograph(pages: Mapping[str, tuple[Path, float]], folder: Path) -> list[Path]:
-    """Take each page's picture at a time, s; none where there is no browser."""
+    """Take each page's picture at a time [s]; none where there is no browser."""
     browser = shutil.which("chromium") or shutil.which("chromium-browser")
     try:
         from playwright.sync_api import sync_playwright

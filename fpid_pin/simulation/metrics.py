@@ -30,16 +30,16 @@ class Metrics:
     Attributes
     ----------
     ise, iae, itae
-        Integrals of e^2 (rad^2 s), |e| (rad s) and t |e| (rad s^2).
+        Integrals of e^2 [rad^2 s], |e| [rad s] and t |e| [rad s^2].
     rms, rms_tail
-        Root mean square of e over the run and over its planned last half, rad; the latter is NaN
+        Root mean square of e over the run and over its planned last half [rad]; the latter is NaN
         for a run that ended earlier.
     energy
-        Integral of u^2, (N m)^2 s.
+        Integral of u^2 [(N m)^2 s].
     total_variation
-        Sum of |u_k - u_(k-1)|, N m.
+        Sum of |u_k - u_(k-1)| [N m].
     peak_torque
-        Largest |u|, N m.
+        Largest |u| [N m].
     """
 
     ise: FloatArray

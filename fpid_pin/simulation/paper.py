@@ -33,7 +33,7 @@ def paper_experiment(*, duration: float = 20.0, step: float = 1e-3) -> Experimen
     Parameters
     ----------
     duration, step
-        The paper gives neither; s.
+        [s]; the paper gives neither.
     """
     return Experiment(
         arm=Arm.two_link(),

@@ -20,12 +20,12 @@ class Reference(Protocol):
     """A trajectory of one robot; anything with this method will do."""
 
     def sample(self, t: FloatArray) -> Motion:
-        """Return angles (rad), rates (rad/s) and accelerations (rad/s^2) at times `t`.
+        """Return angles [rad], rates [rad/s] and accelerations [rad/s^2] at times `t`.
 
         Parameters
         ----------
         t
-            Times, (K,), s.
+            Times [s], (K,).
 
         Returns
         -------
@@ -43,13 +43,13 @@ class Sinusoid:
     Parameters
     ----------
     amplitude
-        rad.
+        [rad].
     frequency
-        rad/s.
+        [rad/s].
     phase
-        rad.
+        [rad].
     offset
-        rad.
+        [rad].
     """
 
     amplitude: ArrayLike = 1.0
@@ -80,7 +80,7 @@ class Hold:
     Parameters
     ----------
     position
-        rad, scalar or (n,).
+        Scalar or (n,) [rad].
     """
 
     position: ArrayLike = 0.0

@@ -35,18 +35,18 @@ class Run:
     Attributes
     ----------
     t
-        (N,), s.
+        Time [s], (N,).
     q, v, q_ref, v_ref
-        Joint angles and rates and their references, (N, n), rad and rad/s.
+        Joint angles and rates and their references [rad], [rad/s], (N, n).
     torque
-        What the drives gave, (N, n), N m; the last row was not applied.
+        What the drives gave [N m], (N, n); the last row was not applied.
     signals
-        What the controller showed of itself: kp, ki, kd, u_fpid, u_s, s, (N, n), lyapunov, (N,);
-        each is an attribute too.
+        What the controller showed of itself: ``kp``, ``ki``, ``kd``, ``u_fpid``, ``u_s``, ``s``,
+        (N, n), ``lyapunov``, (N,); each is an attribute too.
     outcome
         Whether it completed, else when, where and why it ended; it is cut there.
     step
-        s.
+        Sampling period [s].
     planned_rows
         Rows that a completed run has.
     meta
@@ -67,7 +67,7 @@ class Run:
 
     @property
     def error(self) -> FloatArray:
-        """``e = q_d - q``, (N, n), rad."""
+        """``e = q_d - q`` [rad], (N, n)."""
         return self.q_ref - self.q
 
     @property

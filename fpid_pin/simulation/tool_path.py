@@ -36,18 +36,18 @@ class ToolCircle:
     arm
         Whose tool.
     radius
-        m.
+        [m].
     period
-        Of one turn, s.
+        Of one turn [s].
     normal
         Of the circle's plane, (3,), world axes; the turn is right-handed about it. The default
         is the plane x-z, in which planar arms move.
     centre
-        m, (3,), world axes; None: so that the tool at home is on the circle.
+        [m], (3,), world axes; None: so that the tool at home is on the circle.
     orientation
         Whether the tool keeps the orientation that it has at home.
     ramp
-        Time in which the speed rises smoothly from 0, s; 0: full speed from the start.
+        Time in which the speed rises smoothly from 0 [s]; 0: full speed from the start.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class ToolCircle:
         object.__setattr__(self, "_splines", (spline, spline.derivative(1), spline.derivative(2)))
 
     def _points(self, angles: FloatArray) -> FloatArray:
-        """Return points of the circle, (K, 3), m."""
+        """Return points of the circle [m], (K, 3)."""
         home = self.arm.tool_pose(self.arm.home)[:3, 3]
         normal = np.asarray(self.normal) / np.linalg.norm(np.asarray(self.normal))
         # Towards the tool at home if the centre is given, else away from the base.

@@ -35,11 +35,11 @@ class Quintic:
     Parameters
     ----------
     start, end
-        rad, scalar or (n,).
+        Scalar or (n,) [rad].
     duration
-        Of the move, s.
+        Of the move [s].
     begin
-        When it starts, s.
+        When it starts [s].
     """
 
     start: ArrayLike
@@ -78,9 +78,9 @@ class Waypoints:
     Parameters
     ----------
     times
-        s, (K,), increasing; before the first and after the last it holds.
+        [s], (K,), increasing; before the first and after the last it holds.
     positions
-        rad, (K, n).
+        [rad], (K, n).
     method
         ``"cubic"``: continuous acceleration inside, a jump of it at the ends; ``"quintic"``:
         continuous jerk inside and no acceleration at the ends.
@@ -128,9 +128,9 @@ class RecordedMotion:
     Parameters
     ----------
     times
-        s, (K,), increasing, without gaps; before the first and after the last it holds.
+        [s], (K,), increasing, without gaps; before the first and after the last it holds.
     positions
-        rad, (K, n).
+        [rad], (K, n).
 
     Raises
     ------
@@ -160,7 +160,7 @@ class RecordedMotion:
 
     @classmethod
     def from_csv(cls, path: str | Path) -> RecordedMotion:
-        """Read ``t, q_1, ..., q_n`` (s, rad), a row a sample; a first row of names is skipped.
+        """Read ``t, q_1, ..., q_n`` ([s], [rad]), a row a sample; a first row of names is skipped.
 
         Raises
         ------

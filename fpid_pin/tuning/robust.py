@@ -80,7 +80,7 @@ def scenarios(
     plants
         True robots; none given: the experiment's own.
     payloads
-        Point masses at the arm's tool, kg, that the controller does not know of; none given: 0.
+        Point masses at the arm's tool [kg] that the controller does not know of; none given: 0.
 
     Raises
     ------

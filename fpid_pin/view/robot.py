@@ -24,12 +24,12 @@ class LiveRobot:
     controller
         The law.
     horizon
-        Longest time that it will run, s; fractional memories are fitted for it.
+        Longest time that it will run [s]; fractional memories are fitted for it.
 
     Attributes
     ----------
     q, v, q_ref, torque
-        At the last tick, (n,): rad, rad/s, rad, N m.
+        At the last tick, (n,): [rad], [rad/s], [rad], [N m].
     fault
         What ended it; empty while it goes on.
     """
@@ -65,11 +65,11 @@ class LiveRobot:
 
     @property
     def t(self) -> float:
-        """Time of the next tick, s."""
+        """Time of the next tick [s]."""
         return self._tick * self._h
 
     def push(self, joint: str | int, torque: float, duration: float) -> None:
-        """Disturb a joint by a torque, N m, for `duration` s from now."""
+        """Disturb a joint by a torque [N m] for `duration` [s] from now."""
         j = self._experiment.arm.joint_index(joint)
         self._push[j] = checks.number("torque", torque)
         ticks = max(round(checks.number("duration", duration, above=0.0) / self._h), 1)
