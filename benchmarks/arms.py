@@ -18,16 +18,17 @@ import numpy as np
 import fpid_pin as fp
 from fpid_pin.arms import names
 from fpid_pin.control.gains import impossible_joints, suggest_gains
+from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.limits import limit_report
 
 WANTED = 0.05
 ASKED = ("asr_twodof", "ur5", "ur10", "panda", "xarm7", "z1", "talos_arm", "kinova", "bravo7_no_ee")
 
 
-def around_home(arm: fp.Arm, amplitude: float = 0.3, frequency: float = 1.0) -> fp.Sinusoid:
+def around_home(arm: fp.Arm, amplitude: float = 0.3, frequency: float = 1.0) -> Sinusoid:
     """Return sinusoids around home, their phases spread evenly over half a turn."""
     phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-    return fp.Sinusoid(amplitude=amplitude, frequency=frequency, phase=phase, offset=arm.home)
+    return Sinusoid(amplitude=amplitude, frequency=frequency, phase=phase, offset=arm.home)
 
 
 def row_of(name: str, bandwidth: float, duration: float) -> str:

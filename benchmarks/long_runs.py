@@ -21,6 +21,7 @@ import numpy as np
 import fpid_pin as fp
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Safeguards, suggest_gains
+from fpid_pin.references import Hold
 from fpid_pin.simulation.loop import lockstep
 from fpid_pin.simulation.recorders import Batch, Block
 
@@ -106,7 +107,7 @@ def main() -> None:
     duration = 240.0 if options.quick else 1200.0
     track = dataclasses.replace(fp.paper_experiment(duration=duration), sensors=NOISE)
     hold = fp.Experiment(
-        arm=track.arm, reference=fp.Hold((0.5, 0.5)), q0=(0.0, 0.35), plant=track.plant,
+        arm=track.arm, reference=Hold((0.5, 0.5)), q0=(0.0, 0.35), plant=track.plant,
         sensors=NOISE, duration=duration,
     )  # fmt: skip
     jobs = {"tracking": track, "regulation": hold}

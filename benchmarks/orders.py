@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 
 import fpid_pin as fp
+from fpid_pin.costs import QuadraticCost
 from fpid_pin.tuning import (
     SearchProgress,
     SearchSettings,
@@ -100,7 +101,7 @@ def measure(
 ) -> list[dict[str, Any]]:
     """One row a controller: exact sensors, RK4, noise, and the supervisor standing by."""
     controllers = list(named.values())
-    cost = fp.QuadraticCost(1.0, w2)
+    cost = QuadraticCost(1.0, w2)
     supervisor = fp.paper_controller().supervisor
     clean = fp.simulate(experiment, controllers)
     rk4 = fp.evaluate(dataclasses.replace(experiment, integrator="rk4"), controllers, cost)
@@ -168,7 +169,7 @@ def one_weight(
     w2: float, experiment: fp.Experiment, options: argparse.Namespace, folder: Path
 ) -> tuple[str, dict[str, float]]:
     """All searches and runs for one weight: a section of the report, and the costs."""
-    cost = fp.QuadraticCost(1.0, w2)
+    cost = QuadraticCost(1.0, w2)
     named = fixed_controllers()
     notes = []
     for title, (genes, orders) in SEARCHES.items():

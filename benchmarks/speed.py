@@ -26,6 +26,8 @@ from plain_loop import plain_loop
 
 import fpid_pin as fp
 from fpid_pin.arms import Fleet
+from fpid_pin.costs import QuadraticCost
+from fpid_pin.references import Sinusoid
 from fpid_pin.tuning import SearchProgress, SearchSettings, Space, WorkerPool
 
 RUNS = (1, 10, 30, 60, 120, 240)
@@ -134,9 +136,7 @@ def joints(repeats: int, runs: int = 60) -> None:
         )  # fmt: skip
         seconds = []
         for steps in (200, 700):
-            experiment = fp.Experiment(
-                arm, fp.Sinusoid(0.01, 1.0, np.zeros(n)), duration=steps * 1e-3
-            )
+            experiment = fp.Experiment(arm, Sinusoid(0.01, 1.0, np.zeros(n)), duration=steps * 1e-3)
             assert np.isfinite(fp.evaluate(experiment, law)).all()
             seconds.append(
                 best(lambda e=experiment, c=law: fp.evaluate(e, [c] * runs), max(repeats - 2, 1))
@@ -195,7 +195,7 @@ def search(generations: int, workers: int) -> None:
         began = time.perf_counter()
         result = fp.tune(
             experiment, controller, Space(integral_order=(0, 1), derivative_order=(0, 1)),
-            fp.QuadraticCost(1.0, 0.0),
+            QuadraticCost(1.0, 0.0),
             SearchSettings(generations=generations, reuse=False, executor=pool), progress=told,
         )  # fmt: skip
         seconds = time.perf_counter() - began - paused

@@ -19,7 +19,7 @@ def main() -> None:
         step=2e-3,  # [s]
     )
     published = fp.paper_controller(supervised=False)
-    cost = fp.QuadraticCost(
+    cost = fp.costs.QuadraticCost(
         w1=1.0,  # [1] / [rad^2 s]
         w2=1e-4,  # [1] / [(N m)^2 s]
     )

@@ -9,7 +9,7 @@ def main() -> None:
         fp.paper_experiment(duration=4.0, step=2e-3),  # [s]
         fp.paper_controller(supervised=False),
         Space(integral_order=(0, 1), derivative_order=(0, 1), kd=(2, 60, "log")),
-        (fp.MetricCost("ise"), fp.MetricCost("total_variation")),
+        (fp.costs.MetricCost("ise"), fp.costs.MetricCost("total_variation")),
         SearchSettings(population=24, generations=10),
     )
     print(f"{len(front)} controllers, none better than another in both")

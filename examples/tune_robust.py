@@ -17,7 +17,7 @@ def main() -> None:
         kp=(5, 50, "log"),  # [N m / rad]
         kd=(5, 50, "log"),
     )
-    worst = RobustCost(fp.QuadraticCost(1.0, 1e-4), "worst")
+    worst = RobustCost(fp.costs.QuadraticCost(1.0, 1e-4), "worst")
     budget = SearchSettings(population=16, generations=8)
     robust = tune(loaded, controller, space, worst, budget)
     nominal = tune(experiment, controller, space, worst.cost, budget)

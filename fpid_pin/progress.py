@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+__all__ = ["Progress", "ProgressCallback"]
+
 
 @dataclass(frozen=True)
 class Progress:

@@ -19,8 +19,9 @@ TIERS = [
     {"_version", "exceptions", "progress"},
     {"checks", "files"},
     {"descriptions"},
+    {"costs", "disturbances"},
     {"fractional", "arms"},
-    {"control"},
+    {"control", "references"},
     {"simulation"},
     {"tuning", "campaign"},
     {"view"},
@@ -99,11 +100,47 @@ def test_importing_the_package_loads_nothing_heavy():
     assert out.stdout.strip() == "[]"
 
 
-def test_the_public_names_exist_and_are_listed_once():
-    for module in (fpid_pin, fpid_pin.fractional, fpid_pin.arms, fpid_pin.view):
-        assert len(set(module.__all__)) == len(module.__all__)
-        for name in module.__all__:
-            assert hasattr(module, name), name
+# What most programs need. Everything else is reached by its room: fp.references.Sinusoid.
+FACE = {
+    "AdaptiveFpid", "Arm", "ComputedTorque", "Controller", "Experiment", "FpidError", "FpidWarning",
+    "GravityOnly", "PdGravity", "Pid", "Plant", "Run", "Safeguards", "Sensors", "SlidingMode",
+    "SlotineLi", "SuggestedFpid", "Supervisor", "evaluate", "paper_controller", "paper_experiment",
+    "pareto", "simulate", "stability_report", "suggest_gains", "tune",
+}  # fmt: skip
+ROOMS = {
+    "arms": {"Arm", "DryFriction", "Fleet", "names"},
+    "control": {"Controller", "Loop", "StabilityReport", "State", "gain_ceilings"},
+    "costs": {"Cost", "MetricCost", "Metrics", "QuadraticCost"},
+    "disturbances": {"Cosine", "Disturbance", "Pulse", "Sum"},
+    "exceptions": {"ArgumentError", "ConfigError", "FileFormatError", "TuningError"},
+    "fractional": {"Bank", "Crone", "ExponentialSum", "caputo"},
+    "progress": {"Progress"},
+    "references": {
+        "Hold", "Quintic", "RecordedMotion", "Reference", "Sinusoid", "ToolCircle", "Waypoints",
+    },
+    "simulation": {"Outcome", "Recorder", "limit_report"},
+    "tuning": {
+        "Gene", "RobustCost", "SearchProgress", "SearchSettings", "Space", "WorkerPool", "cost_map",
+        "cross_check", "scenarios",
+    },
+    "view": {"export_html", "live", "play", "plot", "plots"},
+}  # fmt: skip
+
+
+def test_the_face_is_what_it_says():
+    assert set(fpid_pin.__all__) == FACE | set(ROOMS) | {"__version__"}
+    seen = {name for name in vars(fpid_pin) if not name.startswith("_") and not is_module(name)}
+    assert seen == FACE
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_can_be_entered_both_ways_and_lists_what_it_has(room):
+    module = importlib.import_module(f"fpid_pin.{room}")
+    assert getattr(fpid_pin, room) is module
+    assert len(set(module.__all__)) == len(module.__all__)
+    assert set(module.__all__) >= ROOMS[room]
+    for name in module.__all__:
+        assert hasattr(module, name), name
 
 
 # These are rewritten elsewhere at this very time, and get their names there.

@@ -19,8 +19,9 @@ from typing import Any
 from fpid_pin import checks, descriptions
 from fpid_pin.cli.config import Config
 from fpid_pin.control import Controller
+from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
-from fpid_pin.simulation import Cost, Experiment, QuadraticCost
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning import RobustCost, SearchSettings, Space
 from fpid_pin.tuning.robust import REDUCTIONS
 

@@ -11,9 +11,9 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
-from fpid_pin.simulation.disturbances import Disturbance
+from fpid_pin.disturbances import Disturbance
+from fpid_pin.references import Motion, Reference
 from fpid_pin.simulation.plant import Plant, plant_of
-from fpid_pin.simulation.references import Motion, Reference
 from fpid_pin.simulation.sensors import Sensors
 
 INTEGRATORS = ("semi_implicit_euler", "rk4")

@@ -14,8 +14,8 @@ import numpy as np
 
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.disturbances import Disturbance
 from fpid_pin.progress import Progress, ProgressCallback
-from fpid_pin.simulation.disturbances import Disturbance
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.integrators import integrator
 from fpid_pin.simulation.metrics import BLOCK_ROWS

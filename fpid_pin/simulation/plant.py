@@ -11,7 +11,7 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
-from fpid_pin.simulation.disturbances import Disturbance
+from fpid_pin.disturbances import Disturbance
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.experiment import Experiment

@@ -17,10 +17,11 @@ from fpid_pin._version import __version__
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Metrics
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.files import replacing
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.metrics import Metrics, metrics_of
+from fpid_pin.simulation.metrics import metrics_of
 from fpid_pin.simulation.recorders import Outcome
 from fpid_pin.simulation.run_table import from_json, to_json
 

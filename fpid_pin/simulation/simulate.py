@@ -12,9 +12,9 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
-from fpid_pin.simulation.costs import Cost, QuadraticCost
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
 from fpid_pin.simulation.loop import lockstep

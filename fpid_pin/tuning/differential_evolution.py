@@ -11,9 +11,10 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost
 from fpid_pin.exceptions import ArgumentError, TuningError
 from fpid_pin.progress import Progress
-from fpid_pin.simulation import Cost, Experiment
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.objective import Objective
 from fpid_pin.tuning.problem import one_cost, problem_of
 from fpid_pin.tuning.search_progress import Narrator, SearchCallback

@@ -8,7 +8,8 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.control.controller import Controller
-from fpid_pin.simulation import Cost, Experiment
+from fpid_pin.costs import Cost
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.history import TuningResult
 from fpid_pin.tuning.problem import one_cost, searched
 from fpid_pin.tuning.search_progress import SearchCallback

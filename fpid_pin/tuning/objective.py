@@ -10,9 +10,10 @@ import numpy as np
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.progress import ProgressCallback
-from fpid_pin.simulation import Cost, Experiment, evaluate, simulate
+from fpid_pin.simulation import Experiment, evaluate, simulate
 from fpid_pin.tuning.robust import over_scenarios
 from fpid_pin.tuning.space import BoundSpace
 

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost
 from fpid_pin.progress import ProgressCallback
-from fpid_pin.simulation import Cost, Experiment
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.objective import Objective
 from fpid_pin.tuning.problem import one_cost, problem_of
 from fpid_pin.tuning.space import Space

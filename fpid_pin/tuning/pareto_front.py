@@ -9,8 +9,9 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation import Cost, Experiment
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.history import ParetoResult
 from fpid_pin.tuning.problem import searched
 from fpid_pin.tuning.search_progress import SearchCallback

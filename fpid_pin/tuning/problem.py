@@ -10,8 +10,9 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation import Cost, Experiment, QuadraticCost
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.objective import Objective
 from fpid_pin.tuning.search import Search
 from fpid_pin.tuning.search_progress import SearchCallback

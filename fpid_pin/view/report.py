@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fpid_pin.costs import Metrics
 from fpid_pin.files import replacing
-from fpid_pin.simulation.metrics import Metrics
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.export import as_runs, replay_html
 from fpid_pin.view.panels import names_of

@@ -10,6 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 import fpid_pin as fp
 from fpid_pin.control.saturation import Saturation
+from fpid_pin.references import Hold
 
 numbers = st.floats(-100.0, 100.0, allow_nan=False)
 
@@ -78,7 +79,7 @@ def test_held_integrals_overshoot_less_than_wound_up_ones(monkeypatch):
     law = fp.AdaptiveFpid(
         kp=30.0, ki=30.0, kd=10.0, integral_order=0.9, derivative_order=0.95, learning_rate=1.0
     )
-    experiment = fp.Experiment(arm=arm, reference=fp.Hold(1.0), q0=0.0, duration=5.0, step=2e-3)
+    experiment = fp.Experiment(arm=arm, reference=Hold(1.0), q0=0.0, duration=5.0, step=2e-3)
     held = fp.simulate(experiment, law)
     monkeypatch.setattr(Saturation, "winds_up", lambda self, push: None)
     wound = fp.simulate(experiment, law)

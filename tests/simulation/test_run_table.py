@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fpid_pin as fp
+from fpid_pin.references import Hold
 from fpid_pin.simulation.run_table import from_json, to_json
 
 URDF = """<robot name="nan"><link name="base"/>
@@ -49,7 +50,7 @@ def test_a_file_of_before_texts_were_told_apart_is_read_as_it_was():
 @pytest.mark.parametrize("name", SPELT)
 def test_a_controller_may_be_called_what_a_number_is_called(tmp_path, name):
     law = fp.AdaptiveFpid(1.0, 1.0, 1.0, name=name)
-    run = fp.simulate(fp.Experiment(fp.Arm.two_link(), fp.Hold(0.1), duration=0.01), law)
+    run = fp.simulate(fp.Experiment(fp.Arm.two_link(), Hold(0.1), duration=0.01), law)
     back = fp.Run.load(run.save(tmp_path / "run.npz"))
     assert back.name == back.controller.name == name
 
@@ -57,6 +58,6 @@ def test_a_controller_may_be_called_what_a_number_is_called(tmp_path, name):
 def test_a_joint_may_be_called_what_a_number_is_called(tmp_path):
     (tmp_path / "inf.urdf").write_text(URDF)
     arm = fp.Arm.from_urdf(tmp_path / "inf.urdf", lock={"nan": 0.5}).with_payload(1.0, frame="inf")
-    run = fp.simulate(fp.Experiment(arm, fp.Hold(0.1), duration=0.01), fp.Pid(1.0, 1.0, 1.0))
+    run = fp.simulate(fp.Experiment(arm, Hold(0.1), duration=0.01), fp.Pid(1.0, 1.0, 1.0))
     back = fp.Run.load(run.save(tmp_path / "run.npz"))
     assert back.arm.joint_names == ("inf",)

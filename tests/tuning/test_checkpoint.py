@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.exceptions import TuningError
+from fpid_pin.costs import Cost, MetricCost, QuadraticCost
+from fpid_pin.exceptions import FileFormatError, TuningError
 from fpid_pin.tuning import SearchSettings, Space, pareto, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
-TWO = (fp.MetricCost("ise"), fp.MetricCost("energy"))
+TWO = (MetricCost("ise"), MetricCost("energy"))
 
 
 def small(**changes):
@@ -124,7 +125,7 @@ def resume(path, **changes):
         ({"population": 8}, "population is 6 there and 8 here"),
         ({"seeds": (0, 8)}, "seeds.1 is 7 there and 8 here"),
         ({"mutation": 0.1}, "mutation is 0.03 there and 0.1 here"),
-        ({"cost": fp.QuadraticCost(1, 0)}, "cost.0.w2 is 0.0001 there and 0.0 here"),
+        ({"cost": QuadraticCost(1, 0)}, "cost.0.w2 is 0.0001 there and 0.0 here"),
         ({"space": Space(integral_order=(0, 1), derivative_order=(0.5, 1))},
          "space.derivative_order.low is 0.0 there and 0.5 here"),
         ({"controller": dataclasses.replace(CONTROLLER, kp=(10, 13))},
@@ -156,7 +157,7 @@ def test_a_checkpoint_cut_anywhere_is_refused(checkpoint):
     whole = checkpoint.read_bytes()
     for length in np.linspace(0, len(whole) - 1, 12).astype(int):
         checkpoint.write_bytes(whole[:length])
-        with pytest.raises(fp.FileFormatError, match="cut short"):
+        with pytest.raises(FileFormatError, match="cut short"):
             resume(checkpoint)
 
 
@@ -171,29 +172,29 @@ def test_an_altered_checkpoint_is_refused(checkpoint):
         costs, meta = file["seed0_costs"], json.loads(str(file["meta"]))
     whole = checkpoint.read_bytes()
     rewritten(checkpoint, seed0_costs=costs * 0.5)
-    with pytest.raises(fp.FileFormatError, match="one that was changed"):
+    with pytest.raises(FileFormatError, match="one that was changed"):
         resume(checkpoint)
     checkpoint.write_bytes(whole)
     rewritten(checkpoint, meta=np.array(json.dumps(meta | {"done": 1})))
-    with pytest.raises(fp.FileFormatError, match="one that was changed"):
+    with pytest.raises(FileFormatError, match="one that was changed"):
         resume(checkpoint)
     rewritten(checkpoint, meta=np.array(json.dumps(meta | {"format": 2})))
-    with pytest.raises(fp.FileFormatError, match="expected checkpoint format 1, got 2"):
+    with pytest.raises(FileFormatError, match="expected checkpoint format 1, got 2"):
         resume(checkpoint)
     flipped = bytearray(whole)
     flipped[len(whole) // 2] ^= 0x10
     checkpoint.write_bytes(flipped)
-    with pytest.raises(fp.FileFormatError):
+    with pytest.raises(FileFormatError):
         resume(checkpoint)
 
 
 def test_other_files_are_refused(tmp_path):
     path = tmp_path / "search.npz"
     path.write_text("not a checkpoint")
-    with pytest.raises(fp.FileFormatError, match="expected a checkpoint"):
+    with pytest.raises(FileFormatError, match="expected a checkpoint"):
         resume(path)
     fp.simulate(EXPERIMENT, CONTROLLER).save(path)
-    with pytest.raises(fp.FileFormatError, match="expected a checkpoint"):
+    with pytest.raises(FileFormatError, match="expected a checkpoint"):
         resume(path)
 
 
@@ -212,7 +213,7 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_search(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
     told, settings = [], small(checkpoint=blocked / "search.npz")
-    with pytest.raises(fp.FileFormatError, match="cannot be written"):
+    with pytest.raises(FileFormatError, match="cannot be written"):
         tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings, progress=told.append)
     assert told == []
 
@@ -220,12 +221,12 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_search(tmp_path):
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_without_permission_is_told_before_the_search(tmp_path):
     tmp_path.chmod(0o500)
-    with pytest.raises(fp.FileFormatError, match="cannot be written"):
+    with pytest.raises(FileFormatError, match="cannot be written"):
         tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(checkpoint=tmp_path / "search.npz"))
 
 
 def test_a_cost_of_ones_own_resumes_in_another_process(tmp_path):
-    class Own(fp.Cost):
+    class Own(Cost):
         needs = ("iae",)
 
         def of(self, metrics):

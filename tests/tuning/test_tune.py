@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.exceptions import TuningError
+from fpid_pin.costs import Cost, MetricCost, QuadraticCost
+from fpid_pin.exceptions import ArgumentError, TuningError
+from fpid_pin.references import Hold
 from fpid_pin.tuning import SearchSettings, Space, WorkerPool, cost_map, cross_check, pareto, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.4, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
-TRACKING = fp.QuadraticCost(1.0, 0.0)
+TRACKING = QuadraticCost(1.0, 0.0)
 
 
 def small(**changes):
@@ -127,7 +129,7 @@ def test_a_generation_in_which_all_diverge_ends_with_a_message():
 
 
 def test_a_cost_that_is_not_a_number_never_wins():
-    class Odd(fp.Cost):
+    class Odd(Cost):
         needs = ("ise",)
 
         def of(self, metrics):
@@ -139,7 +141,7 @@ def test_a_cost_that_is_not_a_number_never_wins():
 
 
 def test_the_front_holds_nothing_that_is_beaten():
-    costs = (fp.MetricCost("ise"), fp.MetricCost("energy"), fp.MetricCost("total_variation"))
+    costs = (MetricCost("ise"), MetricCost("energy"), MetricCost("total_variation"))
     front = pareto(EXPERIMENT, CONTROLLER, ORDERS, costs[:2], small(seeds=(0, 1)))
     assert len(front) >= 3
     assert (np.diff(front.costs[:, 0]) > 0).all()
@@ -173,7 +175,7 @@ def test_seeds_of_a_cross_check_are_searches_of_their_own():
 
 
 def test_a_cross_check_cannot_be_resumed(tmp_path):
-    with pytest.raises(fp.ArgumentError, match="checkpoint: expected none for a cross-check"):
+    with pytest.raises(ArgumentError, match="checkpoint: expected none for a cross-check"):
         cross_check(EXPERIMENT, CONTROLLER, ORDERS, settings=small(checkpoint=tmp_path / "a.npz"))
 
 
@@ -219,7 +221,7 @@ def test_history_as_a_table_keeps_every_digit(found):
     ],
 )
 def test_bad_settings_are_named(changes, said):
-    with pytest.raises(fp.ArgumentError) as error:
+    with pytest.raises(ArgumentError) as error:
         SearchSettings(**changes)
     assert str(error.value).startswith(said)
 
@@ -245,35 +247,35 @@ def test_what_is_one_of_several_may_stand_alone():
 @pytest.mark.parametrize("search", [tune, cross_check])
 def test_bad_arguments_are_named_before_anything_is_simulated(search, changes, said):
     given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS} | changes
-    with pytest.raises(fp.ArgumentError) as error:
+    with pytest.raises(ArgumentError) as error:
         search(**given)
     assert said in str(error.value)
 
 
 def test_a_start_of_another_kind_is_named():
     settings = small(initial=fp.Pid(1.0, 1.0, 1.0))
-    with pytest.raises(fp.ArgumentError, match="expected a controller with integral_order"):
+    with pytest.raises(ArgumentError, match="expected a controller with integral_order"):
         tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
 
 
 def test_a_pool_and_workers_together_are_refused():
-    with WorkerPool(1) as pool, pytest.raises(fp.ArgumentError, match="workers or executor"):
+    with WorkerPool(1) as pool, pytest.raises(ArgumentError, match="workers or executor"):
         SearchSettings(executor=pool, workers=2)
 
 
 def test_arms_of_different_joints_do_not_share_a_controller():
-    other = fp.Experiment(fp.Arm.planar(lengths=(1,) * 3, masses=(1,) * 3), fp.Hold((0.0,) * 3))
-    with pytest.raises(fp.ArgumentError, match=r"one number of joints, got \[2, 3\]"):
+    other = fp.Experiment(fp.Arm.planar(lengths=(1,) * 3, masses=(1,) * 3), Hold((0.0,) * 3))
+    with pytest.raises(ArgumentError, match=r"one number of joints, got \[2, 3\]"):
         tune([EXPERIMENT, other], CONTROLLER, ORDERS)
 
 
 def test_a_cost_map_refuses_what_a_search_refuses():
-    with pytest.raises(fp.ArgumentError, match="cost: expected a Cost, got int"):
+    with pytest.raises(ArgumentError, match="cost: expected a Cost, got int"):
         cost_map(EXPERIMENT, CONTROLLER, 3)
-    with pytest.raises(fp.ArgumentError, match="workers: expected a whole number >= 1, got 0"):
+    with pytest.raises(ArgumentError, match="workers: expected a whole number >= 1, got 0"):
         cost_map(EXPERIMENT, CONTROLLER, workers=0)
 
 
 def test_a_front_needs_two_costs():
-    with pytest.raises(fp.ArgumentError, match="at least two costs"):
+    with pytest.raises(ArgumentError, match="at least two costs"):
         pareto(EXPERIMENT, CONTROLLER, ORDERS, [TRACKING])

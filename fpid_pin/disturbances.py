@@ -13,6 +13,8 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
 
+__all__ = ["Cosine", "Disturbance", "Pulse", "Sum"]
+
 
 @runtime_checkable
 class Disturbance(Protocol):
