@@ -18,16 +18,17 @@ import numpy as np
 import fpid_pin as fp
 from fpid_pin.arms import names
 from fpid_pin.control.gains import impossible_joints, suggest_gains
+from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.limits import limit_report
 
 WANTED = 0.05
 ASKED = ("asr_twodof", "ur5", "ur10", "panda", "xarm7", "z1", "talos_arm", "kinova", "bravo7_no_ee")
 
 
-def around_home(arm: fp.Arm, amplitude: float = 0.3, frequency: float = 1.0) -> fp.Sinusoid:
+def around_home(arm: fp.Arm, amplitude: float = 0.3, frequency: float = 1.0) -> Sinusoid:
     """Return sinusoids around home, their phases spread evenly over half a turn."""
     phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-    return fp.Sinusoid(amplitude=amplitude, frequency=frequency, phase=phase, offset=arm.home)
+    return Sinusoid(amplitude=amplitude, frequency=frequency, phase=phase, offset=arm.home)
 
 
 def row_of(name: str, bandwidth: float, duration: float) -> str:
@@ -65,7 +66,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="arms; all of the catalogue if none is given")
     parser.add_argument("--quick", action="store_true", help="4 s instead of 20 s, nothing written")
-    parser.add_argument("--bandwidth", type=float, default=10.0, help="rad/s")
+    parser.add_argument("--bandwidth", type=float, default=10.0, help="[rad/s]")
     options = parser.parse_args()
     others = sorted(set(names()) - set(ASKED))
     head = [

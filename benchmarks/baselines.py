@@ -25,9 +25,12 @@ import fpid_pin as fp
 from fpid_pin.control import Controller, Safeguards
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.gains import LEARNING_ERROR, LEARNING_TIME, suggest_gains
+from fpid_pin.costs import QuadraticCost
+from fpid_pin.disturbances import Cosine
+from fpid_pin.references import Reference, Sinusoid
 
 POPULATION = 24
-NOISE = fp.Sensors(position_noise=2e-5, velocity_noise=0.01)  # rad, rad/s
+NOISE = fp.Sensors(position_noise=2e-5, velocity_noise=0.01)  # [rad], [rad/s]
 Genes = Mapping[str, float]
 
 
@@ -106,7 +109,7 @@ class Job:
     """An arm, what it is asked to do, and the weight of energy in the cost."""
 
     arm: fp.Arm
-    reference: fp.Reference
+    reference: Reference
     w2: float
     payload: float
     disturbance: float
@@ -117,11 +120,11 @@ class Job:
         size = np.asarray(scale_of(arm))
         base = fp.Experiment(arm, self.reference, sensors=NOISE, duration=duration)
         reference = self.reference
-        assert isinstance(reference, fp.Sinusoid)
+        assert isinstance(reference, Sinusoid)
         fast = dataclasses.replace(reference, frequency=2.0 * np.asarray(reference.frequency))
         # A different true arm: each link up to 20 % heavier or lighter.
         other = arm.perturbed(np.random.default_rng(1), mass=0.2, com=0.01)
-        push = fp.Cosine(self.disturbance * size / size.max(), frequency=5.0 * np.pi)
+        push = Cosine(self.disturbance * size / size.max(), frequency=5.0 * np.pi)
         plants = {
             "payload": fp.Plant(arm=arm.with_payload(self.payload)),
             "wrong masses": fp.Plant(arm=other),
@@ -143,13 +146,13 @@ class Job:
 def jobs() -> dict[str, Job]:
     """Return the three arms with their work."""
 
-    def around(arm: fp.Arm) -> fp.Sinusoid:
+    def around(arm: fp.Arm) -> Sinusoid:
         phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-        return fp.Sinusoid(amplitude=0.3, frequency=2.0, phase=phase, offset=arm.home)
+        return Sinusoid(amplitude=0.3, frequency=2.0, phase=phase, offset=arm.home)
 
     ur5, panda = fp.Arm.from_example("ur5"), fp.Arm.from_example("panda")
     return {
-        "two_link": Job(fp.Arm.two_link(), fp.Sinusoid((1.0, 1.0)), 1e-4, 0.5, 3.0),
+        "two_link": Job(fp.Arm.two_link(), Sinusoid((1.0, 1.0)), 1e-4, 0.5, 3.0),
         "ur5": Job(ur5, around(ur5), 1e-6, 3.0, 10.0),
         "panda": Job(panda, around(panda), 1e-6, 2.0, 5.0),
     }
@@ -159,7 +162,7 @@ def tuned(
     contestant: Contestant, job: Job, experiment: fp.Experiment, evaluations: int
 ) -> tuple[Controller, dict[str, float], float]:
     """Search with the given number of simulations."""
-    cost = fp.QuadraticCost(1.0, job.w2)
+    cost = QuadraticCost(1.0, job.w2)
 
     def costs(points: np.ndarray) -> np.ndarray:
         laws = [contestant.build(job.arm, contestant.decode(x)) for x in points.T]
@@ -223,7 +226,7 @@ def compare(name: str, job: Job, evaluations: int, duration: float) -> list[str]
 
     def cost_of(run: fp.Run) -> float:
         ok = run.outcome.completed
-        return fp.QuadraticCost(1.0, job.w2).of(run.metrics) if ok else np.inf
+        return QuadraticCost(1.0, job.w2).of(run.metrics) if ok else np.inf
 
     def variation(run: fp.Run) -> float:
         ok = run.outcome.completed

@@ -21,12 +21,13 @@ import numpy as np
 import fpid_pin as fp
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Safeguards, suggest_gains
+from fpid_pin.references import Hold
 from fpid_pin.simulation.loop import lockstep
 from fpid_pin.simulation.recorders import Batch, Block
 
 PERIODS = 10
-WINDOW = PERIODS * 2.0 * np.pi  # s
-NOISE = fp.Sensors(position_noise=1e-4, velocity_noise=0.02)  # rad, rad/s
+WINDOW = PERIODS * 2.0 * np.pi  # [s]
+NOISE = fp.Sensors(position_noise=1e-4, velocity_noise=0.02)  # [rad], [rad/s]
 SIGMA = 0.03  # 1/s; 0.05 holds too, but for the paper's gains in regulation (1.024)
 
 
@@ -93,7 +94,7 @@ class Windows:
 
     @property
     def rms(self) -> FloatArray:
-        """Root mean square of e, (windows, runs, n), rad; NaN where a run had ended."""
+        """Root mean square of e [rad], (windows, runs, n); NaN where a run had ended."""
         with np.errstate(invalid="ignore", divide="ignore"):
             return np.sqrt(self.square / self.count[:, :, np.newaxis])
 
@@ -106,7 +107,7 @@ def main() -> None:
     duration = 240.0 if options.quick else 1200.0
     track = dataclasses.replace(fp.paper_experiment(duration=duration), sensors=NOISE)
     hold = fp.Experiment(
-        arm=track.arm, reference=fp.Hold((0.5, 0.5)), q0=(0.0, 0.35), plant=track.plant,
+        arm=track.arm, reference=Hold((0.5, 0.5)), q0=(0.0, 0.35), plant=track.plant,
         sensors=NOISE, duration=duration,
     )  # fmt: skip
     jobs = {"tracking": track, "regulation": hold}

@@ -31,10 +31,18 @@ from typing import Any
 import numpy as np
 
 import fpid_pin as fp
-from fpid_pin.tuning import Report, Space, TuningResult, cross_check, tune
+from fpid_pin.costs import QuadraticCost
+from fpid_pin.tuning import (
+    SearchProgress,
+    SearchSettings,
+    Space,
+    TuningResult,
+    cross_check,
+    tune,
+)
 
 WEIGHTS = (0.0, 1e-4, 1e-3)  # w2 of (33)
-NOISE = fp.Sensors(velocity_noise=0.05)  # rad/s
+NOISE = fp.Sensors(velocity_noise=0.05)  # [rad/s]
 ORDERS = {"integral_order": (0, 1), "derivative_order": (0, 1)}
 # A factor of ten and more to either side of the paper's gains 10-25 and gamma 25.
 GAINS: dict[str, Any] = {
@@ -77,13 +85,13 @@ class Line:
     def __init__(self, title: str) -> None:
         self._title, self._last = title, 0.0
 
-    def __call__(self, report: Report) -> None:
-        if report.rate > 0.0 and time.monotonic() - self._last > 20.0:
+    def __call__(self, progress: SearchProgress) -> None:
+        if progress.rate > 0.0 and time.monotonic() - self._last > 20.0:
             self._last = time.monotonic()
             print(
-                f"{self._title}: generation {report.generation} of {report.generations}, "
-                f"best {report.best:.5g}, {report.rate:.1f} evaluations/s, "
-                f"{report.seconds_left:.0f} s left",
+                f"{self._title}: generation {progress.generation} of {progress.generations}, "
+                f"best {progress.best:.5g}, {progress.rate:.1f} evaluations/s, "
+                f"{progress.seconds_left:.0f} s left",
                 flush=True,
             )
 
@@ -93,7 +101,7 @@ def measure(
 ) -> list[dict[str, Any]]:
     """One row a controller: exact sensors, RK4, noise, and the supervisor standing by."""
     controllers = list(named.values())
-    cost = fp.QuadraticCost(1.0, w2)
+    cost = QuadraticCost(1.0, w2)
     supervisor = fp.paper_controller().supervisor
     clean = fp.simulate(experiment, controllers)
     rk4 = fp.evaluate(dataclasses.replace(experiment, integrator="rk4"), controllers, cost)
@@ -161,7 +169,7 @@ def one_weight(
     w2: float, experiment: fp.Experiment, options: argparse.Namespace, folder: Path
 ) -> tuple[str, dict[str, float]]:
     """All searches and runs for one weight: a section of the report, and the costs."""
-    cost = fp.QuadraticCost(1.0, w2)
+    cost = QuadraticCost(1.0, w2)
     named = fixed_controllers()
     notes = []
     for title, (genes, orders) in SEARCHES.items():
@@ -174,13 +182,15 @@ def one_weight(
             base,
             Space(**genes),
             cost,
-            population=options.population,
-            generations=options.generations,
-            seeds=options.seeds,
-            initial=start,
-            workers=options.workers,
-            checkpoint=folder / slug,
-            resume=True,
+            SearchSettings(
+                population=options.population,
+                generations=options.generations,
+                seeds=options.seeds,
+                initial=start,
+                workers=options.workers,
+                checkpoint=folder / slug,
+                resume=True,
+            ),
             progress=Line(f"w2 = {w2:g}, {title}"),
         )
         named[title] = result.controller
@@ -198,9 +208,11 @@ def one_weight(
             fp.paper_controller(supervised=False),
             Space(**ORDERS),
             cost,
-            population=options.population,
-            generations=options.generations,
-            workers=options.workers,
+            SearchSettings(
+                population=options.population,
+                generations=options.generations,
+                workers=options.workers,
+            ),
         )
         named["orders by differential evolution"] = found.controller
         notes.append(

@@ -26,13 +26,15 @@ from plain_loop import plain_loop
 
 import fpid_pin as fp
 from fpid_pin.arms import Fleet
-from fpid_pin.tuning import Report, WorkerPool
+from fpid_pin.costs import QuadraticCost
+from fpid_pin.references import Sinusoid
+from fpid_pin.tuning import SearchProgress, SearchSettings, Space, WorkerPool
 
 RUNS = (1, 10, 30, 60, 120, 240)
 
 
 def best(action: Callable[[], object], repeats: int) -> float:
-    """Return the shortest of several times, s: what is needed when nobody else is there."""
+    """Return the shortest of several times [s]: what is needed when nobody else is there."""
     times = []
     for _ in range(repeats):
         began = time.process_time()
@@ -134,9 +136,7 @@ def joints(repeats: int, runs: int = 60) -> None:
         )  # fmt: skip
         seconds = []
         for steps in (200, 700):
-            experiment = fp.Experiment(
-                arm, fp.Sinusoid(0.01, 1.0, np.zeros(n)), duration=steps * 1e-3
-            )
+            experiment = fp.Experiment(arm, Sinusoid(0.01, 1.0, np.zeros(n)), duration=steps * 1e-3)
             assert np.isfinite(fp.evaluate(experiment, law)).all()
             seconds.append(
                 best(lambda e=experiment, c=law: fp.evaluate(e, [c] * runs), max(repeats - 2, 1))
@@ -181,9 +181,9 @@ def search(generations: int, workers: int) -> None:
         aba.append(1e-9 * aba_ns(1))
         paused += time.perf_counter() - began
 
-    def told(report: Report) -> None:
-        if report.complete and report.generation not in seen and report.generation % 8 == 0:
-            seen.add(report.generation)
+    def told(progress: SearchProgress) -> None:
+        if progress.complete and progress.generation not in seen and progress.generation % 8 == 0:
+            seen.add(progress.generation)
             measure()
 
     with WorkerPool(workers) if workers else nullcontext() as pool:
@@ -194,9 +194,9 @@ def search(generations: int, workers: int) -> None:
         paused = 0.0
         began = time.perf_counter()
         result = fp.tune(
-            experiment, controller, fp.Space(integral_order=(0, 1), derivative_order=(0, 1)),
-            fp.QuadraticCost(1.0, 0.0), generations=generations, reuse=False, executor=pool,
-            progress=told,
+            experiment, controller, Space(integral_order=(0, 1), derivative_order=(0, 1)),
+            QuadraticCost(1.0, 0.0),
+            SearchSettings(generations=generations, reuse=False, executor=pool), progress=told,
         )  # fmt: skip
         seconds = time.perf_counter() - began - paused
     run_steps = result.evaluations * (experiment.rows - 1)

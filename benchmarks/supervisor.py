@@ -15,8 +15,9 @@ import dataclasses
 import numpy as np
 
 import fpid_pin as fp
+from fpid_pin.disturbances import Cosine
 
-PUSH = (30.0, 12.0)  # N m
+PUSH = (30.0, 12.0)  # [N m]
 
 
 def main() -> None:
@@ -29,7 +30,7 @@ def main() -> None:
     for step in (1e-3, 2.5e-4):
         experiment = dataclasses.replace(
             fp.paper_experiment(duration=4.0, step=step),
-            plant=fp.Plant(disturbance=fp.Cosine(PUSH, frequency=1.0)),
+            plant=fp.Plant(disturbance=Cosine(PUSH, frequency=1.0)),
         )
         guards = [None] + [
             dataclasses.replace(

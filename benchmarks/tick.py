@@ -21,7 +21,7 @@ import fpid_pin as fp
 from fpid_pin.control.gains import suggest_gains
 
 
-def ticks_of(loop: fp.Loop, arm: fp.Arm, count: int) -> np.ndarray:
+def ticks_of(loop: fp.control.Loop, arm: fp.Arm, count: int) -> np.ndarray:
     """Return the seconds of each of `count` ticks, (2, count): by the clock, and of processor time.
 
     On a machine that does other things the first counts their turns too.

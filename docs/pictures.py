@@ -37,7 +37,7 @@ def paper_runs() -> list[fp.Run]:
 def arm_run(name: str) -> fp.Run:
     """Return an arm of the catalogue that follows sinusoids about its home, 10 s."""
     arm = fp.Arm.from_example(name)
-    reference = fp.Sinusoid(0.4, np.linspace(0.8, 1.4, arm.n), offset=arm.home)
+    reference = fp.references.Sinusoid(0.4, np.linspace(0.8, 1.4, arm.n), offset=arm.home)
     # Gains in 1/s^2 and 1/s over M_jj; the floor keeps the light wrists from being left behind.
     scale = np.maximum(np.diag(arm.mass_matrix(arm.home)), 0.05)
     law = fp.AdaptiveFpid(
@@ -48,7 +48,7 @@ def arm_run(name: str) -> fp.Run:
 
 
 def photograph(pages: Mapping[str, tuple[Path, float]], folder: Path) -> list[Path]:
-    """Take each page's picture at a time, s; none where there is no browser."""
+    """Take each page's picture at a time [s]; none where there is no browser."""
     browser = shutil.which("chromium") or shutil.which("chromium-browser")
     try:
         from playwright.sync_api import sync_playwright

@@ -9,7 +9,11 @@ arm = fp.Arm.planar(
 )
 experiment = fp.Experiment(
     arm,
-    fp.Sinusoid(amplitude=0.3, frequency=1.0, phase=(0.0, 0.5, 1.0)),  # [rad], [rad/s], [rad]
+    fp.references.Sinusoid(
+        amplitude=0.3,  # [rad]
+        frequency=1.0,  # [rad/s]
+        phase=(0.0, 0.5, 1.0),  # [rad]
+    ),
     plant=fp.Plant(arm=arm.with_payload(0.5)),  # [kg]
     duration=10.0,  # [s]
 )

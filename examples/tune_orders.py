@@ -5,12 +5,12 @@ A small budget, so that it takes seconds; the paper's is 60 candidates, 80 gener
 """
 
 import fpid_pin as fp
-from fpid_pin.tuning import Report, Space, tune
+from fpid_pin.tuning import SearchProgress, SearchSettings, Space, tune
 
 
-def show(report: Report) -> None:
-    if report.complete and report.generation % 5 == 0:
-        print(f"generation {report.generation}: best {report.best:.5f}")
+def show(progress: SearchProgress) -> None:
+    if progress.complete and progress.generation % 5 == 0:
+        print(f"generation {progress.generation}: best {progress.best:.5f}")
 
 
 def main() -> None:
@@ -19,7 +19,7 @@ def main() -> None:
         step=2e-3,  # [s]
     )
     published = fp.paper_controller(supervised=False)
-    cost = fp.QuadraticCost(
+    cost = fp.costs.QuadraticCost(
         w1=1.0,  # [1] / [rad^2 s]
         w2=1e-4,  # [1] / [(N m)^2 s]
     )
@@ -28,10 +28,7 @@ def main() -> None:
         published,
         Space(integral_order=(0, 1), derivative_order=(0, 1)),  # an order for each joint
         cost,
-        population=20,
-        generations=10,
-        seeds=(0, 1),
-        workers=2,
+        SearchSettings(population=20, generations=10, seeds=(0, 1), workers=2),
         progress=show,
     )
     before = fp.evaluate(experiment, [published, fp.paper_controller("integer")], cost)

@@ -1,7 +1,7 @@
 """Find the trade-off between tracking error and the variation of the torque, by NSGA-II."""
 
 import fpid_pin as fp
-from fpid_pin.tuning import Space, pareto
+from fpid_pin.tuning import SearchSettings, Space, pareto
 
 
 def main() -> None:
@@ -9,9 +9,8 @@ def main() -> None:
         fp.paper_experiment(duration=4.0, step=2e-3),  # [s]
         fp.paper_controller(supervised=False),
         Space(integral_order=(0, 1), derivative_order=(0, 1), kd=(2, 60, "log")),
-        (fp.MetricCost("ise"), fp.MetricCost("total_variation")),
-        population=24,
-        generations=10,
+        (fp.costs.MetricCost("ise"), fp.costs.MetricCost("total_variation")),
+        SearchSettings(population=24, generations=10),
     )
     print(f"{len(front)} controllers, none better than another in both")
     print("int e^2, rad^2 s   variation, N m   lambda            mu")

@@ -1,7 +1,7 @@
 """Tune gains and orders for the worst of several payloads that the controller does not know of."""
 
 import fpid_pin as fp
-from fpid_pin.tuning import RobustCost, Space, scenarios, tune
+from fpid_pin.tuning import RobustCost, SearchSettings, Space, scenarios, tune
 
 
 def main() -> None:
@@ -17,10 +17,10 @@ def main() -> None:
         kp=(5, 50, "log"),  # [N m / rad]
         kd=(5, 50, "log"),
     )
-    worst = RobustCost(fp.QuadraticCost(1.0, 1e-4), "worst")
-    budget = {"population": 16, "generations": 8}
-    robust = tune(loaded, controller, space, worst, **budget)
-    nominal = tune(experiment, controller, space, worst.cost, **budget)
+    worst = RobustCost(fp.costs.QuadraticCost(1.0, 1e-4), "worst")
+    budget = SearchSettings(population=16, generations=8)
+    robust = tune(loaded, controller, space, worst, budget)
+    nominal = tune(experiment, controller, space, worst.cost, budget)
     print("payload, kg      0       0.5     1.0")
     for name, result in (("for the worst", robust), ("for 0 kg", nominal)):
         costs = fp.evaluate(loaded, result.controller, worst.cost)

@@ -181,7 +181,7 @@ def choice(name: str, value: Any, options: Iterable[str]) -> str:
     raise ArgumentError(name, expected, f"{value!r}{hint}")
 
 
-def instance(name: str, value: Any, kind: type, expected: str) -> None:
+def instance(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> None:
     """Check that `value` is an instance of `kind`."""
     if not isinstance(value, kind):
         raise ArgumentError(name, expected, f"{type(value).__name__}")

@@ -5,6 +5,18 @@ Every message is one line: what, what was expected, what came.
 
 from __future__ import annotations
 
+__all__ = [
+    "ArgumentError",
+    "ArmError",
+    "ConfigError",
+    "DesignError",
+    "FileFormatError",
+    "FpidError",
+    "FpidWarning",
+    "SimulationError",
+    "TuningError",
+]
+
 
 class FpidError(Exception):
     """Base of every error that the package raises on purpose."""

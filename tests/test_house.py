@@ -1,8 +1,12 @@
 """The house plan: which room may know of which, and what an import costs."""
 
 import ast
+import importlib
+import pkgutil
+import re
 import subprocess
 import sys
+import types
 from pathlib import Path
 
 import pytest
@@ -12,9 +16,12 @@ import fpid_pin
 PACKAGE = Path(fpid_pin.__file__).parent
 # A room may import those before it, in its own tier and above.
 TIERS = [
-    {"exceptions", "checks", "descriptions"},
+    {"_version", "exceptions", "progress"},
+    {"checks", "files"},
+    {"descriptions"},
+    {"costs", "disturbances"},
     {"fractional", "arms"},
-    {"control"},
+    {"control", "references"},
     {"simulation"},
     {"tuning", "campaign"},
     {"view"},
@@ -26,36 +33,65 @@ HEAVY = (
 )  # fmt: skip
 
 
+TOP = "the package itself"
+
+
 def tier(room):
-    return next(k for k, rooms in enumerate(TIERS) if room in rooms)
+    return next((k for k, rooms in enumerate(TIERS) if room in rooms), len(TIERS))
 
 
-def imports(path):
-    for node in ast.walk(ast.parse(path.read_text())):
+def is_module(name):
+    return (PACKAGE / name).is_dir() or (PACKAGE / f"{name}.py").exists()
+
+
+def rooms_imported(code):
+    """Yield the room of every import, also of those inside functions.
+
+    What the package's face exports is of no room: to take it from there is to import the top.
+    """
+    for node in ast.walk(ast.parse(code)):
         if isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative import"
-            if node.module and node.module.startswith("fpid_pin."):
+            assert node.level == 0, "relative import"
+            if node.module == "fpid_pin":
+                yield from (a.name if is_module(a.name) else TOP for a in node.names)
+            elif node.module and node.module.startswith("fpid_pin."):
                 yield node.module.split(".")[1]
-            elif node.module == "fpid_pin":
-                for name in node.names:
-                    if (PACKAGE / name.name).exists() or (PACKAGE / f"{name.name}.py").exists():
-                        yield name.name
         elif isinstance(node, ast.Import):
-            for name in node.names:
-                if name.name.startswith("fpid_pin."):
-                    yield name.name.split(".")[1]
+            for alias in node.names:
+                head, _, rest = alias.name.partition(".")
+                if head == "fpid_pin":
+                    yield rest.split(".")[0] or TOP
 
 
-MODULES = sorted(p for p in PACKAGE.rglob("*.py") if p.parent != PACKAGE)
+MODULES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(PACKAGE)))
 def test_imports_go_one_way(path):
-    room = path.relative_to(PACKAGE).parts[0]
-    for other in imports(path):
-        if other == room:
-            continue
-        assert tier(other) < tier(room), f"{room} imports {other}"
+    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+    assert any(room in rooms for rooms in TIERS), f"{room} is in none of the tiers"
+    for other in rooms_imported(path.read_text()):
+        if other != room:
+            assert tier(other) < tier(room), f"{room} imports {other}"
+
+
+@pytest.mark.parametrize(
+    ("code", "room"),
+    [
+        ("from fpid_pin.arms import Arm", "arms"),
+        ("from fpid_pin.arms.arm import Arm", "arms"),
+        ("from fpid_pin import checks", "checks"),
+        ("import fpid_pin.view.plots as plots", "view"),
+        ("import fpid_pin", TOP),
+        ("import fpid_pin as fp", TOP),
+        ("from fpid_pin import Arm", TOP),
+        ("def late():\n    import fpid_pin", TOP),
+        ("def late():\n    from fpid_pin.cli import config", "cli"),
+    ],
+)
+def test_no_import_goes_unseen(code, room):
+    assert list(rooms_imported(code)) == [room]
+    assert tier(TOP) > tier("cli")
 
 
 def test_importing_the_package_loads_nothing_heavy():
@@ -64,11 +100,76 @@ def test_importing_the_package_loads_nothing_heavy():
     assert out.stdout.strip() == "[]"
 
 
-def test_the_public_names_exist_and_are_listed_once():
-    for module in (fpid_pin, fpid_pin.fractional, fpid_pin.arms, fpid_pin.view):
-        assert len(set(module.__all__)) == len(module.__all__)
-        for name in module.__all__:
-            assert hasattr(module, name), name
+# What most programs need. Everything else is reached by its room: fp.references.Sinusoid.
+FACE = {
+    "AdaptiveFpid", "Arm", "ComputedTorque", "Controller", "Experiment", "FpidError", "FpidWarning",
+    "GravityOnly", "PdGravity", "Pid", "Plant", "Run", "Safeguards", "Sensors", "SlidingMode",
+    "SlotineLi", "SuggestedFpid", "Supervisor", "evaluate", "paper_controller", "paper_experiment",
+    "pareto", "simulate", "stability_report", "suggest_gains", "tune",
+}  # fmt: skip
+ROOMS = {
+    "arms": {"Arm", "DryFriction", "Fleet", "names"},
+    "control": {"Controller", "Loop", "StabilityReport", "State", "gain_ceilings"},
+    "costs": {"Cost", "MetricCost", "Metrics", "QuadraticCost"},
+    "disturbances": {"Cosine", "Disturbance", "Pulse", "Sum"},
+    "exceptions": {"ArgumentError", "ConfigError", "FileFormatError", "TuningError"},
+    "fractional": {"Bank", "Crone", "ExponentialSum", "caputo"},
+    "progress": {"Progress"},
+    "references": {
+        "Hold", "Quintic", "RecordedMotion", "Reference", "Sinusoid", "ToolCircle", "Waypoints",
+    },
+    "simulation": {"Outcome", "Recorder", "limit_report"},
+    "tuning": {
+        "Gene", "RobustCost", "SearchProgress", "SearchSettings", "Space", "WorkerPool", "cost_map",
+        "cross_check", "scenarios",
+    },
+    "view": {"export_html", "live", "play", "plot", "plots"},
+}  # fmt: skip
+
+
+def test_the_face_is_what_it_says():
+    assert set(fpid_pin.__all__) == FACE | set(ROOMS) | {"__version__"}
+    seen = {name for name in vars(fpid_pin) if not name.startswith("_") and not is_module(name)}
+    assert seen == FACE
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_a_room_can_be_entered_both_ways_and_lists_what_it_has(room):
+    module = importlib.import_module(f"fpid_pin.{room}")
+    assert getattr(fpid_pin, room) is module
+    assert len(set(module.__all__)) == len(module.__all__)
+    assert set(module.__all__) >= ROOMS[room]
+    for name in module.__all__:
+        assert hasattr(module, name), name
+
+
+# These are rewritten elsewhere at this very time, and get their names there.
+HIDDEN_FOR_NOW = {"fpid_pin.simulation.simulate", "fpid_pin.fractional.report"}
+
+
+def test_no_name_of_a_room_hides_one_of_its_files():
+    """`fpid_pin.tuning.tune` must not be a function here and a module there."""
+    hidden = set()
+    for path in PACKAGE.rglob("__init__.py"):
+        room = ".".join(path.parent.relative_to(PACKAGE.parent).parts)
+        names = vars(importlib.import_module(room))
+        for file in pkgutil.iter_modules([str(path.parent)]):
+            if not isinstance(names.get(file.name, sys), types.ModuleType):
+                hidden.add(f"{room}.{file.name}")
+    assert hidden <= HIDDEN_FOR_NOW
+
+
+def test_progress_is_one_kind_of_thing_everywhere():
+    found = []
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                arguments = [*node.args.args, *node.args.kwonlyargs]
+                found += [ast.unparse(a.annotation) for a in arguments if a.arg == "progress"]
+    assert {text.removesuffix(" | None") for text in found} <= {
+        "ProgressCallback", "SearchCallback", "Progress", "SearchProgress",
+    }  # fmt: skip
+    assert issubclass(fpid_pin.tuning.SearchProgress, fpid_pin.progress.Progress)
 
 
 def test_every_file_is_readable_in_one_sitting():
@@ -86,3 +187,24 @@ def test_the_library_never_prints():
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
         ]
         assert "print" not in calls, path
+
+
+# Rewritten elsewhere at this very time.
+UNITS_FOR_NOW = {
+    "control", "fractional", "fleet.py", "friction.py", "loop.py", "integrators.py", "sensors.py",
+    "recorders.py",
+}  # fmt: skip
+UNIT = re.compile(
+    r"(?:, |\(|in |^ *)(?:rad(?:/s(?:\^2)?)?|N m(?: s/rad)?|m/s\^2|kg(?: m\^2)?|m|s)(?=[,;:.)]|$)",
+    re.MULTILINE,
+)
+
+
+def test_units_stand_in_brackets():
+    for path in PACKAGE.rglob("*.py"):
+        if UNITS_FOR_NOW & set(path.relative_to(PACKAGE).parts):
+            continue
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)):
+                text = re.sub(r"``.*?``|\[.*?\]", "", ast.get_docstring(node) or "")
+                assert not UNIT.findall(text), f"{path}: {text}"

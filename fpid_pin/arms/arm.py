@@ -40,11 +40,11 @@ class Arm(RigidBody):
     joint_names : tuple of str
         In the order of every (n,) array.
     lower, upper : ndarray, (n,)
-        Position limits, rad; -inf, inf where there are none.
+        Position limits [rad]; -inf, inf where there are none.
     effort_limit, velocity_limit : ndarray, (n,)
-        N m and rad/s; inf where none is given (a URDF's 0 means that too).
+        [N m] and [rad/s]; inf where none is given (a URDF's 0 means that too).
     viscous_friction, dry_friction : ndarray, (n,)
-        F_v in N m s/rad and F_d in N m.
+        F_v [N m s/rad] and F_d [N m].
     home : ndarray, (n,)
         A pose within the limits: the catalogue's, else the middle of the limits, else 0.
     tool : str
@@ -83,9 +83,9 @@ class Arm(RigidBody):
         Parameters
         ----------
         lengths, masses
-            Link lengths, m, and masses, kg, (n,).
+            Link lengths [m] and masses [kg], (n,).
         gravity
-            m/s^2: a number (along -z) or (3,); 0 for a horizontal arm.
+            A number (along -z) or (3,) [m/s^2]; 0 for a horizontal arm.
         rods
             False: point masses at the link ends (the paper's). True: uniform thin rods.
 
@@ -111,9 +111,9 @@ class Arm(RigidBody):
         path
             The URDF file.
         lock
-            Joints to hold still, and where: ``{"finger": 0.02}`` (rad, or m for prismatic joints).
+            Joints to hold still, and where: ``{"finger": 0.02}`` ([rad]; prismatic joints [m]).
         gravity
-            m/s^2: a number (along -z) or (3,).
+            A number (along -z) or (3,) [m/s^2].
         package_dirs
             Folders to look up ``package://`` meshes in, besides those at and above the file.
 
@@ -187,28 +187,28 @@ class Arm(RigidBody):
         frame: str | None = None,
         inertia: ArrayLike | None = None,
     ) -> Arm:
-        """Return the arm holding a body of `mass` kg at `com` (m) of `frame` (the tool's if None).
+        """Return the arm holding a body, `mass` [kg], at `com` [m] of `frame` (None: the tool's).
 
         `inertia` is the body's (3, 3) rotational inertia about its centre of mass; None: a point.
         """
         return self._changed(change.Payload(mass, com, frame, inertia))
 
     def with_friction(self, viscous: ArrayLike | None = None, dry: ArrayLike | None = None) -> Arm:
-        """Return the arm with other F_v (N m s/rad) or F_d (N m); what is None stays."""
+        """Return the arm with other F_v [N m s/rad] or F_d [N m]; what is None stays."""
         return self._changed(change.Friction(viscous, dry))
 
     def with_limits(
         self, effort: ArrayLike | None = None, velocity: ArrayLike | None = None
     ) -> Arm:
-        """Return the arm with other effort (N m) or velocity (rad/s) limits; 0 or inf: none."""
+        """Return the arm with other effort [N m] or velocity [rad/s] limits; 0 or inf: none."""
         return self._changed(change.Limits(effort, velocity))
 
     def with_gravity(self, gravity: ArrayLike) -> Arm:
-        """Return the arm under another gravity, m/s^2: a number (along -z) or (3,)."""
+        """Return the arm under another gravity [m/s^2]: a number (along -z) or (3,)."""
         return self._changed(change.Gravity(gravity))
 
     def with_armature(self, armature: ArrayLike) -> Arm:
-        """Return the arm with other rotor inertias, kg m^2 at the joint."""
+        """Return the arm with other rotor inertias [kg m^2], seen at the joint."""
         return self._changed(change.Armature(armature))
 
     def perturbed(
@@ -228,7 +228,7 @@ class Arm(RigidBody):
         mass
             Relative spread of each link's mass (and of its rotational inertia with it), in [0, 1).
         com
-            Each centre of mass moves by up to this many m along each axis.
+            Each centre of mass moves by up to this much along each axis [m].
         inertia
             Further relative spread of the rotational inertia about the centre of mass, in [0, 1).
         friction

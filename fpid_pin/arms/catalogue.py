@@ -35,7 +35,7 @@ class Entry:
     lock
         Joints that are no part of the arm (fingers), and where they are held.
     armature
-        Rotor inertia that the file does not carry, kg m^2.
+        Rotor inertia that the file does not carry [kg m^2].
     tool
         The tool's frame, where the last link of the file is not it.
     note

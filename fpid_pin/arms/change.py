@@ -69,9 +69,9 @@ def from_table(table: Any, name: str = "changes") -> Change:
 
 @dataclass(frozen=True, eq=False)
 class Payload(Change):
-    """A rigid body held at `frame`: `mass` kg, centre of mass `com` m in that frame.
+    """A rigid body held at `frame`: `mass` [kg], centre of mass `com` [m] in that frame.
 
-    `inertia` is its (3, 3) rotational inertia about its centre of mass, kg m^2; None is a point.
+    `inertia` is its (3, 3) rotational inertia about its centre of mass [kg m^2]; None: a point.
     """
 
     mass: float
@@ -116,7 +116,7 @@ class Payload(Change):
 
 @dataclass(frozen=True, eq=False)
 class Friction(Change):
-    """Viscous friction F_v, N m s/rad, and dry friction F_d, N m, per joint; None leaves it."""
+    """Viscous friction F_v [N m s/rad] and dry friction F_d [N m] per joint; None leaves it."""
 
     viscous: ArrayLike | None = None
     dry: ArrayLike | None = None
@@ -140,7 +140,7 @@ class Friction(Change):
 
 @dataclass(frozen=True, eq=False)
 class Limits(Change):
-    """Effort limits, N m, and velocity limits, rad/s, per joint; 0 or inf: none; None leaves it."""
+    """Effort limits [N m] and velocity limits [rad/s] per joint; 0 or inf: none; None leaves it."""
 
     effort: ArrayLike | None = None
     velocity: ArrayLike | None = None
@@ -174,7 +174,7 @@ class Limits(Change):
 
 @dataclass(frozen=True, eq=False)
 class Gravity(Change):
-    """Gravity, m/s^2: a number (downwards) or (3,) in the world frame."""
+    """Gravity [m/s^2]: a number (downwards) or (3,) in the world frame."""
 
     gravity: ArrayLike
 
@@ -194,7 +194,7 @@ class Gravity(Change):
 
 @dataclass(frozen=True, eq=False)
 class Armature(Change):
-    """Rotor inertia seen at the joint, kg m^2, per joint; it replaces what there was."""
+    """Rotor inertia seen at the joint [kg m^2], per joint; it replaces what there was."""
 
     armature: ArrayLike
 

@@ -31,7 +31,7 @@ def perturbed_rows(
 
     The mass is multiplied by a number from U(1 - mass, 1 + mass), the rotational inertia about the
     centre of mass by the same number (the density changes, not the shape) and by one from
-    U(1 - inertia, 1 + inertia), and the centre of mass moves by U(-com, com) m along each axis.
+    U(1 - inertia, 1 + inertia), and the centre of mass moves by U(-com, com) [m] along each axis.
     Scaling and moving keep principal moments positive and within the triangle inequality.
     """
     rows = np.array([row_of(body) for body in list(model.inertias)[1:]])

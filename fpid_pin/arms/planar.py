@@ -31,9 +31,9 @@ class PlanarSource(Source):
     Parameters
     ----------
     lengths, masses
-        Link lengths in m and masses in kg, (n,), all positive.
+        Link lengths [m] and masses [kg], (n,), all positive.
     gravity
-        (3,) or a number (downwards), m/s^2.
+        (3,) or a number (downwards) [m/s^2].
     rods
         False: each mass is a point at the link's end, as in the paper. True: each link is a
         uniform thin rod, its centre of mass at half its length, inertia m l^2 / 12 about it.

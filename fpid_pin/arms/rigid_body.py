@@ -48,16 +48,16 @@ class RigidBody:
 
     @property
     def gravity(self) -> float:
-        """Magnitude of gravity, m/s^2; its direction is ``model.gravity.linear``."""
+        """Magnitude of gravity [m/s^2]; its direction is ``model.gravity.linear``."""
         return math.hypot(*self.model.gravity.linear)
 
     @property
     def armature(self) -> FloatArray:
-        """Rotor inertia seen at the joints, kg m^2, (n,); it is part of M."""
+        """Rotor inertia seen at the joints [kg m^2], (n,); it is part of M."""
         return np.array(self.model.armature, dtype=np.float64)
 
     def mass_matrix(self, q: ArrayLike) -> FloatArray:
-        """Return M(q), (n, n), kg m^2: symmetric, rotor inertia included."""
+        """Return M(q) [kg m^2], (n, n): symmetric, rotor inertia included."""
         upper = np.triu(pin.crba(self.model, self._data, self._joint("q", q)))
         return np.asarray(upper + np.triu(upper, 1).T)
 
@@ -70,17 +70,17 @@ class RigidBody:
         return np.array(pin.computeCoriolisMatrix(self.model, self._data, q, v))
 
     def gravity_vector(self, q: ArrayLike) -> FloatArray:
-        """Return G(q), (n,), N m."""
+        """Return G(q) [N m], (n,)."""
         data = self._data
         return np.array(pin.computeGeneralizedGravity(self.model, data, self._joint("q", q)))
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
-        """Return tau = M q'' + C q' + G, (n,), N m (recursive Newton-Euler)."""
+        """Return tau = M q'' + C q' + G [N m], (n,) (recursive Newton-Euler)."""
         q, v, a = self._joint("q", q), self._joint("v", v), self._joint("a", a)
         return np.array(pin.rnea(self.model, self._data, q, v, a))
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> FloatArray:
-        """Return q'' = M^-1 (tau - C q' - G), (n,), rad/s^2 (articulated bodies).
+        """Return q'' = M^-1 (tau - C q' - G) [rad/s^2], (n,) (articulated bodies).
 
         In the world convention, as the fleet's: the two agree to the last bit.
         """
@@ -112,7 +112,7 @@ class RigidBody:
         return np.concatenate([body.toDynamicParameters() for body in bodies])
 
     def tool_pose(self, q: ArrayLike) -> FloatArray:
-        """Return the tool frame's pose in the world, a (4, 4) homogeneous matrix, m."""
+        """Return the tool frame's pose in the world, a (4, 4) homogeneous matrix [m]."""
         data = self._data
         pin.forwardKinematics(self.model, data, self._joint("q", q))
         pose = pin.updateFramePlacement(self.model, data, self.model.getFrameId(self.tool))

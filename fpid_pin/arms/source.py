@@ -87,7 +87,7 @@ class Source(ABC):
 
 
 def gravity_vector(gravity: ArrayLike) -> FloatArray:
-    """Return gravity as a (3,) vector in the world frame, m/s^2; a number points down (-z)."""
+    """Return gravity as a (3,) vector in the world frame [m/s^2]; a number points down (-z)."""
     value = checks.floats("gravity", gravity)
     if value.ndim == 0:
         magnitude = checks.number("gravity", gravity, low=0.0)

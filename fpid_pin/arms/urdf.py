@@ -84,9 +84,9 @@ class UrdfSource(Source):
     path
         Where it was read from, to find meshes; None if nowhere.
     lock
-        Joints to hold still, and at which value (rad or m).
+        Joints to hold still, and at which value [rad] or [m].
     gravity
-        (3,) or a number (downwards), m/s^2.
+        (3,) or a number (downwards) [m/s^2].
     package_dirs
         Folders in which ``package://`` addresses are looked up, besides the file's own and those
         above it.

@@ -14,7 +14,7 @@ from fpid_pin.checks import FloatArray
 def arms_table() -> Table:
     """Return a table of all arms that ``Arm.from_example`` knows, and the paper's own.
 
-    Columns: name, number of joints, effort limits (N m), F_v (N m s/rad), F_d (N m), a note.
+    Columns: name, number of joints, effort limits [N m], F_v [N m s/rad], F_d [N m], a note.
     """
     table = Table(title="Arms", title_justify="left", pad_edge=False)
     table.add_column("name", style="bold", no_wrap=True)

@@ -25,8 +25,10 @@ from typing import Any
 from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.control import Controller
+from fpid_pin.disturbances import Disturbance, Sum
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
-from fpid_pin.simulation import Disturbance, Experiment, Plant, Reference, Sensors, Sum
+from fpid_pin.references import Reference
+from fpid_pin.simulation import Experiment, Plant, Sensors
 
 FORMAT = 1
 TABLES = (

@@ -35,17 +35,17 @@ def run_live(
     controller
         Which one, by name; None: the first.
     duration
-        s; None: until Ctrl-C or ``q``.
+        How long [s]; None: until Ctrl-C or ``q``.
     fps, browser, port, priority
         As for `fpid_pin.view.live`.
     joint, push
-        Which joint + and - push at first, and by how much, N m.
+        Which joint + and - push at first, and by how much [N m].
     baseline
-        How long to run without the view first, s, so that the period can be compared; 0: not.
+        How long to run without the view first [s], so that the period can be compared; 0: not.
     console
         Where to print.
     """
-    from fpid_pin.view.live import HELP, live
+    from fpid_pin.view.live_session import HELP, live
 
     console = console or Console()
     config = load(config_path)

@@ -67,14 +67,14 @@ def tune(
 @app.command()
 def operators(
     order: Annotated[list[float] | None, typer.Option(help="An order in [0, 1]; repeat.")] = None,
-    step: Annotated[float, typer.Option(help="Sampling step, s.")] = 1e-3,
-    horizon: Annotated[float, typer.Option(help="Longest time, s.")] = 20.0,
+    step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
+    horizon: Annotated[float, typer.Option(help="Longest time [s].")] = 20.0,
     design: Annotated[str, typer.Option(help="exponential_sum or crone.")] = "exponential_sum",
     modes: Annotated[int | None, typer.Option(help="Modes of the exponential sum.")] = None,
     tolerance: Annotated[float | None, typer.Option(help="Or the accuracy wanted.")] = None,
-    band: Annotated[tuple[float, float], typer.Option(help="Of CRONE, rad/s.")] = (1e-2, 1e3),
+    band: Annotated[tuple[float, float], typer.Option(help="Of CRONE [rad/s].")] = (1e-2, 1e3),
     n: Annotated[int, typer.Option("--n", help="Of CRONE: order 2n+1.")] = 5,
-    widening: Annotated[float, typer.Option(help="Of CRONE's band, decades.")] = 0.0,
+    widening: Annotated[float, typer.Option(help="Of CRONE's band [decades].")] = 0.0,
     plot: Annotated[Path | None, typer.Option(help="Figure of the errors.")] = None,
 ) -> None:
     """Say how good a fractional operator is: errors, trusted range, noise, cost."""
@@ -121,12 +121,12 @@ def view(
 def live(
     config: ConfigFile,
     controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
-    duration: Annotated[float | None, typer.Option(help="s; none: until Ctrl-C.")] = None,
+    duration: Annotated[float | None, typer.Option(help="[s]; none: until Ctrl-C.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 40.0,
     browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
     port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
-    push: Annotated[float | None, typer.Option(help="Torque of a push, N m.")] = None,
+    push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
 ) -> None:
     """Run the control loop in real time and watch it; key presses push a joint."""
     from fpid_pin.cli.live import run_live

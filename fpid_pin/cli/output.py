@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import tempfile
 from pathlib import Path
 
 from fpid_pin.exceptions import FileFormatError
+from fpid_pin.files import hidden_beside
 
 
 class OutputFolder:
@@ -38,8 +38,8 @@ class OutputFolder:
                 )
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._temporary = Path(tempfile.mkdtemp(dir=path.parent, prefix=f".{path.name}."))
-            self._temporary.chmod(0o755)
+            self._temporary = hidden_beside(path, ".part")
+            self._temporary.mkdir()
             (self._temporary / self.MARK).write_text("made by fpid-pin; safe to replace\n")
         except OSError as error:
             raise FileFormatError(f"{path}: cannot be written ({error.strerror})") from None
@@ -50,7 +50,7 @@ class OutputFolder:
             shutil.rmtree(self._temporary, ignore_errors=True)
             return
         if self.path.exists():
-            old = self._temporary.with_suffix(".old")
+            old = hidden_beside(self.path, ".old")
             os.replace(self.path, old)
             os.replace(self._temporary, self.path)
             shutil.rmtree(old, ignore_errors=True)

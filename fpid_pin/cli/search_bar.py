@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 import numpy as np
 
-from fpid_pin.tuning import Report
+from fpid_pin.tuning import SearchProgress
+from fpid_pin.tuning.search_progress import SearchCallback
 
 _QUIET = 10.0  # s between lines where there is no terminal to draw a bar on
 
 
 @contextmanager
-def search_bar() -> Iterator[Callable[[Report], None]]:
-    """Give a function that takes a `Report`: a bar on a terminal, else a line now and then."""
+def search_bar() -> Iterator[SearchCallback]:
+    """Give a function that shows a `SearchProgress`: a bar on a terminal, else lines at times."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -31,15 +32,15 @@ def search_bar() -> Iterator[Callable[[Report], None]]:
     task = bar.add_task("tune", total=1.0, generation="", told="")
     last = time.monotonic() - _QUIET
 
-    def tell(report: Report) -> None:
+    def tell(progress: SearchProgress) -> None:
         nonlocal last
-        generation = f"{report.generation} of {report.generations}"
-        best = f"best {report.best:.5g}, " if np.isfinite(report.best) else ""
-        left = "" if np.isnan(report.seconds_left) else f", {_clock(report.seconds_left)} left"
-        told = f"{best}{report.rate:.1f} evaluations/s{left}"
+        generation = f"{progress.generation} of {progress.generations}"
+        best = f"best {progress.best:.5g}, " if np.isfinite(progress.best) else ""
+        left = "" if np.isnan(progress.seconds_left) else f", {_clock(progress.seconds_left)} left"
+        told = f"{best}{progress.rate:.1f} evaluations/s{left}"
         if console.is_terminal:
-            bar.update(task, completed=report.part, generation=generation, told=told)
-        elif time.monotonic() - last >= _QUIET and report.rate > 0.0:
+            bar.update(task, completed=progress.part, generation=generation, told=told)
+        elif time.monotonic() - last >= _QUIET and progress.rate > 0.0:
             last = time.monotonic()
             console.print(f"generation {generation}: {told}", highlight=False)
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.simulation import Cost, QuadraticCost, Run, limit_report
+from fpid_pin.costs import Cost, QuadraticCost
+from fpid_pin.simulation import Run, limit_report
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import shutil
 from collections.abc import Sequence
@@ -59,21 +60,16 @@ def run_tuning(
 
 
 def _search(plan: Plan, pool: Executor | None, checkpoint: Path, resume: bool) -> TuningResult:
-    settings = plan.settings
+    settings = dataclasses.replace(
+        plan.settings, executor=pool, checkpoint=checkpoint, resume=resume
+    )
     with search_bar() as told:
         return tune(
             list(plan.experiments.values()),
             plan.controller,
             plan.space,
             plan.cost,
-            population=settings.population,
-            generations=settings.generations,
-            crossover=settings.crossover,
-            mutation=settings.mutation,
-            seeds=settings.seeds,
-            executor=pool,
-            checkpoint=checkpoint,
-            resume=resume,
+            settings,
             progress=told,
         )
 

@@ -2,7 +2,7 @@
 
 [tune]
 controller = "name"          # which [[controller]] to start from; default: the first
-population = 60              # and generations, crossover, mutation, seeds: as for `tune`
+population = 60              # and generations, crossover, mutation, seeds: `SearchSettings`
 reduce = "worst"             # or "mean": over every [[condition]]; default: nominal alone
 map_points = 21              # a side of the cost map over (lambda, mu); 0: none
 [tune.cost]                  # kind and arguments of a cost; default: eq. (33)
@@ -19,14 +19,15 @@ from typing import Any
 from fpid_pin import checks, descriptions
 from fpid_pin.cli.config import Config
 from fpid_pin.control import Controller
+from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
-from fpid_pin.simulation import Cost, Experiment, QuadraticCost
-from fpid_pin.tuning import RobustCost, Space
+from fpid_pin.simulation import Experiment
+from fpid_pin.tuning import RobustCost, SearchSettings, Space
 from fpid_pin.tuning.robust import REDUCTIONS
-from fpid_pin.tuning.settings import Settings
 
-KEYS = ("controller", "population", "generations", "crossover", "mutation", "seeds", "reduce",
-        "map_points", "cost", "space")  # fmt: skip
+#: Arguments of `SearchSettings`; workers and checkpoints are the command line's.
+SETTINGS = ("population", "generations", "crossover", "mutation", "seeds")
+KEYS = ("controller", *SETTINGS, "reduce", "map_points", "cost", "space")
 _MOST_MAP_POINTS = 201
 
 
@@ -50,7 +51,7 @@ class Plan:
     experiments: Mapping[str, Experiment]
     cost: Cost
     space: Space
-    settings: Settings
+    settings: SearchSettings
     map_points: int
 
 
@@ -83,11 +84,8 @@ def read_plan(config: Config) -> Plan:
         "controller", table.get("controller", first), config.controllers))  # fmt: skip
     attempt("cost", lambda: _cost(table))
     attempt("space", lambda: _space(table))
-    given = {f.name: table[f.name] for f in dataclasses.fields(Settings) if f.name in table}
-    if "seeds" in given:
-        seeds = given["seeds"]
-        given["seeds"] = tuple(seeds) if isinstance(seeds, list) else (seeds,)
-    attempt("settings", lambda: Settings(**given))
+    given = {name: table[name] for name in SETTINGS if name in table}
+    attempt("settings", lambda: SearchSettings(**given))
     attempt("map_points", lambda: checks.integer(
         "map_points", table.get("map_points", 21), low=0, high=_MOST_MAP_POINTS))  # fmt: skip
     controller = config.controllers.get(made.get("name", ""))

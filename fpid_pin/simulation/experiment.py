@@ -11,9 +11,9 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
-from fpid_pin.simulation.disturbances import Disturbance
+from fpid_pin.disturbances import Disturbance
+from fpid_pin.references import Motion, Reference
 from fpid_pin.simulation.plant import Plant, plant_of
-from fpid_pin.simulation.references import Motion, Reference
 from fpid_pin.simulation.sensors import Sensors
 
 INTEGRATORS = ("semi_implicit_euler", "rk4")
@@ -31,22 +31,22 @@ class Experiment:
     reference
         The trajectory to follow.
     q0, v0
-        State at t = 0, scalar or (n,), rad and rad/s; q0 None: the reference's start; v0 None: at
+        State at t = 0 [rad], [rad/s], scalar or (n,); q0 None: the reference's start; v0 None: at
         rest.
     plant
         The true robot; None: the nominal arm, undisturbed.
     sensors
         None: angles and rates are measured exactly.
     step
-        Sampling period and integration step, s.
+        Sampling period and integration step [s].
     duration
-        s; a run has ``round(duration/step) + 1`` rows.
+        [s]; a run has ``round(duration/step) + 1`` rows.
     integrator
         ``"semi_implicit_euler"`` or ``"rk4"``; the torque is held over the step in both.
     seed
         Of the sensors' noise.
     runaway_speed
-        A joint faster than this, rad/s, ends the run.
+        A joint faster than this [rad/s] ends the run.
     """
 
     arm: Arm

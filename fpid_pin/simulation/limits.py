@@ -28,9 +28,9 @@ class Exceedance:
     quantity
         ``"position"``, ``"velocity"`` or ``"effort"`` (the controller asked for all of it).
     limit
-        rad, rad/s or N m; for positions the one that was passed.
+        [rad], [rad/s] or [N m]; for positions the one that was passed.
     time
-        When first, s.
+        When first [s].
     value
         The worst that followed.
     part

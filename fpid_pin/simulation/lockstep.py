@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from concurrent.futures import Executor, Future
 from typing import overload
 
@@ -12,8 +12,9 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, FpidWarning, SimulationError
-from fpid_pin.simulation.costs import Cost, QuadraticCost
+from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
 from fpid_pin.simulation.metrics import MetricsRecorder
@@ -28,7 +29,6 @@ from fpid_pin.simulation.recorders import (
 from fpid_pin.simulation.run import Run, describe_run
 from fpid_pin.simulation.simulator import Simulator
 
-Progress = Callable[[float], None]
 # More runs in one call gain nothing: their states no longer fit the processor's cache.
 MOST_RUNS = 240
 
@@ -71,7 +71,7 @@ def lockstep(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
     recorders: Sequence[Recorder],
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> list[Outcome]:
     """Simulate runs that share arm, step, duration, integrator and kind of controller.
 
@@ -82,7 +82,7 @@ def lockstep(
     recorders
         What to do with the rows.
     progress
-        Called with the part done, from 0 to 1, every so many rows.
+        Called every so many rows.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def lockstep(
             if not simulator.alive:
                 break
             if progress is not None:
-                progress((first + len(block.t)) / rows)
+                progress(Progress((first + len(block.t)) / rows))
     done = Outcome(completed=True, time=(rows - 1) * h)
     # A run may be lost by the step after its last row, which is no part of it.
     return [end if end is not None and round(end.time / h) < rows else done
@@ -139,30 +139,30 @@ def _each_by_itself(members: list[int], run: Callable[[list[int]], None]) -> Non
 
 
 def _overall(
-    progress: Progress | None, done: int, size: int, runs: int
-) -> Callable[[float], None] | None:
+    progress: ProgressCallback | None, done: int, size: int, runs: int
+) -> ProgressCallback | None:
     if progress is None:
         return None
-    return lambda part: progress((done + part * size) / runs)
+    return lambda inner: progress(Progress((done + inner.part * size) / runs))
 
 
 @overload
 def simulate(
-    experiment: Experiment, controller: Controller, *, progress: Progress | None = None
+    experiment: Experiment, controller: Controller, *, progress: ProgressCallback | None = None
 ) -> Run: ...
 @overload
 def simulate(
     experiment: Sequence[Experiment],
     controller: Controller | Sequence[Controller],
     *,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> list[Run]: ...
 @overload
 def simulate(
     experiment: Experiment,
     controller: Sequence[Controller],
     *,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> list[Run]: ...
 
 
@@ -170,7 +170,7 @@ def simulate(
     experiment: Experiment | Sequence[Experiment],
     controller: Controller | Sequence[Controller],
     *,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> Run | list[Run]:
     """Simulate and record everything.
 
@@ -179,7 +179,7 @@ def simulate(
     experiment, controller
         One of each gives a `Run`; sequences give a list of runs, a single one serving all.
     progress
-        Called now and then with the part done, 0 to 1.
+        Called now and then with a `Progress`.
 
     Returns
     -------
@@ -237,7 +237,7 @@ def evaluate(
     *,
     executor: Executor | None = None,
     shards: int | None = None,
-    progress: Progress | None = None,
+    progress: ProgressCallback | None = None,
 ) -> FloatArray:
     """Simulate and keep only the cost; memory does not depend on the horizon.
 
@@ -276,7 +276,7 @@ def evaluate(
         for number, future in enumerate(futures, start=1):
             pieces.append(future.result())
             if progress is not None:
-                progress(number / len(futures))
+                progress(Progress(number / len(futures)))
         table = np.concatenate(pieces)
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
@@ -296,7 +296,7 @@ def _evaluate(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
     costs: Sequence[Cost],
-    progress: Progress | None,
+    progress: ProgressCallback | None,
 ) -> FloatArray:
     table = np.full((len(experiments), len(costs)), np.inf)
     needs = _union(cost.needs for cost in costs)

@@ -3,50 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fpid_pin.checks import FloatArray
+from fpid_pin.costs import Metrics
 from fpid_pin.simulation.recorders import BLOCK_ROWS, Batch, Block, total, void
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.run import Run
 
 _SUMS = ("square", "late", "size", "aged", "effort", "changes")
-
-
-@dataclass(frozen=True, eq=False)
-class Metrics:
-    """Figures of merit of one run, (n,) each; e = q_d - q, u the torque that was applied.
-
-    Integrals are h times the sum over the rows whose torque was applied, that is all but the last
-    of a completed run.
-
-    Attributes
-    ----------
-    ise, iae, itae
-        Integrals of e^2 (rad^2 s), |e| (rad s) and t |e| (rad s^2).
-    rms, rms_tail
-        Root mean square of e over the run and over its planned last half, rad; the latter is NaN
-        for a run that ended earlier.
-    energy
-        Integral of u^2, (N m)^2 s.
-    total_variation
-        Sum of |u_k - u_(k-1)|, N m.
-    peak_torque
-        Largest |u|, N m.
-    """
-
-    ise: FloatArray
-    iae: FloatArray
-    itae: FloatArray
-    rms: FloatArray
-    rms_tail: FloatArray
-    energy: FloatArray
-    total_variation: FloatArray
-    peak_torque: FloatArray
 
 
 class MetricsRecorder:

@@ -8,10 +8,10 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.supervisor import Supervisor
-from fpid_pin.simulation.disturbances import Cosine
+from fpid_pin.disturbances import Cosine
+from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import Plant
-from fpid_pin.simulation.references import Sinusoid
 
 # (lambda, mu) per joint. "symbol": as the letters say; "sign": taking the minus sign of the printed
 # mu as that of an integral, which swaps the two.
@@ -33,7 +33,7 @@ def paper_experiment(*, duration: float = 20.0, step: float = 1e-3) -> Experimen
     Parameters
     ----------
     duration, step
-        The paper gives neither; s.
+        [s]; the paper gives neither.
     """
     return Experiment(
         arm=Arm.two_link(),

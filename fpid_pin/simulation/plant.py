@@ -11,7 +11,7 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
-from fpid_pin.simulation.disturbances import Disturbance
+from fpid_pin.disturbances import Disturbance
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.experiment import Experiment
@@ -27,11 +27,11 @@ class Plant:
     arm
         The true inertias, payload and gravity; None: those of the nominal arm.
     viscous_friction, dry_friction
-        F_v (N m s/rad) and F_d (N m), scalar or (n,); None: the arm's own.
+        F_v [N m s/rad] and F_d [N m], scalar or (n,); None: the arm's own.
     disturbance
         d(t).
     effort_limit
-        Where the drives clip, scalar or (n,), N m; None: the arm's own; inf: nowhere.
+        Where the drives clip [N m], scalar or (n,); None: the arm's own; inf: nowhere.
     """
 
     arm: Arm | None = None

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import json
-import math
-import os
 import platform
-import tempfile
 import zipfile
 from collections.abc import Mapping
 from functools import cached_property
@@ -17,13 +13,17 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import descriptions
+from fpid_pin._version import __version__
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Metrics
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.files import replacing
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.metrics import Metrics, metrics_of
+from fpid_pin.simulation.metrics import metrics_of
 from fpid_pin.simulation.recorders import Outcome
+from fpid_pin.simulation.run_table import from_json, to_json
 
 FORMAT = 1
 _KINEMATICS = ("q", "v", "q_ref", "v_ref", "torque")
@@ -36,18 +36,18 @@ class Run:
     Attributes
     ----------
     t
-        (N,), s.
+        Time [s], (N,).
     q, v, q_ref, v_ref
-        Joint angles and rates and their references, (N, n), rad and rad/s.
+        Joint angles and rates and their references [rad], [rad/s], (N, n).
     torque
-        What the drives gave, (N, n), N m; the last row was not applied.
+        What the drives gave [N m], (N, n); the last row was not applied.
     signals
-        What the controller showed of itself: kp, ki, kd, u_fpid, u_s, s, (N, n), lyapunov, (N,);
-        each is an attribute too.
+        What the controller showed of itself: ``kp``, ``ki``, ``kd``, ``u_fpid``, ``u_s``, ``s``,
+        (N, n), ``lyapunov``, (N,); each is an attribute too.
     outcome
         Whether it completed, else when, where and why it ended; it is cut there.
     step
-        s.
+        Sampling period [s].
     planned_rows
         Rows that a completed run has.
     meta
@@ -68,7 +68,7 @@ class Run:
 
     @property
     def error(self) -> FloatArray:
-        """``e = q_d - q``, (N, n), rad."""
+        """``e = q_d - q`` [rad], (N, n)."""
         return self.q_ref - self.q
 
     @property
@@ -118,7 +118,7 @@ class Run:
         path = Path(path)
         if path.suffix != ".npz":
             path = path.with_name(path.name + ".npz")
-        text = np.array(json.dumps(_to_json(meta), allow_nan=False))
+        text = np.array(to_json(meta))
         with replacing(path) as temporary, open(temporary, "wb") as file:
             np.savez(file, meta=text, **arrays)
         return path
@@ -137,7 +137,7 @@ class Run:
             # Opened here: np.load leaves a file that it cannot read open.
             with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
                 arrays = {name: file[name] for name in file.files}
-            meta = _from_json(json.loads(str(arrays.pop("meta"))))
+            meta = from_json(str(arrays.pop("meta")))
             if not isinstance(meta, dict):
                 raise TypeError
         except FileNotFoundError:
@@ -182,13 +182,11 @@ def describe_run(experiment: Experiment, controller: Controller, name: str) -> d
     import pinocchio
     import scipy
 
-    import fpid_pin
-
     return {
         "format": FORMAT,
         "name": name,
         "versions": {
-            "fpid_pin": fpid_pin.__version__,
+            "fpid_pin": __version__,
             "pin": pinocchio.__version__,
             "numpy": np.__version__,
             "scipy": scipy.__version__,
@@ -200,55 +198,3 @@ def describe_run(experiment: Experiment, controller: Controller, name: str) -> d
         "controller": descriptions.to_dict(controller),
         "arm": descriptions.to_dict(experiment.arm),
     }
-
-
-class replacing:
-    """Give a temporary path beside `path` that replaces it when the block ends without an error."""
-
-    def __init__(self, path: str | Path) -> None:
-        self._path = Path(path)
-        self._temporary: Path | None = None
-
-    def __enter__(self) -> Path:
-        try:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            handle, name = tempfile.mkstemp(
-                dir=self._path.parent, prefix=f".{self._path.name}.", suffix=".part"
-            )
-        except OSError as error:
-            raise FileFormatError(f"{self._path}: cannot be written ({error.strerror})") from None
-        os.close(handle)
-        # mkstemp makes files private; a result is as readable as any other new file.
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(name, 0o666 & ~mask)
-        self._temporary = Path(name)
-        return self._temporary
-
-    def __exit__(self, kind: type | None, *rest: object) -> None:
-        assert self._temporary is not None
-        if kind is None:
-            os.replace(self._temporary, self._path)
-        else:
-            self._temporary.unlink(missing_ok=True)
-
-
-def _to_json(value: Any) -> Any:
-    """Spell inf and NaN, which JSON lacks, as strings."""
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, Mapping):
-        return {key: _to_json(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_to_json(item) for item in value]
-    return value
-
-
-def _from_json(value: Any) -> Any:
-    if value in ("inf", "-inf", "nan"):
-        return float(value)
-    if isinstance(value, dict):
-        return {key: _from_json(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_from_json(item) for item in value]
-    return value

@@ -1,13 +1,15 @@
 """Tuning of controllers: costs, genetic algorithms, Pareto fronts, checkpoints."""
 
-from fpid_pin.tuning.cost_map import CostMap, cost_map
-from fpid_pin.tuning.cross_check import CrossCheck, cross_check
+from fpid_pin.tuning.differential_evolution import CrossCheck, cross_check
 from fpid_pin.tuning.gene import Gene
-from fpid_pin.tuning.history import History, ParetoResult, Report, TuningResult
-from fpid_pin.tuning.pareto import pareto
+from fpid_pin.tuning.history import History, ParetoResult, TuningResult
+from fpid_pin.tuning.lowest_cost import tune
+from fpid_pin.tuning.order_grid import CostMap, cost_map
+from fpid_pin.tuning.pareto_front import pareto
 from fpid_pin.tuning.robust import RobustCost, scenarios
+from fpid_pin.tuning.search_progress import SearchProgress
+from fpid_pin.tuning.settings import SearchSettings
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.tune import tune
 from fpid_pin.tuning.workers import WorkerPool
 
 __all__ = [
@@ -16,8 +18,9 @@ __all__ = [
     "Gene",
     "History",
     "ParetoResult",
-    "Report",
     "RobustCost",
+    "SearchProgress",
+    "SearchSettings",
     "Space",
     "TuningResult",
     "WorkerPool",

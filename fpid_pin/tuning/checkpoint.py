@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from fpid_pin._version import __version__
 from fpid_pin.exceptions import FileFormatError, FpidWarning, TuningError
-from fpid_pin.simulation.run import replacing
+from fpid_pin.files import replacing
 
 FORMAT = 1
 _MOST_NAMED = 4
@@ -25,10 +26,8 @@ def versions() -> dict[str, str]:
     import pinocchio
     import pymoo
 
-    import fpid_pin
-
     return {
-        "fpid_pin": fpid_pin.__version__,
+        "fpid_pin": __version__,
         "pin": str(pinocchio.__version__),
         "numpy": np.__version__,
         "pymoo": str(pymoo.__version__),

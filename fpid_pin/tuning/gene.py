@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.exceptions import ArgumentError
 
-SCALES = ("linear", "log")
+GENE_SCALES = ("linear", "log")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ def gene_of(name: str, given: Gene | Sequence[Any] | Mapping[str, Any]) -> Gene:
         gene = given
     else:
         gene = _from_sequence(path, given)
-    checks.choice(f"{path}.scale", gene.scale, SCALES)
+    checks.choice(f"{path}.scale", gene.scale, GENE_SCALES)
     if not isinstance(gene.shared, bool):
         raise ArgumentError(f"{path}.shared", "true or false", repr(gene.shared))
     low = checks.floats(f"{path}.low", gene.low, max_ndim=1)

@@ -172,35 +172,3 @@ class ParetoResult:
 
     def __len__(self) -> int:
         return len(self.controllers)
-
-
-@dataclass(frozen=True)
-class Report:
-    """Where a search stands; what ``progress=`` is called with.
-
-    Attributes
-    ----------
-    part
-        Of the whole search, 0 to 1.
-    generation, generations
-        The one at work, from 1; and how many there will be.
-    complete
-        Whether that generation is done, and its checkpoint written.
-    best
-        Lowest cost so far (the first of several), inf before the first generation is done.
-    evaluations
-        Candidates evaluated so far, all seeds together.
-    rate
-        Evaluations a second in this process, 0 before any is done.
-    seconds_left
-        At that rate; NaN before any is done.
-    """
-
-    part: float
-    generation: int
-    generations: int
-    complete: bool
-    best: float
-    evaluations: int
-    rate: float
-    seconds_left: float

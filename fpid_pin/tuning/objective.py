@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor, Executor
 
 import numpy as np
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost
 from fpid_pin.exceptions import FpidWarning
-from fpid_pin.simulation import Cost, Experiment, evaluate, simulate
+from fpid_pin.progress import ProgressCallback
+from fpid_pin.simulation import Experiment, evaluate, simulate
 from fpid_pin.tuning.robust import over_scenarios
 from fpid_pin.tuning.space import BoundSpace
 
@@ -42,9 +44,12 @@ class Objective:
         self._experiments, self._space, self._costs = list(experiments), space, list(costs)
         self._executor = executor
 
-    def __call__(
-        self, points: FloatArray, progress: Callable[[float], None] | None = None
-    ) -> FloatArray:
+    @property
+    def runs(self) -> int:
+        """Runs that each candidate takes."""
+        return len(self._experiments)
+
+    def __call__(self, points: FloatArray, progress: ProgressCallback | None = None) -> FloatArray:
         """Return costs (candidates, costs) at points of the unit cube, (candidates, size).
 
         +inf where a run diverged.
@@ -52,7 +57,7 @@ class Objective:
         return self.of([self._space.controller(point) for point in points], progress)
 
     def of(
-        self, controllers: Sequence[Controller], progress: Callable[[float], None] | None = None
+        self, controllers: Sequence[Controller], progress: ProgressCallback | None = None
     ) -> FloatArray:
         """Return the costs of controllers, (controllers, costs)."""
         scenarios, count = len(self._experiments), len(controllers)

@@ -1,11 +1,8 @@
-"""What `tune`, `pareto` and their kin have in common: checks, executors, the search itself."""
+"""What `tune`, `pareto` and their kin have in common: checks, and the search itself."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,18 +10,38 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation import Cost, Experiment
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.objective import Objective
-from fpid_pin.tuning.search import Progress, Search
-from fpid_pin.tuning.settings import Settings
+from fpid_pin.tuning.search import Search
+from fpid_pin.tuning.search_progress import SearchCallback
+from fpid_pin.tuning.settings import SearchSettings
 from fpid_pin.tuning.space import BoundSpace, Space
-from fpid_pin.tuning.workers import WorkerPool
+from fpid_pin.tuning.workers import executor_of
 
 
-def count(experiment: Experiment | Sequence[Experiment]) -> int:
-    """Return the number of runs for each candidate."""
-    return 1 if isinstance(experiment, Experiment) else len(experiment)
+def one_cost(cost: Cost | None) -> list[Cost]:
+    """Return the only cost as a list; None: eq. (33) with its default weights."""
+    if isinstance(cost, Sequence):
+        raise ArgumentError("cost", "one cost (several: use pareto)", f"{len(cost)}")
+    return [QuadraticCost() if cost is None else cost]
+
+
+def problem_of(
+    experiment: Experiment | Sequence[Experiment],
+    controller: Controller,
+    space: Space,
+    costs: Sequence[Cost],
+) -> tuple[list[Experiment], BoundSpace]:
+    """Check what is to be made small, where; return the experiments and the space on its law."""
+    experiments = [experiment] if isinstance(experiment, Experiment) else list(experiment)
+    check_experiments(experiments)
+    checks.instance("controller", controller, Controller, "a Controller")
+    checks.instance("space", space, Space, "a Space")
+    for k, cost in enumerate(costs):
+        checks.instance(f"costs.{k}" if len(costs) > 1 else "cost", cost, Cost, "a Cost")
+    return experiments, space.bind(controller, experiments[0].arm.n)
 
 
 def searched(
@@ -32,27 +49,15 @@ def searched(
     controller: Controller,
     space: Space,
     costs: list[Cost],
-    settings: Settings,
-    initial: Sequence[Controller],
-    executor: Executor | None,
-    workers: int | None,
-    checkpoint: str | Path | None,
-    resume: bool,
-    progress: Progress | None,
-) -> tuple[Search, BoundSpace]:
-    """Check what `tune` and `pareto` were given, search, and return the search and its space."""
-    experiments = [experiment] if isinstance(experiment, Experiment) else list(experiment)
-    check_experiments(experiments)
-    checks.instance("controller", controller, Controller, "a Controller")
-    checks.instance("space", space, Space, "a Space")
-    for k, cost in enumerate(costs):
-        checks.instance(f"costs.{k}" if len(costs) > 1 else "cost", cost, Cost, "a Cost")
+    settings: SearchSettings,
+    progress: SearchCallback | None,
+) -> Search:
+    """Check what `tune` and `pareto` were given, search, and return the search at its end."""
+    experiments, bound = problem_of(experiment, controller, space, costs)
     n = experiments[0].arm.n
-    bound = space.bind(controller, n)
-    if len(initial) > settings.population:
-        raise ArgumentError("initial", f"at most {settings.population} (population)", len(initial))
-    first = np.array([bound.point(c, n) for c in initial]).reshape(-1, bound.size)
-    with executor_of(executor, workers) as pool:
+    points = [bound.point(start, n) for start in settings.initial]
+    first = np.array(points).reshape(-1, bound.size)
+    with executor_of(settings.executor, settings.workers) as pool:
         search = Search(
             Objective(experiments, bound, costs, pool),
             bound,
@@ -60,11 +65,10 @@ def searched(
             settings,
             initial=first,
             configuration=configuration(experiments, controller, space, costs, settings, first),
-            checkpoint=None if checkpoint is None else Path(checkpoint),
         )
-        search.prepare(resume)
+        search.prepare()
         search.run(progress)
-    return search, bound
+    return search
 
 
 def check_experiments(experiments: Sequence[Experiment]) -> None:
@@ -78,23 +82,12 @@ def check_experiments(experiments: Sequence[Experiment]) -> None:
         raise ArgumentError("experiment", "arms with one number of joints", sizes)
 
 
-def executor_of(
-    executor: Executor | None, workers: int | None
-) -> AbstractContextManager[Executor | None]:
-    """Return the caller's executor, which stays open, or a pool of our own, which is closed."""
-    if executor is not None:
-        if workers is not None:
-            raise ArgumentError("workers", "workers or executor, not both", workers)
-        return nullcontext(executor)
-    return nullcontext(None) if workers is None else WorkerPool(workers)
-
-
 def configuration(
     experiments: Sequence[Experiment],
     controller: Controller,
     space: Space,
     costs: Sequence[Cost],
-    settings: Settings,
+    settings: SearchSettings,
     first: FloatArray,
 ) -> dict[str, Any]:
     """Return all that decides the result, except how many generations it goes on for."""

@@ -10,9 +10,10 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
+from fpid_pin.costs import Cost, Metrics, QuadraticCost
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation import Cost, Experiment, Metrics, Plant, QuadraticCost
+from fpid_pin.simulation import Experiment, Plant
 
 REDUCTIONS = ("mean", "worst")
 
@@ -80,7 +81,7 @@ def scenarios(
     plants
         True robots; none given: the experiment's own.
     payloads
-        Point masses at the arm's tool, kg, that the controller does not know of; none given: 0.
+        Point masses at the arm's tool [kg] that the controller does not know of; none given: 0.
 
     Raises
     ------

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError, FileFormatError, TuningError
+from fpid_pin.exceptions import FileFormatError, TuningError
+from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.tuning import checkpoint as files
 from fpid_pin.tuning.evolution import Evolution
-from fpid_pin.tuning.history import History, Report
+from fpid_pin.tuning.history import History
 from fpid_pin.tuning.objective import Objective
-from fpid_pin.tuning.settings import Settings
+from fpid_pin.tuning.search_progress import Narrator, SearchCallback
+from fpid_pin.tuning.settings import SearchSettings
 from fpid_pin.tuning.space import BoundSpace
 
-Progress = Callable[[Report], None]
 _RECORDS = ("best", "mean", "best_parameters", "diverged", "simulated")
 
 
@@ -38,8 +37,6 @@ class Search:
         Points of every seed's first generation, (k, size).
     configuration
         All that decides the result, as a table: what a checkpoint must agree with.
-    checkpoint
-        File written after every generation; None: none.
     """
 
     def __init__(
@@ -47,14 +44,14 @@ class Search:
         objective: Objective,
         space: BoundSpace,
         costs: int,
-        settings: Settings,
+        settings: SearchSettings,
         *,
         initial: FloatArray,
         configuration: Mapping[str, Any],
-        checkpoint: Path | None,
     ) -> None:
-        self._objective, self._space, self._costs = objective, space, costs
-        self._settings, self._checkpoint = settings, checkpoint
+        self._objective, self._costs = objective, costs
+        self.space, self._settings = space, settings
+        self._checkpoint = None if settings.checkpoint is None else Path(settings.checkpoint)
         self._configuration = files.plain(configuration)
         self.evolutions = [
             Evolution(
@@ -73,23 +70,21 @@ class Search:
 
     # ------------------------------------------------------------------ checkpoints
 
-    def prepare(self, resume: bool) -> None:
+    def prepare(self) -> None:
         """Take up the checkpoint, or write the first: what cannot be written fails here.
 
         Raises
         ------
         TuningError
-            The checkpoint belongs to another search, or is there and `resume` was not asked for.
+            The checkpoint belongs to another search, or is there and may not be resumed.
         FileFormatError
             It is cut short or altered, or its folder cannot be written.
         """
         path = self._checkpoint
         if path is None:
-            if resume:
-                raise ArgumentError("resume", "a checkpoint to resume from", "none")
             return
         if path.exists():
-            if not resume:
+            if not self._settings.resume:
                 raise TuningError(
                     f"{path}: there is a checkpoint of an earlier search: resume it, or remove it"
                 )
@@ -135,7 +130,7 @@ class Search:
 
     # ------------------------------------------------------------------ generations
 
-    def run(self, progress: Progress | None) -> None:
+    def run(self, progress: SearchCallback | None) -> None:
         """Go on to the last generation.
 
         Raises
@@ -145,42 +140,30 @@ class Search:
         """
         settings = self._settings
         size = settings.population * len(settings.seeds)
-        began, before = time.monotonic(), self.done
-
-        def report(generation: int, part: float) -> None:
-            if progress is None:
-                return
-            seconds = time.monotonic() - began
-            here = (generation - 1 - before + part) * size
-            rate = here / seconds if seconds > 0.0 else 0.0
-            left = (settings.generations - generation + 1 - part) * size
-            best = float(np.min(self._records["best"][-1][..., 0])) if self.done else np.inf
-            progress(
-                Report(
-                    part=(generation - 1 + part) / settings.generations,
-                    generation=generation,
-                    generations=settings.generations,
-                    complete=self.done == generation,
-                    best=best,
-                    evaluations=round((generation - 1 + part) * size),
-                    rate=rate,
-                    seconds_left=left / rate if rate > 0.0 else np.nan,
-                )
-            )
-
+        narrator = Narrator(progress, settings.generations, size, self.done)
         while self.done < settings.generations:
-            generation = self.done + 1
-            report(generation, 0.0)
+            generation, best = self.done + 1, self._best()
+            narrator.tell(generation, 0.0, best=best)
+
+            def told(inner: Progress, generation: int = generation, best: float = best) -> None:
+                narrator.tell(generation, inner.part, best=best)
+
             asked = [evolution.ask() for evolution in self.evolutions]
-            costs, simulated = self._evaluate(np.concatenate(asked), partial(report, generation))
+            costs, simulated = self._evaluate(np.concatenate(asked), told)
             self._tell(asked, costs.reshape(len(asked), -1, self._costs), simulated)
             self.done = generation
             self._save()
-            report(generation, 1.0)
+            narrator.tell(generation, 1.0, best=self._best(), complete=True)
 
-    def _evaluate(
-        self, points: FloatArray, progress: Callable[[float], None]
-    ) -> tuple[FloatArray, int]:
+    def _best(self) -> float:
+        return float(np.min(self._records["best"][-1][..., 0])) if self.done else np.inf
+
+    @property
+    def simulations(self) -> int:
+        """Runs simulated so far."""
+        return sum(int(row) for row in self._records["simulated"]) * self._objective.runs
+
+    def _evaluate(self, points: FloatArray, progress: ProgressCallback) -> tuple[FloatArray, int]:
         """Return the costs of points, and how many had to be simulated.
 
         A point that is, to the last bit, one of a present population or of this generation would
@@ -220,7 +203,7 @@ class Search:
                     for c in range(self._costs)
                 ]
             )
-            parameters.append(self._space.values(evolution.points[int(np.argmin(kept[:, 0]))]))
+            parameters.append(self.space.values(evolution.points[int(np.argmin(kept[:, 0]))]))
             diverged.append(int(lost.sum()))
         rows = (best, mean, parameters, diverged, simulated)
         for name, row in zip(_RECORDS, rows, strict=True):
@@ -234,8 +217,8 @@ class Search:
             best, mean = best[..., 0], mean[..., 0]
         size = settings.population * len(settings.seeds)
         return History(
-            seeds=settings.seeds,
-            labels=self._space.labels,
+            seeds=tuple(settings.seeds),
+            labels=self.space.labels,
             best=best,
             mean=mean,
             best_parameters=np.array(self._records["best_parameters"]),

@@ -155,10 +155,14 @@ class BoundSpace:
         Raises
         ------
         ArgumentError
-            It lies outside, or differs between joints where the space shares.
+            It lies outside, differs between joints where the space shares, or has no such
+            parameters.
         """
         out = np.empty(self.size)
         for name, place in self._places.items():
+            if not hasattr(controller, name):
+                kind = type(controller).__name__
+                raise ArgumentError(f"initial.{name}", f"a controller with {name}", f"a {kind}")
             given = checks.per_joint(f"initial.{name}", getattr(controller, name), n)
             if self.space.genes[name].shared:
                 if (given != given[0]).any():

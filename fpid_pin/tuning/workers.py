@@ -15,12 +15,12 @@ from concurrent.futures import (
     Future,
     ProcessPoolExecutor,
 )
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from fpid_pin import checks
-from fpid_pin.exceptions import TuningError
+from fpid_pin.exceptions import ArgumentError, TuningError
 
 T = TypeVar("T")
 
@@ -74,7 +74,7 @@ class _Task:
 
 
 class WorkerPool(Executor):
-    """Worker processes for ``executor=`` of `evaluate` and `tune`.
+    """Worker processes for ``executor=``, wherever there is one.
 
     A task whose worker dies is sent to a fresh pool, so that no result is lost. Workers are
     spawned, not forked, use one thread each, and end when their parent does, however it ends.
@@ -189,3 +189,23 @@ class WorkerPool(Executor):
             for process in self._workers():
                 process.terminate()
         self.shutdown(wait=True, cancel_futures=fault[0] is not None)
+
+
+def check_workers(executor: Executor | None, workers: int | None) -> None:
+    """Check that there are worker processes of one kind at most."""
+    if workers is not None:
+        checks.integer("workers", workers, low=1)
+        if executor is not None:
+            raise ArgumentError("workers", "workers or executor, not both", workers)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise ArgumentError("executor", "an Executor", type(executor).__name__)
+
+
+def executor_of(
+    executor: Executor | None, workers: int | None
+) -> AbstractContextManager[Executor | None]:
+    """Return the caller's executor, which stays open, or a pool of our own, which is closed."""
+    check_workers(executor, workers)
+    if executor is not None:
+        return nullcontext(executor)
+    return nullcontext(None) if workers is None else WorkerPool(workers)

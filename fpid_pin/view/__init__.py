@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from fpid_pin.view import plots
 from fpid_pin.view.export import export_html
-from fpid_pin.view.figures import figures
-from fpid_pin.view.live import LiveReport, live
+from fpid_pin.view.live_session import LiveReport, live
+from fpid_pin.view.paper_figures import figures
 from fpid_pin.view.player import play
 from fpid_pin.view.plots import plot, save_figure
 from fpid_pin.view.report import report_html

@@ -17,7 +17,7 @@ _POSES = 120
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Where the arms stand and how they are looked at; world frame, z up, m.
+    """Where the arms stand and how they are looked at; world frame, z up [m].
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Stage:
 
 
 def joint_origins(arm: Arm, poses: FloatArray) -> FloatArray:
-    """Return base, joint origins and tool for poses (K, n): (K, n + 2, 3), m."""
+    """Return base, joint origins and tool for poses (K, n): (K, n + 2, 3) [m]."""
     model, data = arm.model, arm.model.createData()
     tool = model.getFrameId(arm.tool)
     points = np.zeros((len(poses), arm.n + 2, 3))
@@ -61,7 +61,7 @@ def joint_origins(arm: Arm, poses: FloatArray) -> FloatArray:
 
 
 def reach_of(arm: Arm) -> float:
-    """Return how far the tool can be from the first joint at most, m."""
+    """Return how far the tool can be from the first joint at most [m]."""
     lengths = [
         np.linalg.norm(arm.model.jointPlacements[j].translation) for j in range(2, arm.n + 1)
     ]

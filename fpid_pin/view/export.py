@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from fpid_pin.simulation.run import Run, replacing
+from fpid_pin.files import replacing
+from fpid_pin.simulation.run import Run
 from fpid_pin.view.page import render
 from fpid_pin.view.scene import captions_of, replay_scene
 

@@ -99,7 +99,7 @@ class LiveLink:
             view = view[os.write(self._out, view) :]
 
     def send(self, t: float, poses: Sequence[Sequence[FloatArray]]) -> None:
-        """Send a frame: the time, s, and (q, q_ref, torque), (n,) each, of every run."""
+        """Send a frame: the time [s] and (q, q_ref, torque), (n,) each, of every run."""
         if not self.alive:
             return
         rows = [np.array([t]), *(array for run in poses for array in run)]

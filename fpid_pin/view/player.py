@@ -60,7 +60,7 @@ def play(
     Returns
     -------
     list of float
-        How long each frame took to send, s.
+        How long each frame took to send [s].
 
     Raises
     ------

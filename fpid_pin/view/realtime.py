@@ -28,7 +28,7 @@ class Timing:
     Attributes
     ----------
     step
-        The period, s.
+        The period [s].
     ticks
         Ticks made.
     missed
@@ -36,7 +36,7 @@ class Timing:
     restarts
         How often the schedule was given up and begun anew.
     worst
-        Largest lateness, s.
+        Largest lateness [s].
     """
 
     step: float
@@ -47,13 +47,13 @@ class Timing:
     _counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(_BINS + 1, dtype=np.int64))
 
     def note(self, late: float) -> None:
-        """Count a tick that began `late` s after it was due."""
+        """Count a tick that began `late` [s] after it was due."""
         self.ticks += 1
         self.worst = max(self.worst, late)
         self._counts[min(max(int(late / _BIN), 0), _BINS)] += 1
 
     def lateness(self, percentile: float) -> float:
-        """Return a percentile of how late ticks began, s, to a microsecond; NaN before any."""
+        """Return a percentile of how late ticks began [s], to a microsecond; NaN before any."""
         if not self.ticks:
             return math.nan
         rank = math.ceil(percentile / 100.0 * self.ticks)
@@ -75,19 +75,19 @@ class Timing:
 def keep_time(
     tick: Callable[[], bool], step: float, *, idle: Callable[[], bool], every: float
 ) -> Timing:
-    """Call `tick` every `step` s until it or `idle` returns False; Ctrl-C ends it too.
+    """Call `tick` every `step` [s] until it or `idle` returns False; Ctrl-C ends it too.
 
     Parameters
     ----------
     tick
         The work of a period.
     step
-        The period, s.
+        The period [s].
     idle
-        Called about every `every` s, right after a tick, for what is not urgent; a tick is due
-        when it is due whether or not this has ended.
+        Called right after a tick, once every so often, for what is not urgent; ticks are due when
+        they are due whether or not this has ended.
     every
-        s.
+        How often that is [s].
 
     Notes
     -----

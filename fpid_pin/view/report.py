@@ -12,11 +12,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpid_pin.simulation.metrics import Metrics
-from fpid_pin.simulation.run import Run, replacing
+from fpid_pin.costs import Metrics
+from fpid_pin.files import replacing
+from fpid_pin.simulation.run import Run
 from fpid_pin.view.export import as_runs, replay_html
-from fpid_pin.view.figures import figures as standard_figures
 from fpid_pin.view.panels import names_of
+from fpid_pin.view.paper_figures import figures as standard_figures
 from fpid_pin.view.scene import captions_of
 from fpid_pin.view.style import INK, figure_bytes
 

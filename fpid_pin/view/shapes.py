@@ -29,14 +29,14 @@ class Shape:
     joint
         Index of the joint that carries it, -1 for the base.
     placement
-        Pose in the joint's frame, (4, 4), m.
+        Pose in the joint's frame [m], (4, 4).
     kind
         ``"box"``, ``"sphere"``, ``"cylinder"``, ``"capsule"``, ``"cone"``, ``"ellipsoid"``, with
-        `size` in m (side lengths; radius; radius and length along z; radii), or ``"mesh"``.
+        `size` [m] (side lengths; radius; radius and length along z; radii), or ``"mesh"``.
     colour
         Red, green, blue and opacity, in [0, 1].
     vertices, triangles
-        Of a mesh: (V, 3), m, and (T, 3).
+        Of a mesh: (V, 3) [m], and (T, 3).
     """
 
     joint: int

@@ -15,7 +15,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.run import replacing
+from fpid_pin.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,6 +10,8 @@ import pytest
 import fpid_pin as fp
 from fpid_pin.cli.experiments import demo_config
 from fpid_pin.cli.main import main
+from fpid_pin.costs import QuadraticCost
+from fpid_pin.exceptions import SimulationError
 
 SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.2")
 
@@ -35,7 +37,7 @@ def test_compare_writes_runs_tables_figures_and_report(config, capsys):
     run = fp.Run.load(out / "integer-pid.npz")
     with open(out / "summary.csv", newline="") as file:
         rows = {row["controller"]: row for row in csv.DictReader(file)}
-    expected = fp.QuadraticCost().of(run.metrics)
+    expected = QuadraticCost().of(run.metrics)
     assert float(rows["integer PID"]["cost (33)"]) == expected
     assert (out / "config.toml").read_text() == SHORT
 
@@ -80,7 +82,7 @@ def test_a_failure_leaves_nothing_half_written(config, monkeypatch):
     from fpid_pin.cli import experiments
 
     def fail(*_, **__):
-        raise fp.SimulationError("broken on purpose")
+        raise SimulationError("broken on purpose")
 
     monkeypatch.setattr(experiments, "write", fail)
     assert main(["compare", str(config)]) == 2

@@ -10,12 +10,13 @@ import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.cli.config import load, parse
 from fpid_pin.cli.experiments import demo_config
+from fpid_pin.exceptions import ConfigError
 
 TEXT = demo_config().text
 
 
 def faults(text):
-    with pytest.raises(fp.ConfigError) as caught:
+    with pytest.raises(ConfigError) as caught:
         parse(text, "bad.toml", Path())
     lines = str(caught.value).splitlines()
     assert all(line.startswith("bad.toml: ") for line in lines)
@@ -130,12 +131,12 @@ def test_bad_surroundings(text, message):
 
 
 def test_missing_and_unreadable_files(tmp_path):
-    with pytest.raises(fp.ConfigError, match="no such file"):
+    with pytest.raises(ConfigError, match="no such file"):
         load(tmp_path / "none.toml")
-    with pytest.raises(fp.ConfigError, match="cannot be read"):
+    with pytest.raises(ConfigError, match="cannot be read"):
         load(tmp_path)
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(fp.ConfigError, match="not a text file"):
+    with pytest.raises(ConfigError, match="not a text file"):
         load(tmp_path / "binary.toml")
 
 
@@ -146,7 +147,7 @@ def test_a_urdf_s_path_starts_at_the_configuration_s_folder(tmp_path):
     config = parse(text, "c.toml", tmp_path)
     assert config.experiment.arm.n == 2
     (tmp_path / "arm.urdf").unlink()
-    with pytest.raises(fp.ConfigError, match="arm.urdf"):
+    with pytest.raises(ConfigError, match="arm.urdf"):
         parse(text, "c.toml", tmp_path)
 
 

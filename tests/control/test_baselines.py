@@ -11,6 +11,8 @@ from fpid_pin import descriptions
 from fpid_pin.control import Controller
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.baselines.regressor import FRICTION_SPEED, Regressor, parameter_spread
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.references import Hold, Sinusoid
 
 ALL = [
     Pid(kp=(80.0, 90.0), ki=50.0, kd=(20.0, 15.0)),
@@ -24,7 +26,7 @@ IDS = [law.name for law in ALL]
 
 
 def hold(arm, q0, position, **others):
-    return fp.Experiment(arm=arm, reference=fp.Hold(position), q0=q0, **others)
+    return fp.Experiment(arm=arm, reference=Hold(position), q0=q0, **others)
 
 
 @pytest.mark.parametrize("name", ["two_link", "ur5", "panda", "talos_arm", "kinova"])
@@ -64,7 +66,7 @@ def test_every_parameter_has_a_size():
 def test_computed_torque_on_the_exact_model_obeys_the_error_equation(k0, k1):
     arm = fp.Arm.two_link()
     experiment = fp.Experiment(
-        arm=arm, reference=fp.Sinusoid((0.8, 0.6)), q0=(0.3, -0.4), v0=(0.8, 0.6),
+        arm=arm, reference=Sinusoid((0.8, 0.6)), q0=(0.3, -0.4), v0=(0.8, 0.6),
         step=5e-4, duration=1.5, integrator="rk4",
     )  # fmt: skip
     run = fp.simulate(experiment, fp.ComputedTorque(k0=k0, k1=k1))
@@ -103,7 +105,7 @@ def test_sliding_mode_reaches_its_layer_and_stays_within_in_spite_of_a_payload()
     arm = fp.Arm.two_link()
     law = SlidingMode(slope=5.0, gain=(60.0, 30.0), boundary_layer=0.2)
     experiment = fp.Experiment(
-        arm=arm, reference=fp.Sinusoid(0.6), q0=(0.3, -0.3),
+        arm=arm, reference=Sinusoid(0.6), q0=(0.3, -0.3),
         plant=fp.Plant(arm=arm.with_payload(0.3)), duration=4.0,
     )  # fmt: skip
     run = fp.simulate(experiment, law)
@@ -133,7 +135,7 @@ def test_slotine_li_that_learns_nothing_is_sliding_mode_inside_its_layer():
 
 def test_slotine_li_learns_an_arm_that_it_knows_nothing_of():
     arm = fp.Arm.two_link()
-    experiment = fp.Experiment(arm=arm, reference=fp.Sinusoid(0.8, (1.0, 1.7)), duration=5.0)
+    experiment = fp.Experiment(arm=arm, reference=Sinusoid(0.8, (1.0, 1.7)), duration=5.0)
     law = SlotineLi(slope=5.0, damping=30.0, adaptation_rate=10.0, initial=0.0, friction=False)
     ignorant = dataclasses.replace(law, adaptation_rate=0.0)
     learnt, without = fp.simulate([experiment, experiment], [law, ignorant])
@@ -248,7 +250,7 @@ def test_descriptions_survive_a_table_and_a_pickle(law):
     ],
 )
 def test_bad_arguments_are_named(build, message):
-    with pytest.raises(fp.ArgumentError, match=message):
+    with pytest.raises(ArgumentError, match=message):
         build()
 
 
@@ -256,5 +258,5 @@ def test_bad_arguments_are_named(build, message):
     "law", [Pid(np.ones(3), 1.0, 1.0), SlotineLi(np.ones(3), 1.0), SlidingMode(1.0, np.ones(3))]
 )
 def test_a_law_for_another_arm_is_refused(law):
-    with pytest.raises(fp.ArgumentError, match=r"expected shape \(2,\) \(the arm has 2 joints\)"):
+    with pytest.raises(ArgumentError, match=r"expected shape \(2,\) \(the arm has 2 joints\)"):
         law.start(fp.Arm.two_link(), step=1e-3)

@@ -7,6 +7,7 @@ import pinocchio as pin
 import pytest
 
 import fpid_pin as fp
+from fpid_pin.exceptions import ArgumentError
 
 
 def plain_integer_loop(experiment, kp, ki, kd, gamma, k0, k1):
@@ -169,25 +170,25 @@ def test_orders_changed_on_the_way_are_those_of_a_law_that_had_them_from_the_sta
     ],
 )
 def test_bad_arguments_give_one_clear_line(changes, message):
-    with pytest.raises(fp.ArgumentError, match=message) as caught:
+    with pytest.raises(ArgumentError, match=message) as caught:
         dataclasses.replace(fp.paper_controller(), **changes)
     assert "\n" not in str(caught.value)
 
 
 def test_a_wrong_number_of_joints_names_both():
     controller = fp.AdaptiveFpid(kp=(1.0, 2.0, 3.0), ki=1.0, kd=1.0)
-    with pytest.raises(fp.ArgumentError, match=r"kp: expected shape \(2,\) .* got shape \(3,\)"):
+    with pytest.raises(ArgumentError, match=r"kp: expected shape \(2,\) .* got shape \(3,\)"):
         controller.start(fp.Arm.two_link(), step=1e-3)
-    with pytest.raises(fp.ArgumentError, match="step: expected a number > 0, got 0"):
+    with pytest.raises(ArgumentError, match="step: expected a number > 0, got 0"):
         fp.paper_controller().start(fp.Arm.two_link(), step=0.0)
 
 
 def test_a_loop_refuses_bad_measurements_and_is_not_moved_by_them():
     loops = [fp.paper_controller().start(fp.Arm.two_link(), step=1e-3) for _ in range(2)]
     good = np.array([[0.1, 0.2], [0.0, 0.1], [0.3, 0.3], [0.1, 0.0]])
-    with pytest.raises(fp.ArgumentError, match=r"v: expected shape \(2,\)"):
+    with pytest.raises(ArgumentError, match=r"v: expected shape \(2,\)"):
         loops[0].torque(good[0], [0.0], good[2], good[3])
-    with pytest.raises(fp.ArgumentError, match=r"q.1: .* got nan"):
+    with pytest.raises(ArgumentError, match=r"q.1: .* got nan"):
         loops[0].torque([0.0, np.nan], good[1], good[2], good[3])
     first, second = (loop.torque(*good) for loop in loops)
     assert (first == second).all()

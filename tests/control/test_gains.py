@@ -16,12 +16,14 @@ from fpid_pin.control.gains import (
     suggest_gains,
 )
 from fpid_pin.control.sampled import critical_derivative
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional import Crone, ExponentialSum
+from fpid_pin.references import Hold, Sinusoid
 
 
 def around_home(arm, **others):
     phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-    reference = fp.Sinusoid(amplitude=0.3, frequency=1.0, phase=phase, offset=arm.home)
+    reference = Sinusoid(amplitude=0.3, frequency=1.0, phase=phase, offset=arm.home)
     return fp.Experiment(arm=arm, reference=reference, **others)
 
 
@@ -51,7 +53,7 @@ def test_the_loop_breaks_where_the_sampled_bound_says(name, mu):
     parts = np.array([0.9, 0.97, 1.03, 1.1])
     start = np.full(arm.n, 1e-7)
     experiment = fp.Experiment(
-        arm=arm, reference=fp.Hold(arm.home), q0=arm.home, v0=start, duration=0.5
+        arm=arm, reference=Hold(arm.home), q0=arm.home, v0=start, duration=0.5
     )
     runs = fp.simulate(experiment, [dataclasses.replace(law, kd=limit * x) for x in parts])
     # A loop that has broken throws the arm about until it finds a pose that it can bear.
@@ -131,7 +133,7 @@ def test_a_configuration_can_ask_for_suggested_gains():
     law = descriptions.from_dict({"kind": "suggested_fpid", "bandwidth": 12.0}, Controller)
     assert isinstance(law, SuggestedFpid)
     arm = fp.Arm.two_link()
-    experiment = fp.Experiment(arm=arm, reference=fp.Sinusoid(0.3), duration=0.1)
+    experiment = fp.Experiment(arm=arm, reference=Sinusoid(0.3), duration=0.1)
     one, other = fp.simulate(experiment, law), fp.simulate(experiment, law.on(arm))
     assert (one.torque == other.torque).all()
 
@@ -146,5 +148,5 @@ def test_a_configuration_can_ask_for_suggested_gains():
     ],
 )
 def test_bad_arguments_to_gains_are_named(build, message):
-    with pytest.raises(fp.ArgumentError, match=message):
+    with pytest.raises(ArgumentError, match=message):
         build()

@@ -8,6 +8,7 @@ import pytest
 import fpid_pin as fp
 from fpid_pin.control import Safeguards
 from fpid_pin.kernels import law as kernels
+from fpid_pin.exceptions import ArgumentError
 
 STEP = 1e-3
 START = np.array([10.0, 20.0, 5.0])
@@ -113,11 +114,11 @@ def test_guarded_runs_have_the_same_bits_beside_unguarded_ones():
     ],
 )
 def test_bad_safeguards_are_named(arguments, message):
-    with pytest.raises(fp.ArgumentError, match=message):
+    with pytest.raises(ArgumentError, match=message):
         Safeguards(**arguments)
 
 
 def test_bounds_for_another_number_of_joints_are_refused():
     law = fp.AdaptiveFpid(kp=1.0, ki=1.0, kd=1.0, safeguards=Safeguards(maximum=np.ones(4)))
-    with pytest.raises(fp.ArgumentError, match=r"safeguards.maximum: expected shape \(2,\) or"):
+    with pytest.raises(ArgumentError, match=r"safeguards.maximum: expected shape \(2,\) or"):
         law.start(fp.Arm.two_link(), step=STEP)

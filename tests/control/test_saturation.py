@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin.references import Hold
 
 
 def saturated(law, ticks):
@@ -52,7 +53,7 @@ def test_held_integrals_overshoot_less_than_wound_up_ones():
     law = fp.AdaptiveFpid(
         kp=30.0, ki=30.0, kd=10.0, integral_order=0.9, derivative_order=0.95, learning_rate=1.0
     )
-    experiment = fp.Experiment(arm=arm, reference=fp.Hold(1.0), q0=0.0, duration=5.0, step=2e-3)
+    experiment = fp.Experiment(arm=arm, reference=Hold(1.0), q0=0.0, duration=5.0, step=2e-3)
     held = fp.simulate(experiment, law)
     # A law that does not know of the drive's limit winds up.
     ignorant = dataclasses.replace(

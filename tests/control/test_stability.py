@@ -13,9 +13,11 @@ from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode,
 from fpid_pin.control.gains import suggest_gains
 from fpid_pin.control.sampled import crossings, frequencies, gravity_stiffness, operators
 from fpid_pin.control.stability import stability_report
+from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.fractional import ExponentialSum
 from fpid_pin.fractional.definitions import GrunwaldLetnikov
 from fpid_pin.fractional.interop import python_control
+from fpid_pin.references import Hold
 
 ONE = fp.Arm.planar([1.0], [1.0], gravity=0.0)  # a unit inertia
 LAW = fp.AdaptiveFpid(kp=60.0, ki=80.0, kd=18.0, integral_order=0.8, derivative_order=0.9)
@@ -69,7 +71,7 @@ def test_the_gain_margin_of_a_rate_loop_is_two_over_the_step():
 
 def shaken(arm, law, **others):
     experiment = fp.Experiment(
-        arm=arm, reference=fp.Hold(arm.home), q0=arm.home, v0=np.full(arm.n, 1e-6),
+        arm=arm, reference=Hold(arm.home), q0=arm.home, v0=np.full(arm.n, 1e-6),
         duration=3.0, **others,
     )  # fmt: skip
     run = fp.simulate(experiment, law)
@@ -166,9 +168,9 @@ def test_adapted_gains_can_be_asked_about():
 
 def test_what_cannot_be_linearised_is_refused():
     law = dataclasses.replace(LAW, design=GrunwaldLetnikov())
-    with pytest.raises(fp.DesignError, match="expected a design with modes, got GrunwaldLetnikov"):
+    with pytest.raises(DesignError, match="expected a design with modes, got GrunwaldLetnikov"):
         stability_report(ONE, law)
-    with pytest.raises(fp.ArgumentError, match="did you mean zero_order_hold"):
+    with pytest.raises(ArgumentError, match="did you mean zero_order_hold"):
         stability_report(ONE, LAW, method="zero_order_hol")
-    with pytest.raises(fp.ArgumentError, match=r"gains\.0: expected shape \(1,\)"):
+    with pytest.raises(ArgumentError, match=r"gains\.0: expected shape \(1,\)"):
         stability_report(ONE, LAW, gains=(np.ones(2), 1.0, 1.0))

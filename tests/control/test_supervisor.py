@@ -8,6 +8,8 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.control import lyapunov_matrix
+from fpid_pin.disturbances import Cosine
+from fpid_pin.exceptions import ArgumentError
 
 
 def supervisor(**changes):
@@ -62,7 +64,7 @@ PUSH = (30.0, 12.0)
 def pushed(supervised, layer=0.0, gravity_bound=(27.44, 7.84)):
     experiment = dataclasses.replace(
         fp.paper_experiment(duration=3.0, step=2.5e-4),
-        plant=fp.Plant(disturbance=fp.Cosine(amplitude=PUSH, frequency=1.0)),
+        plant=fp.Plant(disturbance=Cosine(amplitude=PUSH, frequency=1.0)),
     )
     guard = supervisor(
         m_x=3.0, disturbance_bound=PUSH, gravity_bound=gravity_bound, boundary_layer=layer
@@ -140,7 +142,7 @@ def test_a_boundary_layer_tames_the_chatter():
     ],
 )
 def test_bad_arguments_give_one_clear_line(changes, message):
-    with pytest.raises(fp.ArgumentError, match=message):
+    with pytest.raises(ArgumentError, match=message):
         supervisor(**changes)
 
 
@@ -148,5 +150,5 @@ def test_a_bound_of_the_wrong_length_names_the_arm():
     controller = dataclasses.replace(
         fp.paper_controller(), supervisor=supervisor(gravity_bound=(1.0, 2.0, 3.0))
     )
-    with pytest.raises(fp.ArgumentError, match=r"gravity_bound: expected shape \(2,\)"):
+    with pytest.raises(ArgumentError, match=r"gravity_bound: expected shape \(2,\)"):
         controller.start(fp.Arm.two_link(), step=1e-3)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin.exceptions import ArgumentError
 
 EXPERIMENT = fp.paper_experiment(duration=2.0)
 GOOD = fp.paper_controller()
@@ -57,7 +58,7 @@ class BrokenReference:
 
 
 def test_a_reference_that_is_not_finite_is_refused_before_anything_runs():
-    with pytest.raises(fp.ArgumentError, match=r"reference q: .* NaN or inf at t = 0 s"):
+    with pytest.raises(ArgumentError, match=r"reference q: .* NaN or inf at t = 0 s"):
         fp.Experiment(fp.Arm.two_link(), BrokenReference())
 
 
@@ -92,5 +93,5 @@ def test_a_retired_run_is_exact_zeros_from_then_on():
 
 
 def test_a_start_beyond_the_runaway_speed_is_refused():
-    with pytest.raises(fp.ArgumentError, match="v0: expected at most runaway_speed"):
+    with pytest.raises(ArgumentError, match="v0: expected at most runaway_speed"):
         dataclasses.replace(EXPERIMENT, v0=(2000.0, 0.0))

@@ -7,6 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fpid_pin as fp
+from fpid_pin.disturbances import Cosine
+from fpid_pin.exceptions import SimulationError
+from fpid_pin.references import Hold
 
 
 class Free(fp.Controller):
@@ -18,7 +21,7 @@ class Free(fp.Controller):
 
 def swing(integrator, step, plant=None, duration=1.0, arm=None):
     experiment = fp.Experiment(
-        arm or fp.Arm.two_link(), fp.Hold(), q0=(0.3, -0.4), v0=(0.5, 1.0), plant=plant,
+        arm or fp.Arm.two_link(), Hold(), q0=(0.3, -0.4), v0=(0.5, 1.0), plant=plant,
         step=step, duration=duration, integrator=integrator,
     )  # fmt: skip
     return fp.simulate(experiment, Free())
@@ -40,7 +43,7 @@ def exact(t, viscous=(0.0, 0.0), disturbance=None):
 @pytest.mark.parametrize(("integrator", "order"), [("semi_implicit_euler", 1), ("rk4", 4)])
 def test_the_error_falls_with_the_step_at_the_rule_s_order(integrator, order):
     viscous = np.array([0.3, 0.1])
-    plant = fp.Plant(viscous_friction=viscous, disturbance=fp.Cosine((0.4, 0.6)))
+    plant = fp.Plant(viscous_friction=viscous, disturbance=Cosine((0.4, 0.6)))
     truth = exact(1.0, viscous, plant.disturbance)
     steps = (4e-3, 2e-3) if order == 1 else (2.5e-3, 1.25e-3)
     errors = [np.abs(swing(integrator, h, plant).q[-1] - truth).max() for h in steps]
@@ -63,16 +66,16 @@ def test_rk4_conserves_energy_without_torque_and_friction():
 def test_implicit_viscous_friction_is_stable_where_the_explicit_rule_is_not():
     """One joint of inertia 1e-3 and F_v = 10: the explicit factor would be 1 - 10."""
     arm = fp.Arm.planar([0.1], [0.1], gravity=0.0).with_friction(viscous=10.0)
-    run = fp.simulate(fp.Experiment(arm, fp.Hold(), v0=1.0, duration=0.02), Free())
+    run = fp.simulate(fp.Experiment(arm, Hold(), v0=1.0, duration=0.02), Free())
     inertia = arm.mass_matrix(np.zeros(1))[0, 0]
     decay = inertia / (inertia + 1e-3 * 10.0)
     assert np.allclose(run.v[:, 0], decay ** np.arange(len(run.t)), rtol=1e-12)
 
 
 def test_rk4_refuses_what_it_cannot_follow_and_says_why():
-    with pytest.raises(fp.SimulationError, match=r"rk4: dry friction on joint \w+ jumps"):
+    with pytest.raises(SimulationError, match=r"rk4: dry friction on joint \w+ jumps"):
         swing("rk4", 1e-3, fp.Plant(dry_friction=(0.0, 0.1)))
-    with pytest.raises(fp.SimulationError, match=r"too stiff for a step of 0.001 s .at most"):
+    with pytest.raises(SimulationError, match=r"too stiff for a step of 0.001 s .at most"):
         swing("rk4", 1e-3, fp.Plant(viscous_friction=1e3))
 
 

@@ -5,11 +5,12 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.control.baselines import GravityOnly
+from fpid_pin.references import Hold
 from fpid_pin.simulation.limits import limit_report, overloaded_joints
 
 
 def falling(arm, **others):
-    experiment = fp.Experiment(arm=arm, reference=fp.Hold(arm.home), duration=0.4, **others)
+    experiment = fp.Experiment(arm=arm, reference=Hold(arm.home), duration=0.4, **others)
     return fp.simulate(experiment, GravityOnly())
 
 
@@ -53,18 +54,18 @@ def test_torque_at_its_limit_is_listed_with_its_share():
 
 def test_a_drive_too_weak_for_the_start_pose_is_named():
     arm = fp.Arm.two_link().with_limits(effort=(20.0, 10.0))
-    experiment = fp.Experiment(arm=arm, reference=fp.Hold(0.0))
+    experiment = fp.Experiment(arm=arm, reference=Hold(0.0))
     (line,) = overloaded_joints(experiment)
     assert "joint1" in line
     assert "27.4 N m" in line
     assert "limit of 20 N m" in line
-    upright = fp.Experiment(arm=arm, reference=fp.Hold((np.pi / 2.0, 0.0)))
+    upright = fp.Experiment(arm=arm, reference=Hold((np.pi / 2.0, 0.0)))
     assert overloaded_joints(upright) == []
 
 
 def test_the_true_arm_is_the_one_that_is_weighed():
     arm = fp.Arm.two_link().with_limits(effort=(30.0, 10.0))
     loaded = fp.Plant(arm=arm.with_payload(0.5))
-    assert overloaded_joints(fp.Experiment(arm=arm, reference=fp.Hold(0.0))) == []
-    lines = overloaded_joints(fp.Experiment(arm=arm, reference=fp.Hold(0.0), plant=loaded))
+    assert overloaded_joints(fp.Experiment(arm=arm, reference=Hold(0.0))) == []
+    lines = overloaded_joints(fp.Experiment(arm=arm, reference=Hold(0.0), plant=loaded))
     assert [line.split(":")[1] for line in lines] == [" joint joint1", " joint joint2"]

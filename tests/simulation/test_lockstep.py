@@ -8,6 +8,11 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.simulation import lockstep
+from fpid_pin.costs import MetricCost, QuadraticCost
+from fpid_pin.disturbances import Cosine, Pulse
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.references import Sinusoid
+
 
 
 def population(count, duration=0.25):
@@ -19,7 +24,7 @@ def population(count, duration=0.25):
     for run in range(count):
         plant = fp.Plant(
             arm=[None, *heavy][run % 3],
-            disturbance=[None, fp.Cosine((0.4, 0.6)), fp.Pulse((1.0, -1.0), 0.05, 0.1)][run % 3],
+            disturbance=[None, Cosine((0.4, 0.6)), Pulse((1.0, -1.0), 0.05, 0.1)][run % 3],
             viscous_friction=[None, (0.2, 0.1)][run % 2],
             dry_friction=[None, None, None, (0.5, 0.2)][run % 4],
             effort_limit=[None, (20.0, 8.0)][run % 2],
@@ -57,7 +62,7 @@ def test_a_population_gives_the_same_bits_in_any_chunks(chunk, monkeypatch):
 
 def test_costs_are_the_same_bits_in_any_chunks_and_are_those_of_the_record(monkeypatch):
     experiments, controllers = population(12)
-    costs = [fp.QuadraticCost(), fp.MetricCost("total_variation")]
+    costs = [QuadraticCost(), MetricCost("total_variation")]
     whole = fp.evaluate(experiments, controllers, costs)
     recorded = [
         [cost.of(run.metrics) for cost in costs] for run in fp.simulate(experiments, controllers)
@@ -70,7 +75,7 @@ def test_costs_are_the_same_bits_in_any_chunks_and_are_those_of_the_record(monke
 
 def test_a_one_joint_arm_alone_has_the_bits_of_one_in_company():
     arm = fp.Arm.planar([1.0], [1.0])
-    experiment = fp.Experiment(arm, fp.Sinusoid(0.5), duration=0.3)
+    experiment = fp.Experiment(arm, Sinusoid(0.5), duration=0.3)
     controllers = [
         fp.AdaptiveFpid(kp=kp, ki=5.0, kd=4.0, integral_order=0.7, derivative_order=0.8)
         for kp in (5.0, 10.0, 20.0)
@@ -122,16 +127,17 @@ def test_designs_are_told_apart_by_what_they_are():
 
 def test_numbers_that_do_not_match_are_refused():
     experiment, controller = fp.paper_experiment(duration=0.1), fp.paper_controller()
-    with pytest.raises(fp.ArgumentError, match="equal numbers, or one of either, got 2 and 3"):
+    with pytest.raises(ArgumentError, match="equal numbers, or one of either, got 2 and 3"):
         fp.simulate([experiment] * 2, [controller] * 3)
-    with pytest.raises(fp.ArgumentError, match="experiment: expected an Experiment, got str"):
+    with pytest.raises(ArgumentError, match="experiment: expected an Experiment, got str"):
         fp.simulate(["x"], controller)
 
 
 def test_progress_ends_at_one_and_never_goes_back():
-    parts = []
+    told = []
     experiments, controllers = population(6, duration=0.3)
-    fp.simulate(experiments, controllers, progress=parts.append)
+    fp.simulate(experiments, controllers, progress=told.append)
+    parts = [progress.part for progress in told]
     assert parts == sorted(parts)
     assert parts[-1] == pytest.approx(1.0)
 

@@ -5,6 +5,8 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.simulation.lockstep import lockstep
+from fpid_pin.costs import MetricCost, QuadraticCost
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.metrics import MetricsRecorder
 
 
@@ -53,10 +55,10 @@ def test_only_what_a_cost_needs_is_computed():
 
 def test_costs_weigh_joints_as_told(run):
     m = run.metrics
-    cost = fp.QuadraticCost(w1=2.0, w2=1e-3, joint_weights=(1.0, 3.0))
+    cost = QuadraticCost(w1=2.0, w2=1e-3, joint_weights=(1.0, 3.0))
     assert cost.of(m) == pytest.approx(((2 * m.ise + 1e-3 * m.energy) * [1.0, 3.0]).sum())
-    assert fp.MetricCost("iae").of(m) == pytest.approx(m.iae.sum())
-    with pytest.raises(fp.ArgumentError, match=r"cost.metric: .* \(did you mean itae\?\)"):
-        fp.MetricCost("itea")
-    with pytest.raises(fp.ArgumentError, match="cost.w1: expected a number >= 0, got -1"):
-        fp.QuadraticCost(w1=-1.0)
+    assert MetricCost("iae").of(m) == pytest.approx(m.iae.sum())
+    with pytest.raises(ArgumentError, match=r"cost.metric: .* \(did you mean itae\?\)"):
+        MetricCost("itea")
+    with pytest.raises(ArgumentError, match="cost.w1: expected a number >= 0, got -1"):
+        QuadraticCost(w1=-1.0)

@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin.disturbances import Pulse
+from fpid_pin.exceptions import FileFormatError
+from fpid_pin.references import Hold
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +69,7 @@ def altered(run, path, **changes):
 def test_an_altered_file_is_refused_in_one_line(run, tmp_path, changes, message):
     path = tmp_path / "bad.npz"
     altered(run, path, **changes)
-    with pytest.raises(fp.FileFormatError, match=message) as caught:
+    with pytest.raises(FileFormatError, match=message) as caught:
         fp.Run.load(path)
     assert "\n" not in str(caught.value)
 
@@ -75,7 +78,7 @@ def test_an_altered_file_is_refused_in_one_line(run, tmp_path, changes, message)
 def test_what_is_not_a_run_is_refused(tmp_path, content):
     path = tmp_path / "junk.npz"
     path.write_bytes(content)
-    with pytest.raises(fp.FileFormatError, match="junk.npz"):
+    with pytest.raises(FileFormatError, match="junk.npz"):
         fp.Run.load(path)
 
 
@@ -84,7 +87,7 @@ def test_a_file_cut_short_is_refused(run, tmp_path):
     whole = path.read_bytes()
     for part in (0.3, 0.9, 0.999):
         path.write_bytes(whole[: int(part * len(whole))])
-        with pytest.raises(fp.FileFormatError):
+        with pytest.raises(FileFormatError):
             fp.Run.load(path)
 
 
@@ -96,16 +99,16 @@ def test_a_pickle_inside_is_never_opened(tmp_path):
             return os.mkdir, (str(tmp_path / "owned"),)
 
     np.savez(path, meta=np.array([Evil()], dtype=object))
-    with pytest.raises(fp.FileFormatError):
+    with pytest.raises(FileFormatError):
         fp.Run.load(path)
     assert not (tmp_path / "owned").exists()
 
 
 def test_a_missing_file_and_a_folder_that_cannot_be_written(run, tmp_path):
-    with pytest.raises(fp.FileFormatError, match="no such file"):
+    with pytest.raises(FileFormatError, match="no such file"):
         fp.Run.load(tmp_path / "none.npz")
     (tmp_path / "file").write_text("x")
-    with pytest.raises(fp.FileFormatError, match="cannot be written"):
+    with pytest.raises(FileFormatError, match="cannot be written"):
         run.save(tmp_path / "file" / "run.npz")
 
 
@@ -125,8 +128,8 @@ def test_a_save_that_fails_leaves_the_old_file(run, tmp_path, monkeypatch):
 
 def test_limits_of_infinity_survive_the_file(tmp_path):
     arm = fp.Arm.two_link()
-    plant = fp.Plant(effort_limit=np.inf, disturbance=fp.Pulse(1.0))
-    experiment = fp.Experiment(arm, fp.Hold(0.1), plant=plant, duration=0.01)
+    plant = fp.Plant(effort_limit=np.inf, disturbance=Pulse(1.0))
+    experiment = fp.Experiment(arm, Hold(0.1), plant=plant, duration=0.01)
     run = fp.simulate(experiment, fp.ComputedTorque())
     back = fp.Run.load(run.save(tmp_path / "run.npz"))
     assert back.experiment.plant.disturbance.end == np.inf

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.sensors import SensorState
 
 STEP = 1e-3
@@ -116,5 +117,5 @@ def test_a_retired_run_stays_zero():
     ],
 )
 def test_bad_sensors_are_named(arguments, message):
-    with pytest.raises(fp.ArgumentError, match=message):
+    with pytest.raises(ArgumentError, match=message):
         fp.Sensors(**arguments)

@@ -11,26 +11,33 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.exceptions import TuningError
-from fpid_pin.tuning import Space, pareto, tune
+from fpid_pin.costs import Cost, MetricCost, QuadraticCost
+from fpid_pin.exceptions import FileFormatError, TuningError
+from fpid_pin.tuning import SearchSettings, Space, pareto, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
-SMALL = {"population": 6, "seeds": (0, 7)}
-TWO = (fp.MetricCost("ise"), fp.MetricCost("energy"))
+TWO = (MetricCost("ise"), MetricCost("energy"))
+
+
+def small(**changes):
+    return SearchSettings(**({"population": 6, "seeds": (0, 7)} | changes))
+
 
 SCRIPT = """
 import sys
 import fpid_pin as fp
-from fpid_pin.tuning import Space, tune
+from fpid_pin.tuning import SearchSettings, Space, tune
 
-def said(report):
-    print(report.generation, flush=True)
+def said(progress):
+    print(progress.generation, flush=True)
 
 tune(fp.paper_experiment(duration=0.3, step=5e-3), fp.paper_controller(supervised=False),
-     Space(integral_order=(0, 1), derivative_order=(0, 1)), population=6, seeds=(0, 7),
-     generations=30, checkpoint=sys.argv[1], resume=True, progress=said)
+     Space(integral_order=(0, 1), derivative_order=(0, 1)),
+     settings=SearchSettings(population=6, seeds=(0, 7), generations=30, checkpoint=sys.argv[1],
+                             resume=True),
+     progress=said)
 print("done", flush=True)
 """
 
@@ -69,44 +76,47 @@ def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
     leftovers = [f for f in tmp_path.iterdir() if f != path and not f.name.endswith(".part")]
     assert leftovers == []
     resumed = tune(
-        EXPERIMENT, CONTROLLER, ORDERS, generations=30, checkpoint=path, resume=True, **SMALL
+        EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30, checkpoint=path, resume=True)
     )
-    never = tune(EXPERIMENT, CONTROLLER, ORDERS, generations=30, **SMALL)
+    never = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30))
     assert bits(resumed) == bits(never)
 
 
 @pytest.mark.parametrize("done", [1, 3])
 def test_a_search_can_be_made_longer(tmp_path, done):
     path = tmp_path / "search.npz"
-    tune(EXPERIMENT, CONTROLLER, ORDERS, generations=done, checkpoint=path, **SMALL)
+    tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=done, checkpoint=path))
     longer = tune(
-        EXPERIMENT, CONTROLLER, ORDERS, generations=5, checkpoint=path, resume=True, **SMALL
+        EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=5, checkpoint=path, resume=True)
     )
-    assert bits(longer) == bits(tune(EXPERIMENT, CONTROLLER, ORDERS, generations=5, **SMALL))
+    assert bits(longer) == bits(tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=5)))
     with pytest.raises(TuningError, match="generations is 4 here, and 5 are done"):
-        tune(EXPERIMENT, CONTROLLER, ORDERS, generations=4, checkpoint=path, resume=True, **SMALL)
+        resume(path, generations=4)
 
 
 def test_a_front_resumes_to_the_same_bits(tmp_path):
     path = tmp_path / "front.npz"
-    pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=2, checkpoint=path, **SMALL)
+    pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, small(generations=2, checkpoint=path))
     resumed = pareto(
-        EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=5, checkpoint=path, resume=True, **SMALL
+        EXPERIMENT, CONTROLLER, ORDERS, TWO, small(generations=5, checkpoint=path, resume=True)
     )
-    never = pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, generations=5, **SMALL)
+    never = pareto(EXPERIMENT, CONTROLLER, ORDERS, TWO, small(generations=5))
     assert bits(resumed) == bits(never)
 
 
 @pytest.fixture
 def checkpoint(tmp_path):
     path = tmp_path / "search.npz"
-    tune(EXPERIMENT, CONTROLLER, ORDERS, generations=2, checkpoint=path, **SMALL)
+    tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=2, checkpoint=path))
     return path
 
 
 def resume(path, **changes):
-    given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS} | SMALL
-    return tune(**(given | changes), generations=3, checkpoint=path, resume=True)
+    given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS}
+    asked = {"generations": 3, "checkpoint": path, "resume": True}
+    for name, value in changes.items():
+        (asked if hasattr(SearchSettings, name) else given)[name] = value
+    return tune(**given, settings=small(**asked))
 
 
 @pytest.mark.parametrize(
@@ -115,7 +125,7 @@ def resume(path, **changes):
         ({"population": 8}, "population is 6 there and 8 here"),
         ({"seeds": (0, 8)}, "seeds.1 is 7 there and 8 here"),
         ({"mutation": 0.1}, "mutation is 0.03 there and 0.1 here"),
-        ({"cost": fp.QuadraticCost(1, 0)}, "cost.0.w2 is 0.0001 there and 0.0 here"),
+        ({"cost": QuadraticCost(1, 0)}, "cost.0.w2 is 0.0001 there and 0.0 here"),
         ({"space": Space(integral_order=(0, 1), derivative_order=(0.5, 1))},
          "space.derivative_order.low is 0.0 there and 0.5 here"),
         ({"controller": dataclasses.replace(CONTROLLER, kp=(10, 13))},
@@ -139,7 +149,7 @@ def test_a_checkpoint_of_another_search_is_refused_with_the_difference(checkpoin
 def test_an_earlier_checkpoint_is_never_overwritten_unasked(checkpoint):
     before = checkpoint.read_bytes()
     with pytest.raises(TuningError, match="resume it, or remove it"):
-        tune(EXPERIMENT, CONTROLLER, ORDERS, generations=2, checkpoint=checkpoint, **SMALL)
+        tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=2, checkpoint=checkpoint))
     assert checkpoint.read_bytes() == before
 
 
@@ -147,7 +157,7 @@ def test_a_checkpoint_cut_anywhere_is_refused(checkpoint):
     whole = checkpoint.read_bytes()
     for length in np.linspace(0, len(whole) - 1, 12).astype(int):
         checkpoint.write_bytes(whole[:length])
-        with pytest.raises(fp.FileFormatError, match="cut short"):
+        with pytest.raises(FileFormatError, match="cut short"):
             resume(checkpoint)
 
 
@@ -162,29 +172,29 @@ def test_an_altered_checkpoint_is_refused(checkpoint):
         costs, meta = file["seed0_costs"], json.loads(str(file["meta"]))
     whole = checkpoint.read_bytes()
     rewritten(checkpoint, seed0_costs=costs * 0.5)
-    with pytest.raises(fp.FileFormatError, match="one that was changed"):
+    with pytest.raises(FileFormatError, match="one that was changed"):
         resume(checkpoint)
     checkpoint.write_bytes(whole)
     rewritten(checkpoint, meta=np.array(json.dumps(meta | {"done": 1})))
-    with pytest.raises(fp.FileFormatError, match="one that was changed"):
+    with pytest.raises(FileFormatError, match="one that was changed"):
         resume(checkpoint)
     rewritten(checkpoint, meta=np.array(json.dumps(meta | {"format": 2})))
-    with pytest.raises(fp.FileFormatError, match="expected checkpoint format 1, got 2"):
+    with pytest.raises(FileFormatError, match="expected checkpoint format 1, got 2"):
         resume(checkpoint)
     flipped = bytearray(whole)
     flipped[len(whole) // 2] ^= 0x10
     checkpoint.write_bytes(flipped)
-    with pytest.raises(fp.FileFormatError):
+    with pytest.raises(FileFormatError):
         resume(checkpoint)
 
 
 def test_other_files_are_refused(tmp_path):
     path = tmp_path / "search.npz"
     path.write_text("not a checkpoint")
-    with pytest.raises(fp.FileFormatError, match="expected a checkpoint"):
+    with pytest.raises(FileFormatError, match="expected a checkpoint"):
         resume(path)
     fp.simulate(EXPERIMENT, CONTROLLER).save(path)
-    with pytest.raises(fp.FileFormatError, match="expected a checkpoint"):
+    with pytest.raises(FileFormatError, match="expected a checkpoint"):
         resume(path)
 
 
@@ -194,7 +204,7 @@ def test_a_checkpoint_holds_no_pickle(checkpoint):
 
 
 def test_other_versions_are_told(checkpoint, monkeypatch):
-    monkeypatch.setattr(fp, "__version__", "9.9")
+    monkeypatch.setattr("fpid_pin.tuning.checkpoint.__version__", "9.9")
     with pytest.warns(fp.FpidWarning, match=r"fpid_pin is '.*' there and '9\.9' here"):
         resume(checkpoint)
 
@@ -202,31 +212,28 @@ def test_other_versions_are_told(checkpoint, monkeypatch):
 def test_a_folder_that_cannot_be_written_is_told_before_the_search(tmp_path):
     blocked = tmp_path / "file"
     blocked.write_text("")
-    reports = []
-    with pytest.raises(fp.FileFormatError, match="cannot be written"):
-        tune(
-            EXPERIMENT, CONTROLLER, ORDERS, checkpoint=blocked / "search.npz",
-            progress=reports.append, **SMALL,
-        )  # fmt: skip
-    assert reports == []
+    told, settings = [], small(checkpoint=blocked / "search.npz")
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings, progress=told.append)
+    assert told == []
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
 def test_a_folder_without_permission_is_told_before_the_search(tmp_path):
     tmp_path.chmod(0o500)
-    with pytest.raises(fp.FileFormatError, match="cannot be written"):
-        tune(EXPERIMENT, CONTROLLER, ORDERS, checkpoint=tmp_path / "search.npz", **SMALL)
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(checkpoint=tmp_path / "search.npz"))
 
 
 def test_a_cost_of_ones_own_resumes_in_another_process(tmp_path):
-    class Own(fp.Cost):
+    class Own(Cost):
         needs = ("iae",)
 
         def of(self, metrics):
             return float(metrics.iae.sum())
 
     path = tmp_path / "search.npz"
-    tune(EXPERIMENT, CONTROLLER, ORDERS, Own(), generations=1, checkpoint=path, **SMALL)
+    tune(EXPERIMENT, CONTROLLER, ORDERS, Own(), small(generations=1, checkpoint=path))
     # Another object, at another address, as it would be in another process.
     keep = Own()
     assert resume(path, cost=Own()).history.best.shape == (3, 2)

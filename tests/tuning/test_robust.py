@@ -5,7 +5,9 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.tuning import RobustCost, Space, scenarios, tune
+from fpid_pin.costs import Cost, MetricCost, QuadraticCost
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.tuning import RobustCost, SearchSettings, Space, scenarios, tune
 from fpid_pin.tuning.robust import over_scenarios
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
@@ -30,7 +32,7 @@ def test_every_plant_with_every_payload():
 def test_a_payload_is_added_to_the_experiments_own_plant():
     (varied,) = scenarios(EXPERIMENT, payloads=(0.5,))
     assert varied.plant.disturbance is EXPERIMENT.plant.disturbance
-    with pytest.raises(fp.ArgumentError, match="payload: expected a number >= 0, got -1"):
+    with pytest.raises(ArgumentError, match="payload: expected a number >= 0, got -1"):
         scenarios(EXPERIMENT, payloads=(-1,))
 
 
@@ -38,29 +40,29 @@ def test_a_payload_is_added_to_the_experiments_own_plant():
 def test_the_robust_cost_of_the_best_is_that_of_its_runs(reduce, by_hand):
     varied = scenarios(EXPERIMENT, payloads=(0.0, 0.4, 0.8))
     space = Space(integral_order=(0, 1), derivative_order=(0, 1))
-    cost = RobustCost(fp.QuadraticCost(1, 0), reduce)
-    result = tune(varied, CONTROLLER, space, cost, population=6, generations=3)
+    cost = RobustCost(QuadraticCost(1, 0), reduce)
+    result = tune(varied, CONTROLLER, space, cost, SearchSettings(population=6, generations=3))
     each = [fp.evaluate(e, [result.controller], cost)[0] for e in varied]
     assert result.cost == pytest.approx(by_hand(each), rel=1e-15)
-    plain = fp.evaluate(varied[0], [result.controller], fp.QuadraticCost(1, 0))[0]
+    plain = fp.evaluate(varied[0], [result.controller], QuadraticCost(1, 0))[0]
     assert each[0] == plain
 
 
 def test_one_divergence_is_enough():
     table = np.array([[1.0, 2.0], [3.0, np.inf], [np.nan, 1.0]])
     assert np.array_equal(over_scenarios(RobustCost(), table[:2]), [3.0, np.inf])
-    assert np.array_equal(over_scenarios(fp.QuadraticCost(), table[:2]), [2.0, np.inf])
+    assert np.array_equal(over_scenarios(QuadraticCost(), table[:2]), [2.0, np.inf])
     assert np.array_equal(over_scenarios(RobustCost(), table), [np.inf, np.inf])
 
 
 def test_it_has_a_table():
-    cost = RobustCost(fp.MetricCost("itae", joint_weights=(1, 2)), "mean")
-    again = descriptions.from_dict(descriptions.to_dict(cost), fp.Cost)
+    cost = RobustCost(MetricCost("itae", joint_weights=(1, 2)), "mean")
+    again = descriptions.from_dict(descriptions.to_dict(cost), Cost)
     assert descriptions.to_dict(again) == descriptions.to_dict(cost)
 
 
 def test_other_costs_weigh_the_joints():
-    (iae,) = fp.evaluate(EXPERIMENT, [CONTROLLER], fp.MetricCost("iae", joint_weights=(2, 0)))
+    (iae,) = fp.evaluate(EXPERIMENT, [CONTROLLER], MetricCost("iae", joint_weights=(2, 0)))
     run = fp.simulate(EXPERIMENT, CONTROLLER)
     assert iae == 2 * run.metrics.iae[0]
 
@@ -74,7 +76,7 @@ def test_other_costs_weigh_the_joints():
     ],
 )
 def test_bad_input(arguments, said):
-    with pytest.raises(fp.ArgumentError) as error:
+    with pytest.raises(ArgumentError) as error:
         RobustCost(**arguments)
     assert said in str(error.value)
 

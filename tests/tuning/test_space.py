@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fpid_pin as fp
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning import Gene, Space
 
 CONTROLLER = fp.paper_controller(supervised=False)
@@ -94,7 +95,7 @@ def test_a_table_says_the_same_as_arguments():
     ],
 )
 def test_bounds_at_fault_are_named(genes, said):
-    with pytest.raises(fp.ArgumentError) as error:
+    with pytest.raises(ArgumentError) as error:
         Space(**genes)
     assert said in str(error.value)
 
@@ -111,16 +112,16 @@ def test_bounds_at_fault_are_named(genes, said):
     ],
 )  # fmt: skip
 def test_parameters_that_the_controller_refuses_are_named(genes, said):
-    with pytest.raises(fp.ArgumentError) as error:
+    with pytest.raises(ArgumentError) as error:
         Space(**genes).bind(CONTROLLER, 2)
     assert said in str(error.value)
 
 
 def test_a_start_outside_the_space_is_refused():
     bound = Space(kp=(1, 11)).bind(CONTROLLER, 2)
-    with pytest.raises(fp.ArgumentError, match="initial.kp: expected within"):
+    with pytest.raises(ArgumentError, match="initial.kp: expected within"):
         bound.point(CONTROLLER, 2)
     shared = Space(kp=(1, 100, "shared")).bind(CONTROLLER, 2)
-    with pytest.raises(fp.ArgumentError, match="initial.kp: expected one value for all joints"):
+    with pytest.raises(ArgumentError, match="initial.kp: expected one value for all joints"):
         shared.point(CONTROLLER, 2)
     assert shared.point(dataclasses.replace(CONTROLLER, kp=50.5), 2) == pytest.approx([0.5])

@@ -4,14 +4,19 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.exceptions import TuningError
-from fpid_pin.tuning import Space, WorkerPool, cost_map, cross_check, pareto, tune
+from fpid_pin.costs import Cost, MetricCost, QuadraticCost
+from fpid_pin.exceptions import ArgumentError, TuningError
+from fpid_pin.references import Hold
+from fpid_pin.tuning import SearchSettings, Space, WorkerPool, cost_map, cross_check, pareto, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.4, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
-SMALL = {"population": 8, "generations": 4}
-TRACKING = fp.QuadraticCost(1.0, 0.0)
+TRACKING = QuadraticCost(1.0, 0.0)
+
+
+def small(**changes):
+    return SearchSettings(**({"population": 8, "generations": 4} | changes))
 
 
 def bits(result):
@@ -22,7 +27,7 @@ def bits(result):
 
 @pytest.fixture(scope="module")
 def found():
-    return tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(0, 3), **SMALL)
+    return tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3)))
 
 
 def test_the_result_is_what_it_says(found):
@@ -44,15 +49,15 @@ def test_the_best_never_gets_worse_and_ends_below_the_published_orders(found):
 
 
 def test_the_same_seed_gives_the_same_bits_alone_and_in_company(found):
-    again = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(0, 3), **SMALL)
+    again = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3)))
     assert bits(again) == bits(found)
-    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(3,), **SMALL)
+    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(3,)))
     assert np.array_equal(alone.history.best[:, 0], found.history.best[:, 1])
     assert np.array_equal(alone.history.best_parameters[:, 0], found.history.best_parameters[:, 1])
 
 
 def test_known_costs_are_taken_over_without_changing_a_bit(found):
-    every = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(0, 3), reuse=False, **SMALL)
+    every = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3), reuse=False))
     assert bits(every) == bits(found)
     assert every.simulations == every.evaluations
     assert found.simulations < found.evaluations
@@ -60,42 +65,40 @@ def test_known_costs_are_taken_over_without_changing_a_bit(found):
 
 def test_workers_do_not_change_a_bit(found):
     with WorkerPool(2) as pool:
-        shared = tune(
-            EXPERIMENT, CONTROLLER, ORDERS, TRACKING, seeds=(0, 3), executor=pool, **SMALL
-        )
+        shared = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3), executor=pool))
         assert bits(shared) == bits(found)
         heavy = dataclasses.replace(
             EXPERIMENT, plant=fp.Plant(arm=EXPERIMENT.arm.with_payload(0.7), disturbance=None)
         )
         several = [EXPERIMENT, heavy]
-        one = tune(several, CONTROLLER, ORDERS, **SMALL)
-        two = tune(several, CONTROLLER, ORDERS, executor=pool, **SMALL)
+        one = tune(several, CONTROLLER, ORDERS, settings=small())
+        two = tune(several, CONTROLLER, ORDERS, settings=small(executor=pool))
         assert bits(one) == bits(two)
         assert one.simulations == 2 * int(one.history.simulated.sum())
 
 
 def test_a_start_takes_part_in_the_first_generation():
     good = dataclasses.replace(CONTROLLER, integral_order=0.2, derivative_order=0.8)
-    result = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, initial=[good], **SMALL)
+    result = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(initial=[good]))
     assert result.history.best[0, 0] <= fp.evaluate(EXPERIMENT, [good], TRACKING)[0] * (1 + 1e-9)
 
 
 def test_gains_and_learning_rates_are_tuned_too():
     fixed = dataclasses.replace(CONTROLLER, learning_rate=0.0)
     space = Space(kp=(1, 100, "log"), kd=(1, 100, "log", "shared"), k0=(0, 2), k1=(1, 5))
-    result = tune(EXPERIMENT, fixed, space, TRACKING, **SMALL)
+    result = tune(EXPERIMENT, fixed, space, TRACKING, small())
     assert result.cost < fp.evaluate(EXPERIMENT, [fixed], TRACKING)[0]
     assert (np.asarray(result.controller.learning_rate) == 0).all()
     assert result.history.labels == ("kp.0", "kp.1", "kd", "k0.0", "k0.1", "k1.0", "k1.1")
 
 
 def test_progress_rises_to_the_end():
-    reports = []
-    tune(EXPERIMENT, CONTROLLER, ORDERS, progress=reports.append, **SMALL)
-    parts = [report.part for report in reports]
+    told = []
+    tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(), progress=told.append)
+    parts = [progress.part for progress in told]
     assert parts == sorted(parts)
-    assert [report.generation for report in reports if report.complete] == [1, 2, 3, 4]
-    last = reports[-1]
+    assert [progress.generation for progress in told if progress.complete] == [1, 2, 3, 4]
+    last = told[-1]
     assert (last.part, last.generation, last.evaluations) == (1.0, 4, 32)
     assert last.rate > 0
     assert last.seconds_left == 0.0
@@ -105,7 +108,9 @@ def test_progress_rises_to_the_end():
 def test_individuals_that_diverge_cost_infinity_and_the_search_goes_on():
     # Derivative gains beyond 2/(h max eig M^-1) make the sampled loop unstable.
     wild = Space(kd=(1, 4000, "log", "shared"))
-    result = tune(EXPERIMENT, fp.paper_controller("integer", supervised=False), wild, **SMALL)
+    result = tune(
+        EXPERIMENT, fp.paper_controller("integer", supervised=False), wild, settings=small()
+    )
     assert result.history.diverged[0, 0] > 0
     assert np.isfinite(result.cost)
     assert np.isfinite(result.history.mean).all()
@@ -114,7 +119,7 @@ def test_individuals_that_diverge_cost_infinity_and_the_search_goes_on():
 def test_a_generation_in_which_all_diverge_ends_with_a_message():
     wild = Space(kd=(3000, 4000, "shared"))
     with pytest.raises(TuningError) as error:
-        tune(EXPERIMENT, fp.paper_controller("integer", supervised=False), wild, **SMALL)
+        tune(EXPERIMENT, fp.paper_controller("integer", supervised=False), wild, settings=small())
     said = str(error.value)
     assert said.startswith(
         "generation 1, seed 0: all 8 candidates diverged, the first one diverged"
@@ -124,26 +129,26 @@ def test_a_generation_in_which_all_diverge_ends_with_a_message():
 
 
 def test_a_cost_that_is_not_a_number_never_wins():
-    class Odd(fp.Cost):
+    class Odd(Cost):
         needs = ("ise",)
 
         def of(self, metrics):
             ise = float(metrics.ise.sum())
             return ise if ise > 0.07 else float("nan")
 
-    result = tune(EXPERIMENT, CONTROLLER, ORDERS, Odd(), **SMALL)
+    result = tune(EXPERIMENT, CONTROLLER, ORDERS, Odd(), small())
     assert result.cost > 0.07
 
 
 def test_the_front_holds_nothing_that_is_beaten():
-    costs = (fp.MetricCost("ise"), fp.MetricCost("energy"), fp.MetricCost("total_variation"))
-    front = pareto(EXPERIMENT, CONTROLLER, ORDERS, costs[:2], seeds=(0, 1), **SMALL)
+    costs = (MetricCost("ise"), MetricCost("energy"), MetricCost("total_variation"))
+    front = pareto(EXPERIMENT, CONTROLLER, ORDERS, costs[:2], small(seeds=(0, 1)))
     assert len(front) >= 3
     assert (np.diff(front.costs[:, 0]) > 0).all()
     assert (np.diff(front.costs[:, 1]) < 0).all()
     table = fp.evaluate(EXPERIMENT, list(front.controllers), costs[:2])
     assert np.array_equal(table, front.costs)
-    three = pareto(EXPERIMENT, CONTROLLER, ORDERS, costs, **SMALL)
+    three = pareto(EXPERIMENT, CONTROLLER, ORDERS, costs, small())
     for one in three.costs:
         assert not ((three.costs <= one).all(axis=1) & (three.costs < one).any(axis=1)).any()
     assert len(front.history.rows()[0]) == len(front.history.labels) + 8
@@ -151,11 +156,27 @@ def test_the_front_holds_nothing_that_is_beaten():
 
 def test_differential_evolution_finds_nothing_better():
     space = Space(integral_order=(0, 1, "shared"), derivative_order=(0, 1, "shared"))
-    ours = tune(EXPERIMENT, CONTROLLER, space, TRACKING, population=20, generations=12)
-    other = cross_check(EXPERIMENT, CONTROLLER, space, TRACKING, population=20, generations=12)
+    budget, told = SearchSettings(population=20, generations=12), []
+    ours = tune(EXPERIMENT, CONTROLLER, space, TRACKING, budget)
+    other = cross_check(EXPERIMENT, CONTROLLER, space, TRACKING, budget, progress=told.append)
     assert other.cost == fp.evaluate(EXPERIMENT, [other.controller], TRACKING)[0]
-    assert other.evaluations == 20 * 12
+    assert other.evaluations == told[-1].evaluations == 20 * 12
     assert ours.cost <= 1.005 * other.cost
+    assert (told[-1].part, told[-1].generation, told[-1].best) == (1.0, 12, other.cost)
+    assert all(progress.rate > 0.0 for progress in told if progress.complete)
+
+
+def test_seeds_of_a_cross_check_are_searches_of_their_own():
+    both = cross_check(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3)))
+    each = [cross_check(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=s)) for s in (0, 3)]
+    assert both.costs.tolist() == [one.cost for one in each]
+    assert both.cost == min(both.costs)
+    assert both.evaluations == sum(one.evaluations for one in each)
+
+
+def test_a_cross_check_cannot_be_resumed(tmp_path):
+    with pytest.raises(ArgumentError, match="checkpoint: expected none for a cross-check"):
+        cross_check(EXPERIMENT, CONTROLLER, ORDERS, settings=small(checkpoint=tmp_path / "a.npz"))
 
 
 def test_a_cost_map_is_the_cost_at_every_pair_of_orders():
@@ -189,9 +210,33 @@ def test_history_as_a_table_keeps_every_digit(found):
         ({"seeds": ()}, "seeds: expected at least one, got none"),
         ({"seeds": (1, 1)}, "seeds: expected each seed once"),
         ({"seeds": (-1,)}, "seeds.0: expected a whole number >= 0, got -1"),
+        ({"seeds": "zero"}, "seeds.0: expected a whole number, got 'zero'"),
+        ({"reuse": "no"}, "reuse: expected True or False, got str"),
         ({"workers": 0}, "workers: expected a whole number >= 1, got 0"),
+        ({"executor": 2}, "executor: expected an Executor, got int"),
+        ({"checkpoint": 3}, "checkpoint: expected a path, got int"),
         ({"resume": True}, "resume: expected a checkpoint to resume from, got none"),
         ({"initial": [CONTROLLER] * 61}, "initial: expected at most 60 (population), got 61"),
+        ({"initial": [CONTROLLER, 1]}, "initial.1: expected a Controller, got int"),
+    ],
+)
+def test_bad_settings_are_named(changes, said):
+    with pytest.raises(ArgumentError) as error:
+        SearchSettings(**changes)
+    assert str(error.value).startswith(said)
+
+
+def test_what_is_one_of_several_may_stand_alone():
+    settings = SearchSettings(seeds=np.int64(3), initial=CONTROLLER)
+    assert settings.seeds == (3,)
+    assert type(settings.seeds[0]) is int
+    assert settings.initial == (CONTROLLER,)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"settings": {"population": 8}}, "settings: expected SearchSettings, got dict"),
         ({"space": "kp"}, "space: expected a Space, got str"),
         ({"cost": 3}, "cost: expected a Cost, got int"),
         ({"cost": [TRACKING]}, "cost: expected one cost (several: use pareto)"),
@@ -199,24 +244,38 @@ def test_history_as_a_table_keeps_every_digit(found):
         ({"controller": None}, "controller: expected a Controller, got NoneType"),
     ],
 )
-def test_bad_arguments_are_named_before_anything_is_simulated(changes, said):
+@pytest.mark.parametrize("search", [tune, cross_check])
+def test_bad_arguments_are_named_before_anything_is_simulated(search, changes, said):
     given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS} | changes
-    with pytest.raises(fp.ArgumentError) as error:
-        tune(**given)
+    with pytest.raises(ArgumentError) as error:
+        search(**given)
     assert said in str(error.value)
 
 
+def test_a_start_of_another_kind_is_named():
+    settings = small(initial=fp.Pid(1.0, 1.0, 1.0))
+    with pytest.raises(ArgumentError, match="expected a controller with integral_order"):
+        tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
+
+
 def test_a_pool_and_workers_together_are_refused():
-    with WorkerPool(1) as pool, pytest.raises(fp.ArgumentError, match="workers or executor"):
-        tune(EXPERIMENT, CONTROLLER, ORDERS, executor=pool, workers=2)
+    with WorkerPool(1) as pool, pytest.raises(ArgumentError, match="workers or executor"):
+        SearchSettings(executor=pool, workers=2)
 
 
 def test_arms_of_different_joints_do_not_share_a_controller():
-    other = fp.Experiment(fp.Arm.planar(lengths=(1,) * 3, masses=(1,) * 3), fp.Hold((0.0,) * 3))
-    with pytest.raises(fp.ArgumentError, match=r"one number of joints, got \[2, 3\]"):
+    other = fp.Experiment(fp.Arm.planar(lengths=(1,) * 3, masses=(1,) * 3), Hold((0.0,) * 3))
+    with pytest.raises(ArgumentError, match=r"one number of joints, got \[2, 3\]"):
         tune([EXPERIMENT, other], CONTROLLER, ORDERS)
 
 
+def test_a_cost_map_refuses_what_a_search_refuses():
+    with pytest.raises(ArgumentError, match="cost: expected a Cost, got int"):
+        cost_map(EXPERIMENT, CONTROLLER, 3)
+    with pytest.raises(ArgumentError, match="workers: expected a whole number >= 1, got 0"):
+        cost_map(EXPERIMENT, CONTROLLER, workers=0)
+
+
 def test_a_front_needs_two_costs():
-    with pytest.raises(fp.ArgumentError, match="at least two costs"):
+    with pytest.raises(ArgumentError, match="at least two costs"):
         pareto(EXPERIMENT, CONTROLLER, ORDERS, [TRACKING])

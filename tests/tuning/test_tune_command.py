@@ -8,6 +8,7 @@ import fpid_pin as fp
 from fpid_pin.cli.config import load
 from fpid_pin.cli.tune import run_tuning
 from fpid_pin.cli.tune_plan import read_plan
+from fpid_pin.costs import QuadraticCost
 from fpid_pin.exceptions import ConfigError, FileFormatError, TuningError
 
 TUNE = """
@@ -51,7 +52,7 @@ def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
     tuned = load(out / "tuned.toml")
     (law,) = tuned.controllers.values()
     run = fp.simulate(tuned.experiment, law)
-    assert fp.QuadraticCost(1.0, 0.0).of(run.metrics) == result.cost
+    assert QuadraticCost(1.0, 0.0).of(run.metrics) == result.cost
     assert np.array_equal(run.q, fp.Run.load(out / "tuned.npz").q)
     assert "tune" not in tomllib.loads((out / "tuned.toml").read_text())
     assert len((out / "history.csv").read_text().splitlines()) == 1 + 2 * 2
@@ -78,7 +79,7 @@ plant = { payload = { mass = 0.5 } }
     assert list(plan.experiments) == ["bare", "loaded"]
     result = run_tuning(tmp_path / "study.toml", tmp_path / "out")
     each = [
-        fp.evaluate(e, [result.controller], fp.QuadraticCost(1, 0))[0]
+        fp.evaluate(e, [result.controller], QuadraticCost(1, 0))[0]
         for e in plan.experiments.values()
     ]
     assert result.cost == max(each)

@@ -4,13 +4,14 @@ import subprocess
 import sys
 import time
 from concurrent.futures import BrokenExecutor, Executor, Future
+from dataclasses import replace
 
 import psutil
 import pytest
 
 import fpid_pin as fp
 from fpid_pin.exceptions import TuningError
-from fpid_pin.tuning import Space, WorkerPool, tune
+from fpid_pin.tuning import SearchSettings, Space, WorkerPool, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
@@ -48,16 +49,18 @@ def test_killed_workers_lose_no_result(pool):
 
 
 def test_a_search_whose_worker_is_killed_gives_the_same_bits(pool):
-    settings = {"population": 6, "generations": 4, "seeds": (1,)}
+    settings = SearchSettings(population=6, generations=4, seeds=1)
     killed = []
 
-    def kill(report):
-        if report.generation == 2 and not killed:
-            killed.append(report.generation)
+    def kill(progress):
+        if progress.generation == 2 and not killed:
+            killed.append(progress.generation)
             os.kill(pool.processes[-1], signal.SIGKILL)
 
-    shared = tune(EXPERIMENT, CONTROLLER, ORDERS, executor=pool, progress=kill, **settings)
-    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, **settings)
+    shared = tune(
+        EXPERIMENT, CONTROLLER, ORDERS, settings=replace(settings, executor=pool), progress=kill
+    )
+    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
     assert killed == [2]
     assert shared.history.best.tobytes() == alone.history.best.tobytes()
     assert shared.history.best_parameters.tobytes() == alone.history.best_parameters.tobytes()
@@ -113,10 +116,10 @@ def test_an_executor_of_the_users_that_breaks_is_replaced_by_this_process():
             future.set_exception(BrokenExecutor("a worker is gone"))
             return future
 
-    settings = {"population": 4, "generations": 2}
+    settings = SearchSettings(population=4, generations=2)
     with pytest.warns(fp.FpidWarning, match="the executor broke"):
-        result = tune(EXPERIMENT, CONTROLLER, ORDERS, executor=Broken(), **settings)
-    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, **settings)
+        result = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=replace(settings, executor=Broken()))
+    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
     assert result.history.best.tobytes() == alone.history.best.tobytes()
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fpid_pin import AdaptiveFpid, Arm, Experiment, Run, Sinusoid, paper_controller
+from fpid_pin import AdaptiveFpid, Arm, Experiment, Run, paper_controller
+from fpid_pin.references import Sinusoid
 from fpid_pin.simulation import Outcome
 from fpid_pin.simulation.run import describe_run
 

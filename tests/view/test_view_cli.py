@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from fpid_pin import ArgumentError, ConfigError, FileFormatError
 from fpid_pin.cli.live import run_live
 from fpid_pin.cli.view import run_view
+from fpid_pin.exceptions import ArgumentError, ConfigError, FileFormatError
 
 ROOT = Path(__file__).parents[2]
 CONFIG = """format = 1

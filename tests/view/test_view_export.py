@@ -4,7 +4,8 @@ from html.parser import HTMLParser
 
 import pytest
 
-from fpid_pin import ArgumentError, Arm, FileFormatError, Run
+from fpid_pin import Arm, Run
+from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.view import export_html
 
 LAZY = """

@@ -17,18 +17,10 @@ import numpy as np
 import psutil
 import pytest
 
-from fpid_pin import (
-    ArgumentError,
-    Arm,
-    Experiment,
-    FpidError,
-    Hold,
-    Plant,
-    Pulse,
-    paper_controller,
-    paper_experiment,
-    simulate,
-)
+from fpid_pin import Arm, Experiment, FpidError, Plant, paper_controller, paper_experiment, simulate
+from fpid_pin.disturbances import Pulse
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.references import Hold
 from fpid_pin.simulation import Simulator
 from fpid_pin.view import live, play, realtime
 from fpid_pin.view.keyboard import Keyboard

@@ -4,9 +4,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from fpid_pin import ArgumentError, Arm
+from fpid_pin import Arm
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view import figures, plots, save_figure
-from fpid_pin.view.figures import is_integer
+from fpid_pin.view.paper_figures import is_integer
 from fpid_pin.view.style import _MOST, figure_bytes, thinned
 
 

@@ -3,7 +3,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from fpid_pin import FileFormatError
+from fpid_pin.exceptions import FileFormatError
 from fpid_pin.view import plots, report_html
 from fpid_pin.view.report import MOST_IN_REPLAY, inline_svg
 

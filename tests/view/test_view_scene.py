@@ -5,8 +5,9 @@ import warnings
 import numpy as np
 import pytest
 
-from fpid_pin import ArgumentError, Arm, FpidWarning
+from fpid_pin import Arm, FpidWarning
 from fpid_pin.arms import names
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view.camera import stage
 from fpid_pin.view.scene import captions_of, replay_scene, sample_run, to_script_json
 from fpid_pin.view.shapes import joint_axis, shapes_of, tool_placement

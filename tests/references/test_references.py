@@ -7,8 +7,16 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.simulation.tool_path import ToolCircle
-from fpid_pin.simulation.trajectories import Quintic, Recorded, Waypoints
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.references import (
+    Hold,
+    Quintic,
+    RecordedMotion,
+    Reference,
+    Sinusoid,
+    ToolCircle,
+    Waypoints,
+)
 
 TIMES = (0.0, 1.0, 1.5, 3.0)
 POSES = ((0.0, 0.1), (0.5, -0.2), (0.4, 0.3), (1.0, 0.0))
@@ -21,12 +29,12 @@ def circle(**others):
 
 def recorded():
     t = np.linspace(0.0, 3.0, 61)
-    return Recorded(t, np.stack([np.sin(t), 0.3 * np.cos(2.0 * t)], axis=1))
+    return RecordedMotion(t, np.stack([np.sin(t), 0.3 * np.cos(2.0 * t)], axis=1))
 
 
 REFERENCES = {
-    "sinusoid": fp.Sinusoid((0.3, 0.2), (1.0, 2.0), (0.0, 0.5), (0.1, -0.1)),
-    "hold": fp.Hold((0.2, 0.4)),
+    "sinusoid": Sinusoid((0.3, 0.2), (1.0, 2.0), (0.0, 0.5), (0.1, -0.1)),
+    "hold": Hold((0.2, 0.4)),
     "quintic": Quintic((0.0, 0.5), (1.0, -0.5), duration=2.0, begin=0.5),
     "waypoints": Waypoints(TIMES, POSES),
     "waypoints, quintic": Waypoints(TIMES, POSES, method="quintic"),
@@ -55,7 +63,7 @@ def test_rates_and_accelerations_are_the_derivatives(reference):
 def test_tables_and_pickles_give_the_same_motion(reference):
     t = np.linspace(0.0, 4.0, 50)
     copies = (
-        descriptions.from_dict(descriptions.to_dict(reference), fp.Reference),
+        descriptions.from_dict(descriptions.to_dict(reference), Reference),
         pickle.loads(pickle.dumps(reference)),
     )
     for copy in copies:
@@ -95,11 +103,11 @@ def test_a_recording_is_read_from_csv_with_or_without_names(tmp_path):
     for head in ([], ["t, shoulder, elbow"]):
         path = tmp_path / "motion.csv"
         path.write_text("\n".join([*head, *lines, ""]))
-        motion = Recorded.from_csv(path)
+        motion = RecordedMotion.from_csv(path)
         q, _, _ = motion.sample(np.array([0.2, 0.3]))
         assert q == pytest.approx(np.array([[0.3, 0.0], [0.2, 0.1]]))
         table = {"kind": "recorded", "path": str(path)}
-        same = descriptions.from_dict(table, fp.Reference)
+        same = descriptions.from_dict(table, Reference)
         assert (np.asarray(same.positions) == np.asarray(motion.positions)).all()
 
 
@@ -119,8 +127,8 @@ def test_a_recording_is_read_from_csv_with_or_without_names(tmp_path):
 def test_a_csv_with_gaps_is_refused_with_its_line(tmp_path, text, message):
     path = tmp_path / "motion.csv"
     path.write_text(text)
-    with pytest.raises(fp.ArgumentError, match=message):
-        Recorded.from_csv(path)
+    with pytest.raises(ArgumentError, match=message):
+        RecordedMotion.from_csv(path)
 
 
 @pytest.mark.parametrize("orientation", [False, True])
@@ -174,15 +182,18 @@ def test_a_circle_with_a_ramp_starts_at_rest_and_loses_half_of_it():
         (lambda: Waypoints((0.0, 1.0), ((0.0,),)), "a row for each time"),
         (lambda: Waypoints((0.0,), ((0.0,),)), "at least two times"),
         (lambda: Waypoints(TIMES, POSES, method="linear"), "reference.method: expected one of"),
-        (lambda: Recorded.from_csv("no-such-file.csv"), "no-such-file.csv: expected a CSV file"),
-        (lambda: Recorded.from_table({"paths": "x"}), "did you mean path"),
+        (
+            lambda: RecordedMotion.from_csv("no-such-file.csv"),
+            "no-such-file.csv: expected a CSV file",
+        ),
+        (lambda: RecordedMotion.from_table({"paths": "x"}), "did you mean path"),
     ],
 )
 def test_bad_references_are_named(build, message):
-    with pytest.raises(fp.ArgumentError, match=message):
+    with pytest.raises(ArgumentError, match=message):
         build()
 
 
 def test_a_reference_for_another_arm_is_refused():
-    with pytest.raises(fp.ArgumentError, match=r"reference q: expected shape"):
+    with pytest.raises(ArgumentError, match=r"reference q: expected shape"):
         fp.Experiment(arm=fp.Arm.from_example("ur5"), reference=Waypoints(TIMES, POSES))

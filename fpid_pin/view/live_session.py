@@ -36,13 +36,13 @@ class LiveReport:
     timing
         How the control loop kept its period.
     send_times
-        How long each frame took to send, s; empty without a view.
+        How long each frame took to send [s]; empty without a view.
     dropped
         Frames that the server had no room for.
     pushes
-        Disturbances given: (time in s, joint, torque in N m).
+        Disturbances given: (time [s], joint, torque [N m]).
     q, q_ref
-        Where the arm was at the end, and where it should have been, (n,), rad.
+        Where the arm was at the end, and where it should have been [rad], (n,).
     fault
         Why the robot ended it; empty where it did not.
     """
@@ -57,7 +57,7 @@ class LiveReport:
 
 
 def push_torques(arm: Arm) -> FloatArray:
-    """Return a push worth seeing for each joint, (n,), N m: a fifth of the limit, or of gravity."""
+    """Return a push worth seeing [N m], (n,): a fifth of each joint's limit, or of gravity."""
     limit = arm.effort_limit
     free = np.maximum(2.0 * np.abs(arm.gravity_vector(np.zeros(arm.n))), 1.0)
     return np.where(np.isfinite(limit), 0.2 * limit, free)
@@ -118,7 +118,7 @@ def live(
     controller
         The law.
     duration
-        s; None: until told to end.
+        How long [s]; None: until told to end.
     fps
         Frames a second, 1 to 240.
     view
@@ -128,7 +128,7 @@ def live(
     push_joint
         The joint that + and - push at first.
     push_torque
-        N m; None: a fifth of the joint's limit, or what gravity asks of it where it has none.
+        [N m]; None: a fifth of the joint's limit, or what gravity asks of it where it has none.
     priority
         Ask the system to run the loop before other programs; without its permission (Linux grants
         it to root and to those allowed ``rtprio``) they may delay it.

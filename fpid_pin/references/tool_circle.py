@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +12,8 @@ from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.references import Motion
+from fpid_pin.references.reference import Motion
+from fpid_pin.references.splines import Splines, with_derivatives
 
 #: Points of the circle whose joint angles are solved for; a periodic spline joins them.
 POINTS = 180
@@ -36,18 +36,18 @@ class ToolCircle:
     arm
         Whose tool.
     radius
-        m.
+        [m].
     period
-        Of one turn, s.
+        Of one turn [s].
     normal
         Of the circle's plane, (3,), world axes; the turn is right-handed about it. The default
         is the plane x-z, in which planar arms move.
     centre
-        m, (3,), world axes; None: so that the tool at home is on the circle.
+        [m], (3,), world axes; None: so that the tool at home is on the circle.
     orientation
         Whether the tool keeps the orientation that it has at home.
     ramp
-        Time in which the speed rises smoothly from 0, s; 0: full speed from the start.
+        Time in which the speed rises smoothly from 0 [s]; 0: full speed from the start.
 
     Raises
     ------
@@ -62,7 +62,7 @@ class ToolCircle:
     centre: ArrayLike | None = None
     orientation: bool = False
     ramp: float = 0.0
-    _splines: tuple[Any, Any, Any] = field(init=False, repr=False)
+    _splines: Splines = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         checks.instance("reference.arm", self.arm, Arm, "an Arm")
@@ -83,10 +83,10 @@ class ToolCircle:
 
         path[-1] = path[0]
         spline = CubicSpline(angles, path, axis=0, bc_type="periodic")
-        object.__setattr__(self, "_splines", (spline, spline.derivative(1), spline.derivative(2)))
+        object.__setattr__(self, "_splines", with_derivatives(spline))
 
     def _points(self, angles: FloatArray) -> FloatArray:
-        """Return points of the circle, (K, 3), m."""
+        """Return points of the circle [m], (K, 3)."""
         home = self.arm.tool_pose(self.arm.home)[:3, 3]
         normal = np.asarray(self.normal) / np.linalg.norm(np.asarray(self.normal))
         # Towards the tool at home if the centre is given, else away from the base.

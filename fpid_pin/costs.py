@@ -1,4 +1,4 @@
-"""Costs: one number for a run, made of its metrics; eq. (33) and its kin."""
+"""What a run is worth: its metrics, and costs made of them; eq. (33) and its kin."""
 
 from __future__ import annotations
 
@@ -12,7 +12,40 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
-from fpid_pin.simulation.metrics import Metrics
+
+__all__ = ["Cost", "MetricCost", "Metrics", "QuadraticCost"]
+
+
+@dataclass(frozen=True, eq=False)
+class Metrics:
+    """Figures of merit of one run, (n,) each; e = q_d - q, u the torque that was applied.
+
+    Integrals are h times the sum over the rows whose torque was applied, that is all but the last
+    of a completed run.
+
+    Attributes
+    ----------
+    ise, iae, itae
+        Integrals of e^2 [rad^2 s], |e| [rad s] and t |e| [rad s^2].
+    rms, rms_tail
+        Root mean square of e over the run and over its planned last half [rad]; the latter is NaN
+        for a run that ended earlier.
+    energy
+        Integral of u^2 [(N m)^2 s].
+    total_variation
+        Sum of |u_k - u_(k-1)| [N m].
+    peak_torque
+        Largest |u| [N m].
+    """
+
+    ise: FloatArray
+    iae: FloatArray
+    itae: FloatArray
+    rms: FloatArray
+    rms_tail: FloatArray
+    energy: FloatArray
+    total_variation: FloatArray
+    peak_torque: FloatArray
 
 
 class Cost(ABC):

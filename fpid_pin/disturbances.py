@@ -13,13 +13,15 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
 
+__all__ = ["Cosine", "Disturbance", "Pulse", "Sum"]
+
 
 @runtime_checkable
 class Disturbance(Protocol):
     """A torque on the joints of one robot; anything with this method will do."""
 
     def sample(self, t: FloatArray) -> FloatArray:
-        """Return d at times `t`, (K,) s, as (K, n) or (K, 1), N m."""
+        """Return d [N m] at times `t` [s], (K,), as (K, n) or (K, 1)."""
         ...
 
 
@@ -31,11 +33,11 @@ class Cosine:
     Parameters
     ----------
     amplitude
-        N m.
+        [N m].
     frequency
-        rad/s.
+        [rad/s].
     phase
-        rad.
+        [rad].
     """
 
     amplitude: ArrayLike
@@ -62,9 +64,9 @@ class Pulse:
     Parameters
     ----------
     torque
-        N m, scalar or (n,).
+        Scalar or (n,) [N m].
     start, end
-        s; the whole run if not given.
+        [s]; the whole run if not given.
     """
 
     torque: ArrayLike

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any, cast
@@ -14,10 +14,13 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
-from fpid_pin.simulation import Cost, Experiment, QuadraticCost
+from fpid_pin.costs import Cost
+from fpid_pin.progress import ProgressCallback
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.objective import Objective
-from fpid_pin.tuning.problem import check_experiments, executor_of
+from fpid_pin.tuning.problem import one_cost, problem_of
 from fpid_pin.tuning.space import Space
+from fpid_pin.tuning.workers import executor_of
 
 DEFAULT_GRID = tuple(np.linspace(0.0, 1.0, 21).tolist())
 
@@ -54,33 +57,34 @@ def cost_map(
     derivative_orders: ArrayLike = DEFAULT_GRID,
     executor: Executor | None = None,
     workers: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: ProgressCallback | None = None,
 ) -> CostMap:
     """Evaluate a controller at every pair of orders.
 
     Parameters
     ----------
-    experiment, cost, executor, workers
+    experiment, cost
         See `tune`.
     controller
         One with `integral_order` and `derivative_order`; all else stays as it is.
     integral_orders, derivative_orders
         The grid's values, for all joints alike.
+    executor, workers
+        See `SearchSettings`.
     progress
-        Called with the part done, 0 to 1.
+        Called with a `Progress` now and then.
 
     Raises
     ------
     ArgumentError
         Orders outside [0, 1], or a controller without orders.
     """
-    experiments = [experiment] if isinstance(experiment, Experiment) else list(experiment)
-    check_experiments(experiments)
     rows = checks.floats("integral_orders", integral_orders, low=0.0, high=1.0, max_ndim=1)
     columns = checks.floats("derivative_orders", derivative_orders, low=0.0, high=1.0, max_ndim=1)
     rows, columns = np.atleast_1d(rows), np.atleast_1d(columns)
     space = Space(integral_order=(0, 1, "shared"), derivative_order=(0, 1, "shared"))
-    bound = space.bind(controller, experiments[0].arm.n)
+    costs = one_cost(cost)
+    experiments, bound = problem_of(experiment, controller, space, costs)
     candidates = [
         cast(
             "Controller",
@@ -90,6 +94,5 @@ def cost_map(
         for b in columns.tolist()
     ]
     with executor_of(executor, workers) as pool:
-        objective = Objective(experiments, bound, [cost or QuadraticCost()], pool)
-        costs = objective.of(candidates, progress)[:, 0]
-    return CostMap(rows, columns, costs.reshape(len(rows), len(columns)))
+        table = Objective(experiments, bound, costs, pool).of(candidates, progress)
+    return CostMap(rows, columns, table.reshape(len(rows), len(columns)))

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from concurrent.futures import Executor
-from pathlib import Path
 
 import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.costs import Cost
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation import Cost, Experiment
+from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.history import ParetoResult
-from fpid_pin.tuning.problem import count, searched
-from fpid_pin.tuning.search import Progress
-from fpid_pin.tuning.settings import Settings
+from fpid_pin.tuning.problem import searched
+from fpid_pin.tuning.search_progress import SearchCallback
+from fpid_pin.tuning.settings import SearchSettings, checked
 from fpid_pin.tuning.space import Space
 
 
@@ -25,29 +24,18 @@ def pareto(
     controller: Controller,
     space: Space,
     costs: Sequence[Cost],
+    settings: SearchSettings | None = None,
     *,
-    population: int = 60,
-    generations: int = 80,
-    crossover: float = 0.75,
-    mutation: float = 0.03,
-    seeds: Sequence[int] = (0,),
-    initial: Sequence[Controller] = (),
-    reuse: bool = True,
-    executor: Executor | None = None,
-    workers: int | None = None,
-    checkpoint: str | Path | None = None,
-    resume: bool = False,
-    progress: Progress | None = None,
+    progress: SearchCallback | None = None,
 ) -> ParetoResult:
     """Find the trade-off between several costs, by NSGA-II.
 
     Parameters
     ----------
+    experiment, controller, space, settings, progress
+        See `tune`.
     costs
         At least two: ``(MetricCost("ise"), MetricCost("energy"))``.
-    experiment, controller, space, population, generations, crossover, mutation, seeds, initial, \
-reuse, executor, workers, checkpoint, resume, progress
-        See `tune`.
 
     Returns
     -------
@@ -61,11 +49,8 @@ reuse, executor, workers, checkpoint, resume, progress
     """
     if isinstance(costs, Cost) or len(costs) < 2:
         raise ArgumentError("costs", "at least two costs (one: use tune)", "one")
-    settings = Settings(population, generations, crossover, mutation, tuple(seeds), reuse)
-    search, space_ = searched(
-        experiment, controller, space, list(costs), settings,
-        initial, executor, workers, checkpoint, resume, progress,
-    )  # fmt: skip
+    search = searched(experiment, controller, space, list(costs), checked(settings), progress)
+    bound = search.space
     points = np.concatenate([evolution.points for evolution in search.evolutions])
     table = np.concatenate([evolution.costs for evolution in search.evolutions])
     front = front_of(table)
@@ -73,13 +58,13 @@ reuse, executor, workers, checkpoint, resume, progress
     history = search.history()
     return ParetoResult(
         controllers=tuple(
-            space_.controller(point, f"front {k + 1}") for k, point in enumerate(points)
+            bound.controller(point, f"front {k + 1}") for k, point in enumerate(points)
         ),
         costs=checks.read_only(table),
-        parameters=checks.read_only(space_.values(points)),
+        parameters=checks.read_only(bound.values(points)),
         history=history,
         evaluations=int(history.evaluations[-1]),
-        simulations=int(history.simulated.sum()) * count(experiment),
+        simulations=search.simulations,
     )
 
 
