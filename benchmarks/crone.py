@@ -64,7 +64,7 @@ def main() -> None:
     for name, poles, controller in rows:
         run, seconds = timed(experiment, controller)
         gap = 1e3 * np.abs(run.q - exact.q)
-        cost = fp.QuadraticCost().of(run.metrics)
+        cost = fp.costs.QuadraticCost().of(run.metrics)
         print(
             f"| {name} | {poles} | {gap.max():.2g} | {gap[len(gap) // 2 :].max():.2g} "
             f"| {cost:.4f} | {np.abs(run.torque).max():.4g} | {seconds / unit:.2f} |"

@@ -30,7 +30,7 @@ COUNT = 2000
 def exported(arm: fp.Arm) -> tuple[float, float]:
     """Return the processor time [s] and the page's size [MB] of 20 s of an arm's run."""
     law = fp.suggest_gains(arm)
-    reference = fp.Sinusoid(0.3, offset=arm.home)
+    reference = fp.references.Sinusoid(0.3, offset=arm.home)
     run = fp.simulate(fp.Experiment(arm, reference, q0=arm.home, duration=20.0), law)
     with tempfile.TemporaryDirectory() as folder:
         file, page = Path(folder) / "run.npz", Path(folder) / "run.html"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,6 +10,15 @@ from contextlib import contextmanager
 from fpid_pin.progress import Progress, ProgressCallback
 
 _PATIENCE = 0.5  # s before a bar is worth showing; most work of two seconds is past it at 25 %
+
+
+def say_if_compiling() -> None:
+    """Say on standard error, once on a machine, why the first run takes longer."""
+    # Imported late: it loads numba.
+    from fpid_pin.kernels.compiled import is_cold
+
+    if is_cold():
+        sys.stderr.write("fpid-pin: compiling the equations for this machine, some seconds, once\n")
 
 
 @contextmanager
@@ -25,6 +35,7 @@ def progress_bar(title: str) -> Iterator[ProgressCallback]:
         console=Console(stderr=True),
         transient=True,
     )
+    say_if_compiling()
     task = bar.add_task(title, total=1.0)
     began = time.monotonic()
 

@@ -157,15 +157,18 @@ class FpidState(State):
         self._supervision = (
             Supervision(arm, self.runs) if any(c.supervisor for c in controllers) else None
         )
+        self._records = (self.robots, self.joints, self._ops, self._poles, self._modes)
+        # A tick of nobody: what is yet to be compiled is so now, not in a robot's first period.
+        nobody, inputs = np.zeros_like(self.alive), np.zeros((5, *self.torque.shape))
+        self._fpids(nobody, *self._records, inputs, self.torque)
+        if self._supervision is not None:
+            self._supervision.act(nobody, self.robots, self.joints, inputs, self.torque)
 
     def tick(self, inputs: FloatArray) -> None:
         """See `State.tick`."""
         if self._ramp is not None:
             self._climb()
-        acts = self._fpids(
-            self.alive, self.robots, self.joints, self._ops, self._poles, self._modes, inputs,
-            self.torque,
-        )  # fmt: skip
+        acts = self._fpids(self.alive, *self._records, inputs, self.torque)
         if acts and self._supervision is not None:
             self._supervision.act(self.alive, self.robots, self.joints, inputs, self.torque)
 

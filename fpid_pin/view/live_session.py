@@ -13,6 +13,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.lockstep import warm
 from fpid_pin.simulation.simulator import Simulator
 from fpid_pin.view.camera import stage
 from fpid_pin.view.keyboard import Keyboard
@@ -155,6 +156,8 @@ def live(
     torque = push_torques(arm)
     if push_torque is not None:
         torque = np.full(arm.n, checks.number("push_torque", push_torque))
+    # Whatever is yet to be compiled must not be in the first period.
+    warm([experiment], [controller])
     robot = Simulator([experiment], [controller], horizon=duration or 3600.0)
     hands = _Hands(robot, arm, arm.joint_index(push_joint), torque, announce or (lambda text: None))
     last = None if duration is None else round(duration / step)

@@ -66,9 +66,9 @@ def test_orders_that_change_want_shared_poles_and_may_ramp():
 
 def test_a_design_that_keeps_the_past_is_for_signals():
     law = dataclasses.replace(fp.paper_controller(), design=fp.fractional.L1())
-    with pytest.raises(fp.ArgumentError, match="design: expected one with modes, got L1"):
+    with pytest.raises(ArgumentError, match="design: expected one with modes, got L1"):
         law.start(fp.Arm.two_link(), step=1e-3)
-    with pytest.raises(fp.ArgumentError, match="design: expected a fractional design, got str"):
+    with pytest.raises(ArgumentError, match="design: expected a fractional design, got str"):
         dataclasses.replace(fp.paper_controller(), design="crone")
 
 
