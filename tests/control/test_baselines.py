@@ -80,15 +80,6 @@ def test_computed_torque_on_the_exact_model_obeys_the_error_equation(k0, k1):
     assert np.abs(run.error - expected).max() < 1e-3 * np.abs(run.error[0]).max()
 
 
-def test_pid_is_the_fpid_of_orders_one_with_fixed_gains():
-    experiment = fp.paper_experiment(duration=2.0)
-    law = Pid(kp=(80.0, 90.0), ki=(50.0, 60.0), kd=(20.0, 15.0))
-    fpid = fp.AdaptiveFpid(kp=law.kp, ki=law.ki, kd=law.kd, learning_rate=0.0)
-    one, other = fp.simulate(experiment, law), fp.simulate(experiment, fpid)
-    assert np.abs(one.q - other.q).max() < 1e-13
-    assert np.abs(one.torque - other.torque).max() < 1e-11 * np.abs(one.torque).max()
-
-
 def test_pd_with_gravity_reaches_a_set_point_and_a_wrong_model_leaves_an_offset():
     arm = fp.Arm.two_link()
     experiment = hold(arm, (0.0, 0.3), (0.5, -0.2), duration=4.0)
