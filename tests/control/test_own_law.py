@@ -198,13 +198,13 @@ def test_the_law_sees_a_row_a_run_and_its_description_stays_as_it_was():
     ids=["loop", "simulation", "population"],
 )
 def test_a_field_of_the_wrong_length_is_named(start):
-    with pytest.raises(fp.ArgumentError, match=r"kp: expected shape \(2,\).* got .*3") as caught:
+    with pytest.raises(fp.exceptions.ArgumentError, match=r"kp: expected shape \(2,\).* got .*3") as caught:
         start(MyPd((1.0, 2.0, 3.0), 1.0))
     assert "\n" not in str(caught.value)
 
 
 def test_an_unknown_scale_is_named():
-    with pytest.raises(fp.ArgumentError, match="scale: expected one of none, inertia"):
+    with pytest.raises(fp.exceptions.ArgumentError, match="scale: expected one of none, inertia"):
         MyPd(1.0, 1.0, "inertial").start(fp.Arm.two_link(), step=STEP)
 
 
