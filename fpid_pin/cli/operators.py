@@ -7,7 +7,7 @@ from pathlib import Path
 
 from fpid_pin import checks
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.fractional import Crone, Design, ExponentialSum
+from fpid_pin.fractional import Crone, Design, ExponentialSum, report
 
 DESIGNS = ("exponential_sum", "crone")
 
@@ -54,10 +54,10 @@ def operators_table(
     chosen: Design
     crone = design == "crone"
     chosen = Crone(*band, n, widening) if crone else ExponentialSum(modes, tolerance)
-    report = chosen.report(list(orders), step=step, horizon=horizon)
+    found = report(chosen, list(orders), step=step, horizon=horizon)
     if plot is not None:
         try:
-            report.plot(plot)
+            found.plot(plot)
         except (OSError, ValueError) as error:
             raise ArgumentError("plot", "a file that can be written", f"{plot} ({error})") from None
-    return str(report)
+    return str(found)

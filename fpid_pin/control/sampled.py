@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import DesignError
-from fpid_pin.fractional import Coefficients, Design
-from fpid_pin.fractional.step_integrals import step_integrals
+from fpid_pin.fractional import Design
+from fpid_pin.fractional.design import modes_of
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -84,7 +83,7 @@ def operators(
 
     Raises
     ------
-    DesignError
+    ArgumentError
         A design that keeps the past instead of modes.
 
     Notes
@@ -92,23 +91,25 @@ def operators(
     The states are int e, e and e' of the last sample and the modes of both operators. The mode
     with p = 0 is the signal itself and needs no state of its own.
     """
-    banks = [_Modes(design, order, step, horizon) for order in (1.0 - orders[0], orders[1])]
-    sizes = [len(bank.decay) for bank in banks]
-    states = 3 + sum(sizes)
+    rules = [
+        modes_of(design, order, step=step, horizon=horizon).recursion()
+        for order in (1.0 - orders[0], orders[1])
+    ]
+    states = 3 + sum(rule.decay.size for rule in rules)
     # Rows over [int e_, e_, e'_, modes..., e, e'] of this sample's signals.
     row = np.eye(states + 2)
-    last_int, last_e, last_rate = row[0], row[1], row[2]
     e, rate = row[states], row[states + 1]
-    total = last_int + step / 2.0 * (e + last_e) + step**2 / 12.0 * (last_rate - rate)
-    following, outputs = [total, e, rate], [e]
-    at = 3
-    signals = ((total, last_int, e, last_e), (e, last_e, rate, last_rate))
-    for bank, (f, f_last, r, r_last), size in zip(banks, signals, sizes, strict=True):
-        output, modes = bank.tick(f, f_last, r, r_last, row[at : at + size])
-        at += size
-        outputs.append(output)
-        following.extend(modes)
-    a, c = np.array(following), np.array(outputs)
+    now = np.stack([row[0] + step / 2.0 * (e + row[1]) + step**2 / 12.0 * (row[2] - rate), e, rate])
+    before, at = row[:3], 3
+    following, outputs = [now], [e]
+    for k, rule in enumerate(rules):
+        # f and f' are int e and e of the integral's operator, e and e' of the derivative's.
+        f, f_, x = now[k : k + 2], before[k : k + 2], row[at : at + rule.decay.size]
+        outputs.append(rule.now @ f + rule.before @ f_ + rule.weights @ x)
+        driven = rule.drive_now @ f + rule.drive_before @ f_
+        following.append(rule.decay[:, np.newaxis] * x + driven)
+        at += rule.decay.size
+    a, c = np.concatenate(following), np.array(outputs)
     return LinearSystem(a[:, :states], a[:, states:], c[:, :states], c[:, states:], core=3)
 
 
@@ -116,50 +117,6 @@ def joint_law(terms: LinearSystem, gains: FloatArray) -> LinearSystem:
     """Weigh the terms of `operators` by Kp, Ki and Kd, (3,), their scale included: eq. (10)."""
     row = gains[np.newaxis]
     return LinearSystem(terms.a, terms.b, row @ terms.c, row @ terms.d, terms.core)
-
-
-class _Modes:
-    """One operator as rows of difference equations."""
-
-    def __init__(self, design: Design, order: float, step: float, horizon: float) -> None:
-        self._order, self._step = order, step
-        self.decay: FloatArray = np.zeros(0)
-        if order in (0.0, 1.0):
-            return
-        found = design.coefficients(np.array([order]), step=step, horizon=horizon)
-        if not isinstance(found, Coefficients):
-            raise DesignError(
-                f"stability: expected a design with modes, got {type(design).__name__}, "
-                "which keeps the whole past"
-            )
-        poles = found.poles if found.poles.ndim == 1 else found.poles[:, 0]
-        integrals = step_integrals(poles, step)
-        kept = poles > 0.0
-        weights = found.weights[:, 0]
-        self._constant = float(weights[~kept].sum())
-        self._weights = (weights * integrals.decay)[kept]
-        self.decay = integrals.decay[kept]
-        self._drive = [x[kept] for x in (integrals.now, integrals.before, integrals.gain)]
-        self._now, self._before, self._mean = (
-            float(x[0]) for x in (found.now, found.before, found.mean)
-        )
-
-    def tick(
-        self, f: FloatArray, f_last: FloatArray, r: FloatArray, r_last: FloatArray, x: FloatArray
-    ) -> tuple[FloatArray, list[FloatArray]]:
-        """Return the output's row and those of the next modes, from rows of f, f' and modes."""
-        if self._order in (0.0, 1.0):
-            return (f if self._order == 0.0 else r), []
-        change = f - f_last
-        mean = change / self._step - 0.5 * (r + r_last)
-        output = self._now * r + self._before * r_last + self._mean * mean
-        output = output + self._constant * f_last + self._weights @ x
-        now, before, gain = self._drive
-        following = [
-            self.decay[i] * x[i] + now[i] * r + before[i] * r_last + gain[i] * change
-            for i in range(len(self.decay))
-        ]
-        return output, following
 
 
 def linear_arm(arm: Arm, q: FloatArray, *, step: float, method: str) -> LinearSystem:

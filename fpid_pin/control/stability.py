@@ -128,7 +128,7 @@ def stability_report(
 
     Raises
     ------
-    DesignError
+    ArgumentError
         A fractional design that keeps the past instead of modes.
 
     Notes

@@ -23,7 +23,7 @@ from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.fractional.design import Design, check_grid, check_order
 from fpid_pin.fractional.modes import Modes
-from fpid_pin.fractional.step_integrals import step_integrals
+from fpid_pin.fractional.step_integrals import integrate_step
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Oustaloup(Design):
         columns = [self._partial_fractions(float(a)) for a in flat]
         poles = np.stack([p for p, _ in columns], axis=1)
         weights = np.stack([g for _, g in columns], axis=1)
-        one = step_integrals(poles, step)
+        one = integrate_step(poles, step)
         kick = weights.sum(axis=0)
         now, before, mean = (
             (weights * part).sum(axis=0) for part in (one.now, one.before, one.mean)

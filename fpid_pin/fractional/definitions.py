@@ -7,7 +7,8 @@ first one:
 (4)  Caputo: the integral of the rate against t^-alpha/Gamma(1 - alpha)
 (2)  Riemann-Liouville: Caputo's plus ``f(0) t^-alpha/Gamma(1 - alpha)``
 
-Sums over the whole past are made by FFT, in O(N log N).
+The sum is the definition of (1) for the given step. (2) and (4) are integrals of the rate: where it
+is not known, the whole record being there, it is that of a quintic spline through the samples.
 """
 
 from __future__ import annotations
@@ -18,14 +19,14 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.fractional.bank import INITIALISATIONS
 from fpid_pin.fractional.design import Design
 from fpid_pin.fractional.exponential_sum import ExponentialSum
-from fpid_pin.fractional.history import L1, GrunwaldLetnikov, HistoryDesign
-from fpid_pin.fractional.recorded import run_modes
-from fpid_pin.fractional.special import rgamma
+from fpid_pin.fractional.history import GrunwaldLetnikov, HistoryDesign
+from fpid_pin.fractional.modes import INITIALISATIONS
+from fpid_pin.fractional.recorded import run_lags, run_modes
 
-_RATE_TOLERANCE = 1e-10
+_KERNEL_TOLERANCE = 1e-10
+_SPLINE_DEGREE = 5
 
 
 def caputo(
@@ -47,17 +48,19 @@ def caputo(
     order
         Orders alpha in [0, 1], broadcastable to the shape of `signal` without `axis`.
     step
-        Sampling step [s].
+        Sampling step h [s].
     rate
-        Samples of the signal's rate, where it is known: far more accurate.
+        Samples of the signal's rate, where it is known.
     axis
         Axis of time.
     initialisation
         ``"caputo"``: the signal had been f(0) for ever, and the first sample gives 0.
         ``"riemann_liouville"`` and ``"grunwald_letnikov"`` are explained at `Bank`.
     design
-        How. None is the L1 rule over the whole past by FFT, or, where the rate is known, an
-        exponential sum within 1e-10 of the kernel. Any design may be given.
+        How. None: an exponential sum within 1e-10 of the kernel and, where no rate is given, that
+        of a quintic spline (of lower degree below 6 samples). Any design may be given; with modes
+        it takes a rate that is not known for constant between samples, which is the L1 rule.
+        `L1` is that rule over the whole past, by FFT.
 
     Returns
     -------
@@ -69,8 +72,18 @@ def caputo(
     ArgumentError
         NaN or infinity in the signal (it says where), fewer than two samples, an order outside
         [0, 1], shapes that do not fit.
+
+    Notes
+    -----
+    At 1 ms over 20 s and order 0.87 the largest error over the largest value is 2e-12 for sin t
+    and 3e-9 for t^2.3 (L1: 2e-4, 8e-6). What is singular at t = 0 stays limited by its first
+    samples: 3e-4 for t^1.2 (L1: 5e-3), 0.11 for t^0.5 (L1: 0.7); 1e-10 and 4e-8 after one second.
+
+    White noise of standard deviation one on the samples leaves 1.06, 1.16, 1.28 h^-alpha at orders
+    0.2, 0.5, 0.87 (L1: 1.12, 1.31, 1.43), but some 10 h^-alpha in the last sample and 3 in the one
+    before it (order 0.87): at its ends the spline has samples on one side only.
     """
-    return _derivative(L1(), signal, order, step, rate, axis, initialisation, design)
+    return _derivative(None, signal, order, step, rate, axis, initialisation, design)
 
 
 def riemann_liouville(
@@ -98,7 +111,7 @@ def riemann_liouville(
     ndarray
         Of the shape of `signal`.
     """
-    return _derivative(L1(), signal, order, step, rate, axis, initialisation, design)
+    return _derivative(None, signal, order, step, rate, axis, initialisation, design)
 
 
 def grunwald_letnikov(
@@ -130,7 +143,7 @@ def grunwald_letnikov(
 
 
 def _derivative(
-    rule: HistoryDesign,
+    rule: Design | None,
     signal: ArrayLike,
     order: ArrayLike,
     step: float,
@@ -151,15 +164,27 @@ def _derivative(
     except ValueError:
         expected = f"a shape that broadcasts to {value.shape[1:]}"
         raise ArgumentError("order", expected, f"shape {alpha.shape}") from None
+    design = rule if design is None else design
     if design is None:
-        by_rate = slope is not None and isinstance(rule, L1)
-        design = ExponentialSum(tolerance=_RATE_TOLERANCE) if by_rate else rule
+        design = ExponentialSum(tolerance=_KERNEL_TOLERANCE)
+        slope = _spline_rate(value, step) if slope is None else slope
     checks.instance("design", design, Design, "a fractional design")
+    start = initialisation
     if isinstance(design, HistoryDesign):
-        result = _convolve(design, alpha, value, slope, step, initialisation)
+        result = run_lags(design, alpha, value, slope, step=step, initialisation=start)
     else:
-        result = run_modes(design, alpha, value, slope, step=step, initialisation=initialisation)
+        result = run_modes(design, alpha, value, slope, step=step, initialisation=start)
     return np.moveaxis(result, 0, axis)
+
+
+def _spline_rate(value: FloatArray, step: float) -> FloatArray:
+    """Return the rate [1/s] of the spline through samples (N, ...), at the samples."""
+    # Imported late, as all of SciPy is.
+    from scipy.interpolate import make_interp_spline
+
+    at = np.arange(float(len(value)))
+    spline = make_interp_spline(at, value, k=min(_SPLINE_DEGREE, len(value) - 1))
+    return np.asarray(spline.derivative()(at)) / step
 
 
 def _time_first(name: str, array: ArrayLike, axis: int, step: float) -> FloatArray:
@@ -178,37 +203,3 @@ def _time_first(name: str, array: ArrayLike, axis: int, step: float) -> FloatArr
         where = f"sample {index[0]} (t = {index[0] * step:g} s){channel}"
         raise ArgumentError(name, "finite numbers", f"{values[index]} at {where}")
     return values
-
-
-def _convolve(
-    rule: HistoryDesign,
-    alpha: FloatArray,
-    value: FloatArray,
-    rate: FloatArray | None,
-    step: float,
-    initialisation: str,
-) -> FloatArray:
-    samples = value.shape[0]
-    weights = rule.weights(alpha, min(samples, rule.lag_count(step, samples * step)), step)
-    first = value[0]
-    from_rest = initialisation == "grunwald_letnikov"
-    inner = (alpha > 0.0) & (alpha < 1.0)
-    if rule.of_increments:
-        past = np.diff(value, axis=0, prepend=first[None])
-    else:
-        past = value if from_rest else value - first
-    # Imported late, as all of SciPy is.
-    from scipy import fft
-
-    size = fft.next_fast_len(samples + len(weights) - 1, real=True)
-    spectrum = fft.rfft(past, size, axis=0) * fft.rfft(weights, size, axis=0)
-    out = fft.irfft(spectrum, size, axis=0)[:samples]
-    if initialisation != "caputo" and (rule.of_increments or not from_rest):
-        t = np.arange(1, samples).reshape((-1,) + (1,) * alpha.ndim) * step
-        out[1:] += np.where(inner, first * t**-alpha * rgamma(1.0 - alpha), 0.0)
-    # The first sample is known exactly; a transform would leave rounding there.
-    out[0] = np.where(alpha > 0.0, first * step**-alpha, 0.0) if from_rest else 0.0
-    if rate is not None:
-        np.copyto(out, rate, where=alpha == 1.0)
-    np.copyto(out, value, where=alpha == 0.0)
-    return np.asarray(out)

@@ -12,7 +12,6 @@ of a signal sampled every `step` seconds: equation (4) of the paper (with Gamma(
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import Any
 
 from numpy.typing import ArrayLike
@@ -45,7 +44,7 @@ def modes_of(design: Design, order: ArrayLike, *, step: float, horizon: float) -
     found = design.coefficients(order, step=step, horizon=horizon)
     if not isinstance(found, Modes):
         name = type(design).__name__
-        raise ArgumentError("design", "one with modes", f"{name}, which keeps the whole past")
+        raise ArgumentError("design", "one with modes", f"{name}, which keeps the past")
     return found
 
 

@@ -20,8 +20,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.fractional.crone import Oustaloup
-from fpid_pin.fractional.design import DEFAULT_HORIZON, Coefficients, Design, check_grid
-from fpid_pin.fractional.rows import rows
+from fpid_pin.fractional.design import DEFAULT_HORIZON, Design, check_grid, modes_of
 from fpid_pin.fractional.special import rgamma
 
 if TYPE_CHECKING:
@@ -37,10 +36,8 @@ def continuous_modes(
     step, horizon = check_grid(step, horizon)
     if alpha == 1.0:
         raise ArgumentError("order", "a number below 1 (order 1 is s, not proper)", "1")
-    c = design.coefficients(alpha, step=step, horizon=horizon)
-    if not isinstance(c, Coefficients):
-        raise ArgumentError("design", "one with modes", type(design).__name__)
-    poles, weights = c.poles, c.weights
+    modes = modes_of(design, alpha, step=step, horizon=horizon)
+    poles, weights = modes.poles, modes.weights
     if not isinstance(design, Oustaloup) and alpha > 0.0:
         area, mean_lag = _excess(alpha, poles, weights, step)
         # A sum of very few modes may have nothing to add to.
@@ -114,23 +111,13 @@ def _sampled(design: Design, order: float, step: float, horizon: float, rate: st
     alpha = np.asarray(checks.number("order", order, low=0.0, high=1.0))
     step, horizon = check_grid(step, horizon)
     measured = checks.choice("rate", rate, ("measured", "differenced")) == "measured"
-    c = design.coefficients(alpha, step=step, horizon=horizon)
-    if not isinstance(c, Coefficients):
-        raise ArgumentError("design", "one with modes", type(design).__name__)
-    r = rows(c, measured=measured, from_rest=False, channels=1)
-    inputs = 2 if measured else 1
-    weights = r.weights[:, 0].copy()
-    if float(alpha) == 0.0:
-        weights[0] = 1.0
-    modes = r.decay.shape[0]
-    a = np.zeros((inputs + modes, inputs + modes))
-    b = np.zeros((inputs + modes, inputs))
-    b[:inputs] = np.eye(inputs)
-    a[inputs:, inputs:] = np.diag(r.decay[:, 0])
-    b[inputs:, 0] = 1.0
-    if measured:
-        b[inputs:, 1] = r.sigma[:, 0]
-    return StateSpace(a, b, weights[None, inputs:], weights[None, :inputs], dt=step)
+    r = modes_of(design, alpha, step=step, horizon=horizon).recursion(measured=measured)
+    # The states are the last sample's inputs, and the modes.
+    inputs, modes = r.now.size, r.decay.size
+    a = np.block([[np.zeros((inputs, inputs + modes))], [r.drive_before, np.diag(r.decay)]])
+    b = np.concatenate([np.eye(inputs), r.drive_now])
+    c = np.concatenate([r.before, r.weights])
+    return StateSpace(a, b, c[None], r.now[None], dt=step)
 
 
 def zeros_poles_gain(

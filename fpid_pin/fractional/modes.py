@@ -12,9 +12,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.fractional.step_integrals import step_integrals
+from fpid_pin.fractional.step_integrals import integrate_step
+
+ComplexArray = NDArray[np.complex128]
 
 #: What the modes hold of f(0) at t = 0: nothing where the signal had always been f(0), else all.
 FROM_REST = {"caputo": 0.0, "riemann_liouville": 1.0, "grunwald_letnikov": 1.0}
@@ -35,7 +38,7 @@ class Recursion(NamedTuple):
         y_k = now u_k + before u_(k-1) + weights x_(k-1)
         x_k = decay x_(k-1) + drive_now u_k + drive_before u_(k-1)
 
-    The mode with p = 0 is f - f(0): it is part of `before` and no state.
+    The mode with p = 0 is f - f(0): it is part of `before` and no state. Orders 0 and 1 have none.
 
     Attributes
     ----------
@@ -53,6 +56,13 @@ class Recursion(NamedTuple):
     decay: FloatArray
     drive_now: FloatArray
     drive_before: FloatArray
+
+    def response(self, back: ComplexArray) -> ComplexArray:
+        """Return what inputs u z^k make of y, at points 1/z = `back`, (k,): (k, inputs)."""
+        delay = back[:, np.newaxis]
+        modes = delay * self.weights / (1.0 - self.decay * delay)
+        driven = modes @ self.drive_now + delay * (modes @ self.drive_before)
+        return np.asarray(self.now + delay * self.before + driven)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,46 +119,44 @@ class Modes:
         ops["rest"] = FROM_REST[initialisation]
         if initialisation == "grunwald_letnikov":
             ops["kick"] = self.kick
-        table = self.poles if not self.shared_poles else self.poles[:, np.newaxis]
-        flat = table.reshape(len(table), -1)
         if not self.shared_poles:
             ops["row"] = np.arange(self.order.size).reshape(shape)
-        one = step_integrals(flat.T, self.step)
+        one = integrate_step(self.poles.reshape(len(self.poles), -1).T, self.step)
         poles = np.zeros(one.decay.shape, POLE)
         for name, value in zip(("decay", "b1", "b0", "b2"), one, strict=True):
             poles[name] = value
-        modes = np.zeros((*shape, len(table)), MODE)
+        modes = np.zeros((*shape, len(self.poles)), MODE)
         modes["weight"] = np.moveaxis(self.weights, 0, -1)
         return Records(ops, poles, modes)
 
-    def recursion(self, index: tuple[int, ...] = (), *, measured: bool = True) -> Recursion:
-        """Return the difference equation of the order at `index`.
+    def recursion(self, index: int = 0, *, measured: bool = True) -> Recursion:
+        """Return the difference equation of one order.
 
         Parameters
         ----------
         index
-            Of one order.
+            Of the order, counted through an array of them.
         measured
             Whether the rate is an input; else it is taken constant between samples.
         """
-        h = self.step
-        one = step_integrals(self.poles if self.shared_poles else self.poles[(..., *index)], h)
-        weights = self.weights[(..., *index)] * one.decay
-        order, c1, c0, c2 = (
-            float(a[index]) for a in (self.order, self.now, self.before, self.mean)
-        )
+        h, modes = self.step, len(self.poles)
+        poles = self.poles if self.shared_poles else self.poles.reshape(modes, -1)[:, index]
+        one = integrate_step(poles, h)
+        weights = self.weights.reshape(modes, -1)[:, index] * one.decay
+        own = (self.order, self.now, self.before, self.mean)
+        order, c1, c0, c2 = (float(a.reshape(-1)[index]) for a in own)
         # m = (f - f_)/h - (f' + f'_)/2, so what multiplies m is spread over the inputs.
         now = np.array([c2 / h, c1 - 0.5 * c2])
         before = np.array([weights[0] - c2 / h, c0 - 0.5 * c2])
         drive_now = np.stack([one.mean / h, one.now - 0.5 * one.mean], axis=1)
         drive_before = np.stack([-one.mean / h, one.before - 0.5 * one.mean], axis=1)
+        kept = slice(1, None)
         if order in (0.0, 1.0):
-            now, before, weights = np.array([1.0 - order, order]), np.zeros(2), 0.0 * weights
+            now, before, kept = np.array([1.0 - order, order]), np.zeros(2), slice(0)
         if not measured:
             # f' = f'_ = (f - f_)/h.
             now, before = _differenced(now, before, h)
             drive_now, drive_before = _differenced(drive_now, drive_before, h)
-        kept = slice(1, None)
         return Recursion(
             now, before, weights[kept], one.decay[kept], drive_now[kept], drive_before[kept]
         )

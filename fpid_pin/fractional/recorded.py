@@ -1,6 +1,7 @@
-"""A design applied to a whole recorded signal, mode by mode in compiled code.
+"""A design applied to a whole recorded signal.
 
-It gives what a `Bank` gives sample by sample, to rounding, in O(N) for each mode.
+It gives what a `Bank` gives sample by sample: modes by the same kernel, the rules that keep the
+past by FFT, in O(N log N).
 """
 
 from __future__ import annotations
@@ -10,12 +11,10 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError
-from fpid_pin.fractional.bank import INITIALISATIONS
-from fpid_pin.fractional.design import Coefficients, Design, check_grid, check_order
-from fpid_pin.fractional.rows import rows
-
-_BLOCK = 16384
+from fpid_pin.fractional.design import Design, check_grid, check_order, modes_of
+from fpid_pin.fractional.history import HistoryDesign
+from fpid_pin.fractional.modes import INITIALISATIONS
+from fpid_pin.fractional.special import rgamma
 
 
 def run_modes(
@@ -48,59 +47,54 @@ def run_modes(
     ndarray
         D^alpha f, (N, ...).
     """
-    # Imported late: scipy.signal takes longer to load than the rest of the package.
-    from scipy.signal import lfilter
+    # Imported late: it loads numba.
+    from fpid_pin.kernels.operator import record
 
-    alpha = check_order(order)
-    samples = value.shape[0]
+    alpha = check_order(order).reshape(-1)
+    samples = len(value)
     step, horizon = check_grid(step, max(samples - 1, 2) * step if horizon is None else horizon)
     checks.choice("initialisation", initialisation, INITIALISATIONS)
-    c = design.coefficients(alpha, step=step, horizon=horizon)
-    if not isinstance(c, Coefficients):
-        raise ArgumentError("design", "one with modes", type(design).__name__)
-    count = alpha.size
-    measured, from_rest = rate is not None, initialisation != "caputo"
-    r = rows(c, measured=measured, from_rest=from_rest, channels=count)
-    # Time last: compiled filters run along contiguous memory.
-    f = np.ascontiguousarray(value.reshape(samples, count).T)
-    first = f[:, :1].copy()
-    relative = f - first
-    out = np.zeros_like(f)
-    inputs = [relative]
+    modes = modes_of(design, alpha, step=step, horizon=horizon)
+    f = np.ascontiguousarray(value, dtype=np.float64).reshape(samples, -1)
+    if rate is None:
+        # Constant from one sample to the next: at both ends of a step it is the same.
+        start = f[:1] * (initialisation == "grunwald_letnikov")
+        slope = last = np.diff(f, axis=0, prepend=f[:1] - start) / step
+    else:
+        slope = np.ascontiguousarray(rate, dtype=np.float64).reshape(samples, -1)
+        last = np.concatenate([slope[:1], slope[:-1]])
+    out = np.empty_like(f)
+    record(*modes.records(initialisation), f, slope, last, out, step)
+    return out.reshape(value.shape)
+
+
+def run_lags(
+    design: HistoryDesign,
+    order: ArrayLike,
+    value: FloatArray,
+    rate: FloatArray | None = None,
+    *,
+    step: float,
+    initialisation: str = "caputo",
+) -> FloatArray:
+    """Return what a bank of a rule that keeps the past gives: see `run_modes`."""
+    # Imported late, as all of SciPy is.
+    from scipy import fft
+
+    alpha, samples, first = check_order(order), len(value), value[0]
+    lags = design.coefficients(alpha, step=step, horizon=samples * step)
+    within = design.starts_within(initialisation)
+    base = 0.0 * first if within else first
+    increments = np.diff(value, axis=0, prepend=base[None])
+    size = fft.next_fast_len(samples + len(lags.weights) - 1, real=True)
+    spectrum = fft.rfft(increments, size, axis=0) * fft.rfft(lags.weights, size, axis=0)
+    out = fft.irfft(spectrum, size, axis=0)[:samples] + lags.level * (value - base)
+    if initialisation != "caputo" and not within:
+        t = np.arange(1, samples).reshape((-1,) + (1,) * alpha.ndim) * step
+        out[1:] += first * t**-alpha * rgamma(1.0 - alpha)
+    # The first sample is known exactly; a transform would leave rounding there.
+    out[0] = first * step**-alpha * (initialisation == "grunwald_letnikov")
     if rate is not None:
-        inputs.append(np.ascontiguousarray(rate.reshape(samples, count).T))
-    past = len(inputs)
-    for row, signal in enumerate(inputs):
-        out += r.weights[row][:, None] * signal
-        out[:, 1:] += r.weights[past + row][:, None] * signal[:, :-1]
-    if from_rest:
-        out += r.weights[2 * past][:, None] * first
-    rest = first[:, 0] if from_rest else np.zeros(count)
-    start = r.start(rest, inputs[-1][:, 0] if measured else np.zeros(count))
-    head = 2 * past + from_rest
-    shared = r.decay.shape[1] == 1
-    carried = np.array(start)
-    # In blocks that stay in the cache while all modes pass over them.
-    block = max(_BLOCK // count, 64)
-    for begin in range(0, samples, block):
-        part = slice(begin, begin + block)
-        for mode in range(r.decay.shape[0]):
-            drive = relative[:, part]
-            if measured:
-                drive = drive + r.sigma[mode][:, None] * inputs[1][:, part]
-            for rows_of in [slice(None)] if shared else [slice(k, k + 1) for k in range(count)]:
-                e = float(r.decay[mode, 0 if shared else rows_of.start])
-                w, last = lfilter(
-                    [0.0, 1.0], [1.0, -e], drive[rows_of], zi=carried[mode, rows_of, None]
-                )
-                carried[mode, rows_of] = last[:, 0]
-                out[rows_of, part] += r.weights[head + mode, rows_of, None] * w
-    flat = alpha.reshape(-1)
-    out[:, 0] = 0.0
-    if initialisation == "grunwald_letnikov":
-        out[:, 0] = c.kick.reshape(-1) * first[:, 0]
-    if measured:
-        ends = flat == 1.0
-        out[ends] = inputs[1][ends]
-    out[flat == 0.0] = f[flat == 0.0]
-    return out.T.reshape(value.shape)
+        np.copyto(out, rate, where=alpha == 1.0)
+    np.copyto(out, value, where=alpha == 0.0)
+    return np.asarray(out)

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-import warnings
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError, FpidWarning
-from fpid_pin.fractional.design import Coefficients, Design, check_grid, check_order
+from fpid_pin.fractional.design import Design, check_grid, check_order, modes_of
 from fpid_pin.fractional.history import GrunwaldLetnikov, HistoryDesign
-from fpid_pin.fractional.rows import Rows, rows
+from fpid_pin.fractional.modes import ComplexArray, Modes
 from fpid_pin.fractional.special import gamma, gammaln, rgamma, zeta
-
-ComplexArray = NDArray[np.complex128]
 
 
 def frequency_response(
@@ -56,23 +52,21 @@ def frequency_response(
     omega = checks.floats("frequency", frequency, above=0.0, high=math.pi / step * (1 + 1e-12))
     omega = omega.reshape(-1)
     flat = alpha.reshape(-1)
-    back = np.exp(-1j * omega * step)[:, None]
+    back = np.exp(-1j * omega * step)
     if isinstance(design, HistoryDesign):
-        out = _lag_response(design, flat, back, step, horizon)
+        out = _lag_response(design, flat, back[:, None], step, horizon)
         if measured:
             out[:, flat == 1.0] = 1j * omega[:, None]
+        out[:, flat == 0.0] = 1.0
     else:
-        r = modal_rows(design, flat, step=step, horizon=horizon, measured=measured)
-        out = r.weights[0] + back * r.weights[2 if measured else 1]
-        if measured:
-            out = out + 1j * omega[:, None] * (r.weights[1] + back * r.weights[3])
-        head = 4 if measured else 2
-        for mode in range(r.decay.shape[0]):
-            slope = 1j * omega[:, None] * r.sigma[mode] if measured else 0.0
-            through = r.weights[head + mode] * (1.0 + slope) * back
-            out = out + through / (1.0 - r.decay[mode] * back)
-    out[:, flat == 0.0] = 1.0
-    return np.asarray(out.reshape(omega.size, *alpha.shape))
+        modes = modes_of(design, flat, step=step, horizon=horizon)
+        # Of f = exp(j omega t) the rate is j omega f.
+        inputs = np.stack([np.ones_like(back), 1j * omega], axis=1) if measured else 1.0
+        out = np.empty((omega.size, flat.size), dtype=np.complex128)
+        for k in range(flat.size):
+            response = modes.recursion(k, measured=measured).response(back)
+            out[:, k] = (response * inputs).sum(axis=1)
+    return out.reshape(omega.size, *alpha.shape)
 
 
 def _lag_response(
@@ -82,16 +76,14 @@ def _lag_response(
         return np.asarray(((1.0 - back) / step) ** flat)  # the binomial series, summed
     if design.memory is None:
         return _l1_response(flat, -np.log(back), step)
-    count = design.lag_count(step, horizon)
-    weights = design.weights(flat, count, step)
+    lags = design.coefficients(flat, step=step, horizon=horizon)
     out = np.zeros((back.size, flat.size), dtype=np.complex128)
-    # Horner's rule in blocks: no array of (frequencies, lags) is ever held.
+    # In blocks: no array of (frequencies, lags) is ever held.
     block = 4096
-    for start in range(0, count, block):
-        part = weights[start : start + block]
-        powers = back ** np.arange(start, start + len(part))
-        out += powers @ part
-    return out * (1.0 - back) if design.of_increments else out
+    for start in range(0, len(lags.weights), block):
+        part = lags.weights[start : start + block]
+        out += back ** np.arange(start, start + len(part)) @ part
+    return out * (1.0 - back) + lags.level
 
 
 def _l1_response(flat: FloatArray, angle: ComplexArray, step: float) -> ComplexArray:
@@ -114,16 +106,6 @@ def _l1_response(flat: FloatArray, angle: ComplexArray, step: float) -> ComplexA
             total = total + term * (-angle[:, 0]) ** n
         out[:, k] = (1.0 / back - 1.0) * (1.0 - back) * total * step**-a * rgamma(2.0 - a)
     return out
-
-
-def modal_rows(
-    design: Design, flat: FloatArray, *, step: float, horizon: float, measured: bool
-) -> Rows:
-    """Return the row weights of a design with modes, one channel for each order."""
-    c = design.coefficients(flat, step=step, horizon=horizon)
-    if not isinstance(c, Coefficients):
-        raise ArgumentError("design", "one with modes", type(design).__name__)
-    return rows(c, measured=measured, from_rest=False, channels=flat.size)
 
 
 def kernel(
@@ -155,20 +137,20 @@ def kernel(
     flat = alpha.reshape(-1)
     if isinstance(design, GrunwaldLetnikov):
         index = np.round(t / step).astype(int)
-        count = max(design.lag_count(step, horizon), index.max() + 1)
-        weights = design.weights(flat, count, step)
-        weights[design.lag_count(step, max(horizon, t.max())) :] = 0.0
-        found = np.cumsum(weights, axis=0)[index]
+        longest = max(horizon, step * float(index.max()))
+        lags = design.coefficients(flat, step=step, horizon=longest)
+        within = (index < len(lags.weights))[:, None]
+        found = np.where(within, lags.weights[index % len(lags.weights)], 0.0) + lags.level
     elif isinstance(design, HistoryDesign):
         # L1 integrates the kernel itself, as far as its memory reaches.
         found = t[:, None] ** -flat * rgamma(1.0 - flat)
         if design.memory is not None:
             found[t > design.memory] = 0.0
     else:
-        c = design.coefficients(flat, step=step, horizon=horizon)
+        modes = modes_of(design, flat, step=step, horizon=horizon)
         found = np.zeros((t.size, flat.size))
-        for mode in range(c.poles.shape[0]):
-            found += c.weights[mode] * np.exp(-t[:, None] * c.poles[mode])
+        for weights, poles in zip(modes.weights, modes.poles, strict=True):
+            found += weights * np.exp(-t[:, None] * poles)
     return np.asarray(found.reshape(t.size, *alpha.shape))
 
 
@@ -203,55 +185,33 @@ def noise_gains(
     alpha = check_order(order)
     step, horizon = check_grid(step, horizon)
     flat = alpha.reshape(-1)
-    samples = max(round(horizon / step), 2)
     measured = checks.choice("rate", rate, ("measured", "differenced")) == "measured"
-    from_rate = np.zeros(flat.size)
+    gains = np.zeros((2, flat.size))
     if isinstance(design, HistoryDesign):
-        weights = design.weights(flat, design.lag_count(step, horizon), step)
-        if design.of_increments:
-            weights = np.diff(weights, axis=0, prepend=0.0)
-        from_value = np.sqrt((weights**2).sum(axis=0))
+        lags = design.coefficients(flat, step=step, horizon=horizon)
+        weights = np.diff(lags.weights, axis=0, prepend=0.0)
+        weights[0] += lags.level
+        gains[0] = np.sqrt((weights**2).sum(axis=0))
+        gains[0, flat == 0.0] = 1.0
         if measured:
-            from_value[flat == 1.0], from_rate[flat == 1.0] = 0.0, 1.0
+            gains[:, flat == 1.0] = [[0.0], [1.0]]
     else:
-        r = modal_rows(design, flat, step=step, horizon=horizon, measured=measured)
-        past = 2 if measured else 1
-        from_value = np.empty(flat.size)
+        modes = modes_of(design, flat, step=step, horizon=horizon)
+        samples = max(round(horizon / step), 2)
         for k in range(flat.size):
-            shared = 0 if r.decay.shape[1] == 1 else k
-            p = r.poles[:, shared] * step
-            through = r.weights[2 * past :, k]
-            from_value[k] = _deviation(r.weights[0, k], r.weights[past, k], through, p, samples)
-            if measured:
-                slope = through * r.sigma[:, shared]
-                from_rate[k] = _deviation(r.weights[1, k], r.weights[3, k], slope, p, samples)
-    from_value[flat == 0.0] = 1.0
-    return from_value.reshape(alpha.shape), from_rate.reshape(alpha.shape)
+            gains[: 2 if measured else 1, k] = _deviations(modes, k, measured, samples)
+    return gains[0].reshape(alpha.shape), gains[1].reshape(alpha.shape)
 
 
-def _deviation(
-    now: float, before: float, modes: FloatArray, decades: FloatArray, samples: int
-) -> float:
-    """Return the root of the sum of squares of an impulse response.
-
-    It is `now`, then `before` and the sum of `modes`, which then decay by exp(-decades) a sample.
-    """
-    rate = decades[:, None] + decades
-    # From the second sample after the impulse: sum over k of (sum_i modes_i E_i^k)^2.
-    later = np.exp(-rate) * -np.expm1(-(samples - 1) * rate) / -np.expm1(-rate)
-    tail = (modes[:, None] * modes * later).sum()
-    return math.sqrt(now**2 + (before + modes.sum()) ** 2 + max(float(tail), 0.0))
-
-
-def warn_past_horizon(design: Design, order: FloatArray, *, step: float, horizon: float) -> None:
-    """Warn that a bank runs past the horizon its design was fitted for; give the error."""
-    lags = np.array([2.0 * horizon])
-    inside = np.geomspace(step, horizon, 400)
-    later = np.abs(kernel_error(design, order, lags, step=step, horizon=horizon)).max()
-    before = np.abs(kernel_error(design, order, inside, step=step, horizon=horizon)).max()
-    warnings.warn(
-        f"the fractional bank runs past its horizon of {horizon:g} s: the kernel is within"
-        f" {before:.1e} up to there and off by {later:.1e} at {2.0 * horizon:g} s",
-        FpidWarning,
-        stacklevel=5,
-    )
+def _deviations(modes: Modes, k: int, measured: bool, samples: int) -> FloatArray:
+    """Return the root of the sum of squares of the impulse response to each input of one order."""
+    r = modes.recursion(k, measured=measured)
+    second = r.before + r.weights @ r.drive_now
+    # From then on each mode decays by exp(-p h) a sample: sum over n of (sum_i c_i E_i^n)^2.
+    later = r.weights[:, None] * (r.decay[:, None] * r.drive_now + r.drive_before)
+    poles = modes.poles if modes.shared_poles else modes.poles[:, k]
+    p = poles[1 : 1 + r.decay.size] * modes.step
+    both = p[:, None] + p
+    series = np.expm1(-(samples - 1) * both) / np.expm1(-both)
+    tail = np.maximum((later * (series @ later)).sum(axis=0), 0.0)
+    return np.asarray(np.sqrt(r.now**2 + second**2 + tail))

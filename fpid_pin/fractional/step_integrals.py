@@ -29,7 +29,7 @@ class StepIntegrals(NamedTuple):
     mean: FloatArray
 
 
-def step_integrals(poles: FloatArray, step: float) -> StepIntegrals:
+def integrate_step(poles: FloatArray, step: float) -> StepIntegrals:
     """Integrate modes of decay rates `poles` [1/s] over `step` [s], to rounding error."""
     q = np.asarray(poles, dtype=np.float64) * step
     small = q < _SERIES_BELOW

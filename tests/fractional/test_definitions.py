@@ -1,3 +1,5 @@
+from functools import partial
+
 import exact_derivatives as exact
 import numpy as np
 import pytest
@@ -33,19 +35,20 @@ def test_grunwald_letnikov_is_the_sum_as_printed(order):
 
 @pytest.mark.parametrize("order", [0.2, 0.5, 0.9])
 def test_caputo_is_the_integral_of_the_differenced_rate_and_riemann_liouville_adds_the_start(order):
-    got = caputo(SIGNAL, order, STEP)
+    got = caputo(SIGNAL, order, STEP, design=L1())
     j = np.arange(T.size - 1)
     weights = ((j + 1.0) ** (1 - order) - j ** (1 - order)) * STEP**-order / gamma(2 - order)
     want = [0.0] + [weights[: k + 1] @ np.diff(SIGNAL)[k::-1] for k in range(T.size - 1)]
     assert np.abs(got - want).max() < 1e-10
     start = SIGNAL[0] * T[1:] ** -order / gamma(1 - order)
-    both = riemann_liouville(SIGNAL, order, STEP)
+    both = riemann_liouville(SIGNAL, order, STEP, design=L1())
     assert np.abs(both[1:] - got[1:] - start).max() < 1e-10
     assert both[0] == 0.0
 
 
 @pytest.mark.parametrize(
-    ("function", "rate", "expected"), [(caputo, 1.4, 0.15), (grunwald_letnikov, 1.0, 0.15)]
+    ("function", "rate", "expected"),
+    [(partial(caputo, design=L1()), 1.4, 0.15), (grunwald_letnikov, 1.0, 0.15)],
 )
 def test_halving_the_step_shows_the_order_of_convergence(function, rate, expected):
     order, errors = 0.6, []
@@ -63,6 +66,55 @@ def test_a_known_rate_is_far_more_accurate(order):
     got = caputo(np.sin(t), order, 1e-3, rate=np.cos(t))[[10, 700, 5000]]
     want = exact.table(exact.of_sin, [order], t[[10, 700, 5000]])[:, 0]
     assert np.abs(got - want).max() < 2e-10
+
+
+SIGNALS = {
+    "sin t": (np.sin, exact.of_sin),
+    "t^2.3": (lambda t: t**2.3, lambda a, t: exact.of_power(a, t, 2.3)),
+    "t^1.2": (lambda t: t**1.2, lambda a, t: exact.of_power(a, t, 1.2)),
+    "t^0.5": (np.sqrt, lambda a, t: exact.of_power(a, t, 0.5)),
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "everywhere", "later"),
+    # Smooth at 0; nearly; and with a rate that is singular there, which stays limited.
+    [("sin t", 1e-9, 1e-9), ("t^2.3", 1e-7, 1e-9), ("t^1.2", 1e-3, 1e-9), ("t^0.5", 0.2, 1e-7)],
+)
+def test_without_a_rate_a_recorded_signal_is_taken_for_a_smooth_one(name, everywhere, later):
+    order, t = 0.87, np.arange(20001) * 1e-3
+    checked = np.r_[1:60, np.geomspace(60, 20000, 60).astype(int)]
+    function, truth = SIGNALS[name]
+    want = exact.table(truth, [order], t[checked])[:, 0]
+    error = np.abs(caputo(function(t), order, 1e-3)[checked] - want) / np.abs(want).max()
+    assert error.max() < everywhere
+    assert error[t[checked] > 1.0].max() < later
+    jump = riemann_liouville(function(t) + 2.0, order, 1e-3)[checked]
+    jump -= 2.0 * t[checked] ** -order / gamma(1 - order)
+    assert np.abs(jump - want)[checked > 1000].max() < max(later, 1e-9) * np.abs(want).max()
+
+
+@pytest.mark.parametrize("samples", [2, 3, 4, 5, 6, 7])
+def test_short_records_of_polynomials_have_their_rates(samples):
+    t = np.arange(samples) * STEP
+    power = min(samples - 1, 5)
+    want = [exact.of_power(0.5, x, power) if x else 0.0 for x in t]
+    got = caputo(t**power, 0.5, STEP)
+    given = caputo(t**power, 0.5, STEP, rate=power * t ** (power - 1.0))
+    assert np.abs(got - given).max() < 1e-11 * np.abs(want).max()
+    if power <= 3:
+        assert np.abs(got - want).max() < 1e-9 * np.abs(want).max()
+
+
+@pytest.mark.parametrize(("order", "gain"), [(0.2, 1.06), (0.5, 1.16), (0.87, 1.28)])
+def test_noise_passes_as_the_docstring_says_and_less_than_by_l1(order, gain):
+    noise = np.random.default_rng(0).normal(size=(20001, 4))
+    ours, l1 = (
+        caputo(noise, order, 1e-3, axis=0, design=design)[1000:-50].std() * 1e-3**order
+        for design in (None, L1())
+    )
+    assert abs(ours - gain) < 0.02
+    assert ours < l1
 
 
 def test_any_axis_and_an_order_for_each_channel():
@@ -84,14 +136,25 @@ def test_orders_0_and_1_are_exact_ends(function):
     assert np.array_equal(function(SIGNAL, 0.0, STEP), SIGNAL)
     assert np.array_equal(function(SIGNAL, 0.0, STEP, rate=rate), SIGNAL)
     assert np.array_equal(function(SIGNAL, 1.0, STEP, rate=rate), rate)
-    difference = function(SIGNAL, 1.0, STEP)[1:]
+    rule = None if function is grunwald_letnikov else L1()
+    difference = function(SIGNAL, 1.0, STEP, design=rule)[1:]
     assert np.abs(difference - np.diff(SIGNAL) / STEP).max() < 1e-10
+    if rule is not None:  # else by the spline
+        assert np.abs(function(SIGNAL, 1.0, STEP) - rate).max() < 1e-6
 
 
 @pytest.mark.parametrize("word", ["caputo", "riemann_liouville", "grunwald_letnikov"])
 @pytest.mark.parametrize(
     "design",
-    [L1(), GrunwaldLetnikov(), L1(0.5), GrunwaldLetnikov(0.5), ExponentialSum(30)],
+    [
+        L1(),
+        GrunwaldLetnikov(),
+        L1(0.5),
+        GrunwaldLetnikov(0.5),
+        L1(2.0),
+        GrunwaldLetnikov(2.0),
+        ExponentialSum(30),
+    ],
     ids=repr,
 )
 def test_streamed_and_recorded_rules_agree(design, word):

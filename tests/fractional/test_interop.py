@@ -14,7 +14,9 @@ from fpid_pin.fractional import (
     ExponentialSum,
     RefinedOustaloup,
     fpid_state_space,
+    state_space,
     to_control,
+    zeros_poles_gain,
 )
 from fpid_pin.fractional.interop import python_control
 
@@ -35,13 +37,13 @@ def _response(system, omega):
 @pytest.mark.parametrize("design", DESIGNS, ids=repr)
 @pytest.mark.parametrize("order", [0.0, 0.1, 0.5, 0.95])
 def test_state_space_and_zpk_are_one_system_close_to_the_operator(design, order):
-    system = design.state_space(order, step=STEP, horizon=HORIZON)
+    system = state_space(design, order, step=STEP, horizon=HORIZON)
     assert isinstance(system, signal.StateSpace)
     got = _response(system, OMEGA)[:, 0]
     limit = 1e-4 if isinstance(design, ExponentialSum) else 0.05
     assert np.abs(got / (1j * OMEGA) ** order - 1).max() < limit
     if order > 0.0:
-        zpk = design.zeros_poles_gain(order, step=STEP, horizon=HORIZON)
+        zpk = zeros_poles_gain(design, order, step=STEP, horizon=HORIZON)
         assert isinstance(zpk, signal.ZerosPolesGain)
         other = signal.freqs_zpk(zpk.zeros, zpk.poles, zpk.gain, OMEGA)[1]
         assert np.abs(got / other - 1).max() < 1e-9
@@ -57,7 +59,7 @@ def test_the_sampled_export_is_what_the_bank_does(design, rule, order):
     value, rate = rng.normal(size=(2, 80))
     # From rest: both start at zero.
     value[0] = rate[0] = 0.0
-    system = design.state_space(order, step=STEP, horizon=HORIZON, sampled=True, rate=rule)
+    system = state_space(design, order, step=STEP, horizon=HORIZON, sampled=True, rate=rule)
     assert system.dt == STEP
     measured = rule == "measured"
     inputs = np.stack([value, rate], axis=1) if measured else value[:, None]
@@ -114,7 +116,7 @@ def test_python_control_reads_the_same_system():
     control = python_control()
     assert control is not None, "the test extra installs it"
     for sampled in (False, True):
-        system = ExponentialSum(24).state_space(0.5, step=STEP, horizon=HORIZON, sampled=sampled)
+        system = state_space(ExponentialSum(24), 0.5, step=STEP, horizon=HORIZON, sampled=sampled)
         other = to_control(system)
         assert isinstance(other, control.StateSpace)
         assert other.dt == (STEP if sampled else 0)
@@ -141,21 +143,21 @@ def test_python_control_reads_the_same_system():
 
 def test_without_python_control_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "control", None)
-    system = ExponentialSum(8).state_space(0.5, step=STEP)
+    system = state_space(ExponentialSum(8), 0.5, step=STEP)
     with pytest.raises(DesignError, match=r"pip install 'fpid_pin\[control\]'"):
         to_control(system)
 
 
 def test_what_cannot_be_exported_is_refused():
     with pytest.raises(ArgumentError, match="order 1 is s, not proper"):
-        ExponentialSum().state_space(1.0, step=STEP)
+        state_space(ExponentialSum(), 1.0, step=STEP)
     with pytest.raises(ArgumentError, match="design: expected one with modes, got L1"):
-        L1().state_space(0.5, step=STEP, horizon=1.0)
+        state_space(L1(), 0.5, step=STEP, horizon=1.0)
 
 
 def test_a_folder_named_control_is_not_python_control(monkeypatch):
     """Such a folder imports as an empty package; the tests' own did."""
-    system = ExponentialSum(24).state_space(0.5, step=STEP, horizon=HORIZON)
+    system = state_space(ExponentialSum(24), 0.5, step=STEP, horizon=HORIZON)
     for module in (types.ModuleType("control"), None):
         monkeypatch.setitem(sys.modules, "control", module)
         assert python_control() is None
