@@ -87,6 +87,7 @@ def test_a_held_joint_does_not_even_leak():
     arm = fp.Arm.planar([1.0], [1.0]).with_limits(effort=0.5)
     law = fp.AdaptiveFpid(*START, learning_rate=25.0, safeguards=Safeguards(sigma=5.0))
     loop = law.start(arm, step=STEP)
+    loop.torque([0.0], [0.0], [0.1], [0.0])
     loop.state.joints["kp"] = 30.0
     for _ in range(100):
         loop.torque([0.0], [0.0], [0.1], [0.0])
