@@ -57,7 +57,7 @@ def exact(rate: Callable[[Any], Any], order: float, t: float) -> float:
 def streamed(design: fr.Design, f: np.ndarray, df: np.ndarray | None, order: float) -> Result:
     """Run a bank over one signal."""
     rule = "differenced" if df is None else "measured"
-    bank = design.bank(order, step=STEP, horizon=HORIZON, rate=rule)
+    bank = fr.Bank(design, order, step=STEP, horizon=HORIZON, rate=rule)
     out = np.empty_like(f)
     begin = time.perf_counter()
     for k in range(f.size):
@@ -96,6 +96,9 @@ def ours(quick: bool) -> dict[str, Callable[..., Result]]:
         )
     methods["fpid_pin caputo(), recorded"] = lambda f, df, _, order, __: whole(
         lambda: fr.caputo(f, order, STEP), f.size
+    )
+    methods["fpid_pin caputo(design=L1()), recorded"] = lambda f, df, _, order, __: whole(
+        lambda: fr.caputo(f, order, STEP, design=fr.L1()), f.size
     )
     methods["fpid_pin caputo(rate=), recorded"] = lambda f, df, _, order, __: whole(
         lambda: fr.caputo(f, order, STEP, rate=df), f.size

@@ -183,8 +183,8 @@ class Bank:
             return ArgumentError("rate", "the signal's rate (or a bank with 'differenced')", "none")
         if not self._measured and rate is not None:
             return ArgumentError("rate", "none (the bank is 'differenced')", "one")
-        arrays = {"value": value, "rate": rate} if self._measured else {"value": value}
-        for name, array in arrays.items():
+        given = {"value": value} | ({"rate": rate} if self._measured else {})
+        for name, array in given.items():
             try:
                 np.copyto(np.empty(self.shape), array)
             except (TypeError, ValueError):

@@ -83,30 +83,18 @@ class Oustaloup(Design):
         poles = np.stack([p for p, _ in columns], axis=1)
         weights = np.stack([g for _, g in columns], axis=1)
         one = integrate_step(poles, step)
-        kick = weights.sum(axis=0)
-        now, before, mean = (
-            (weights * part).sum(axis=0) for part in (one.now, one.before, one.mean)
-        )
-        ends = (flat == 0.0) | (flat == 1.0)
-        if ends.any():
-            # The mode with p = 0 is f - f(0) and carries order 0; order 1 is f' alone.
-            last = flat[ends] == 1.0
-            weights[:, ends] = 0.0
-            weights[0, ends] = np.where(last, 0.0, 1.0)
-            now[ends] = np.where(last, 1.0, 0.5 * step)
-            before[ends] = np.where(last, 0.0, 0.5 * step)
-            mean[ends] = np.where(last, 0.0, step)
-            kick[ends] = np.where(last, 1.0 / step, 1.0)
-        shape = (poles.shape[0], *alpha.shape)
+        # Order 1 is f' alone, which no mode makes.
+        rate = np.where(flat == 1.0, 1.0, 0.0)
+        shape = (len(poles), *alpha.shape)
         return Modes(
             order=alpha,
             step=step,
             poles=read_only(poles.reshape(shape)),
             weights=weights.reshape(shape),
-            now=now.reshape(alpha.shape),
-            before=before.reshape(alpha.shape),
-            mean=mean.reshape(alpha.shape),
-            kick=kick.reshape(alpha.shape),
+            now=((weights * one.now).sum(axis=0) + rate).reshape(alpha.shape),
+            before=(weights * one.before).sum(axis=0).reshape(alpha.shape),
+            mean=(weights * one.mean).sum(axis=0).reshape(alpha.shape),
+            kick=(weights.sum(axis=0) + rate / step).reshape(alpha.shape),
         )
 
     def _partial_fractions(self, order: float) -> tuple[FloatArray, FloatArray]:
@@ -121,7 +109,9 @@ class Oustaloup(Design):
         index = np.arange(p.size)
         others = np.stack([np.delete(index, i) for i in index], axis=1)
         ratios = (z[:, None] - p) / (p[others] - p)
-        return p, gain * np.abs(ratios.prod(axis=0))
+        weights = gain * np.abs(ratios.prod(axis=0))
+        # The mode with p = 0 is f - f(0): alone it is order 0.
+        return p, weights if inner == order else (1.0 - order) * (p == 0.0)
 
 
 def _oustaloup(low: float, high: float, n: int, order: float) -> tuple[FloatArray, FloatArray]:

@@ -99,17 +99,12 @@ def riemann_liouville(
     """Riemann-Liouville derivative of a recorded signal, equation (2).
 
     It is Caputo's plus ``f(0) t^-alpha/Gamma(1 - alpha)``. At the first sample that is infinite
-    and left out. Parameters, results and errors are those of `caputo`.
+    and left out.
 
     Parameters
     ----------
     signal, order, step, rate, axis, initialisation, design
-        See `caputo`.
-
-    Returns
-    -------
-    ndarray
-        Of the shape of `signal`.
+        See `caputo`, also for what is returned and raised.
     """
     return _derivative(None, signal, order, step, rate, axis, initialisation, design)
 
@@ -126,18 +121,13 @@ def grunwald_letnikov(
 ) -> FloatArray:
     """Grünwald-Letnikov derivative of a recorded signal: the sum (1) for the given step.
 
-    The first sample gives ``f(0) h^-alpha``. Parameters, results and errors are those of
-    `caputo`.
+    The first sample gives ``f(0) h^-alpha``.
 
     Parameters
     ----------
     signal, order, step, rate, axis, initialisation, design
-        See `caputo`; `rate` serves order 1, and a `design` that uses it.
-
-    Returns
-    -------
-    ndarray
-        Of the shape of `signal`.
+        See `caputo`, also for what is returned and raised; `rate` serves order 1, and a `design`
+        that uses it.
     """
     return _derivative(GrunwaldLetnikov(), signal, order, step, rate, axis, initialisation, design)
 

@@ -88,12 +88,9 @@ class GrunwaldLetnikov(HistoryDesign):
     """The sum (1), streamed; first order in the step.
 
     Under Caputo's initialisation it works on f - f(0).
-
-    Parameters
-    ----------
-    memory
-        Length of the past that is kept [s]; None keeps all of it.
     """
+
+    __doc__ = (__doc__ or "") + (HistoryDesign.__doc__ or "").partition("\n")[2]
 
     def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Lags:
         """Return h^-alpha (-1)^j binom(alpha - 1, j) for every lag."""
@@ -114,13 +111,9 @@ class GrunwaldLetnikov(HistoryDesign):
 @described("l1")
 @dataclass(frozen=True)
 class L1(HistoryDesign):
-    """Caputo's integral (4) with the rate constant on every step, streamed; order 2 - alpha.
+    """Caputo's integral (4) with the rate constant on every step, streamed; order 2 - alpha."""
 
-    Parameters
-    ----------
-    memory
-        Length of the past that is kept [s]; None keeps all of it.
-    """
+    __doc__ = (__doc__ or "") + (HistoryDesign.__doc__ or "").partition("\n")[2]
 
     def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Lags:
         """Return h^-alpha/Gamma(2 - alpha) ((j + 1)^(1-alpha) - j^(1-alpha)) for every lag."""

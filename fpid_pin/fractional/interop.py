@@ -91,18 +91,11 @@ def state_space(
     ArgumentError
         Order 1 in continuous time (not proper), a design without modes.
     """
-    from scipy.signal import StateSpace
-
     if sampled:
         return _sampled(design, order, step, horizon, rate)
     poles, weights = continuous_modes(design, order, step=step, horizon=horizon)
-    d = weights.sum()
-    p, g = poles[1:], weights[1:]
-    if p.size == 0:
-        return StateSpace(np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1)), [[d]])
-    # g s/(s + p) = g - g p/(s + p); sqrt(p) on both sides keeps the entries within range.
-    root = np.sqrt(p)
-    return StateSpace(np.diag(-p), root[:, None], -(g * root)[None, :], [[d]])
+    # g s/(s + p) = g - g p/(s + p)
+    return _diagonal([(poles, -weights * poles)], weights.sum())
 
 
 def _sampled(design: Design, order: float, step: float, horizon: float, rate: str) -> StateSpace:
@@ -200,12 +193,10 @@ def fpid_state_space(
     DesignError
         mu = 1 without `filter_time`: a pure derivative is not a state space.
     """
-    from scipy.signal import StateSpace
-
     kp, ki, kd = (checks.number(n, v) for n, v in (("kp", kp), ("ki", ki), ("kd", kd)))
     lam = checks.number("integral_order", integral_order, low=0.0, high=1.0)
     mu = checks.number("derivative_order", derivative_order, low=0.0, high=1.0)
-    direct, parts = kp, []
+    direct, parts = kp, [(np.zeros(0), np.zeros(0))]
     if ki != 0.0:
         # I^lambda e = D^(1-lambda) int e: s/(s + p) becomes 1/(s + p).
         if lam == 0.0:
@@ -225,24 +216,22 @@ def fpid_state_space(
             poles, weights = continuous_modes(design, mu, step=step, horizon=horizon)
         direct += kd * float(weights.sum())
         parts.append((poles, -kd * weights * poles))
-    poles, residues = _merge(parts)
-    if poles.size == 0:
-        poles, residues = np.zeros(1), np.zeros(1)
-    return StateSpace(
-        np.diag(-poles), np.ones((poles.size, 1)), residues[None, :], [[float(direct)]]
-    )
+    return _diagonal(parts, direct)
 
 
-def _merge(parts: list[tuple[FloatArray, FloatArray]]) -> tuple[FloatArray, FloatArray]:
-    """Add residues of equal poles; drop those that are zero."""
-    if not parts:
-        return np.zeros(0), np.zeros(0)
-    poles = np.concatenate([p for p, _ in parts])
-    residues = np.concatenate([r for _, r in parts])
+def _diagonal(parts: list[tuple[FloatArray, FloatArray]], direct: float) -> StateSpace:
+    """Return the state space of ``direct + sum r/(s + p)``, one state for each distinct pole."""
+    from scipy.signal import StateSpace
+
+    poles, residues = (np.concatenate([np.zeros(1), *part]) for part in zip(*parts, strict=True))
     distinct, where = np.unique(poles, return_inverse=True)
-    total = np.zeros(distinct.size)
-    np.add.at(total, where, residues)
-    return distinct[total != 0.0], total[total != 0.0]
+    total = np.bincount(where, residues)
+    # One state is kept where none is needed: a gain alone has no state space in SciPy.
+    used = total != 0.0
+    used[0] |= not used.any()
+    root = np.sqrt(np.abs(total[used]))[:, None]
+    c = np.sign(total[used]) * root[:, 0]
+    return StateSpace(np.diag(-distinct[used]), root, c[None], [[float(direct)]])
 
 
 def python_control() -> Any:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-import time
+from functools import partial
+from timeit import repeat, timeit
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,13 +13,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
 from fpid_pin.fractional.bank import Bank
 from fpid_pin.fractional.crone import Oustaloup
-from fpid_pin.fractional.design import (
-    DEFAULT_HORIZON,
-    Design,
-    check_grid,
-    check_order,
-    modes_of,
-)
+from fpid_pin.fractional.design import DEFAULT_HORIZON, Design, check_grid, check_order, modes_of
 from fpid_pin.fractional.history import HistoryDesign
 from fpid_pin.fractional.operator_report import OperatorReport
 from fpid_pin.fractional.response import frequency_response, kernel_error, noise_gains
@@ -55,8 +50,7 @@ def report(
     # Beyond the horizon on both scales: what can be trusted may reach further than was asked.
     omega = np.geomspace(min(1e-2 / horizon, 1e-3 * nyquist), nyquist, 600)
     response = frequency_response(design, alpha, omega, step=step, horizon=horizon)
-    exact = (1j * omega[:, None]) ** alpha
-    ratio = response / exact
+    ratio = response / (1j * omega[:, None]) ** alpha
     band = _band(design, step, horizon)
     within = (omega >= band[0]) & (omega <= band[1])
     if not within.any():
@@ -121,13 +115,8 @@ def _trusted_band(omega: FloatArray, error: FloatArray) -> tuple[FloatArray, Flo
 
 
 def _trusted_lag(lag: FloatArray, error: FloatArray) -> FloatArray:
-    out = np.full(error.shape[1], np.nan)
-    for k in range(error.shape[1]):
-        bad = np.flatnonzero(error[:, k] > TRUSTED_WITHIN)
-        last = bad[0] - 1 if bad.size else lag.size - 1
-        if last >= 0:
-            out[k] = lag[last]
-    return out
+    good = np.cumprod(error <= TRUSTED_WITHIN, axis=0).sum(axis=0)
+    return np.where(good > 0, lag[good - 1], np.nan)
 
 
 def _error_bound(design: Design, alpha: FloatArray, step: float, horizon: float) -> FloatArray:
@@ -167,13 +156,6 @@ def _cost(design: Design, alpha: FloatArray, signals: int, step: float) -> float
     # A short horizon: the past that a reference rule keeps does not grow while it is timed.
     bank = Bank(design, order, step=step, horizon=1000.0 * step)
     value, rate = np.sin(np.arange(signals)), np.cos(np.arange(signals))
-    out = np.empty(signals)
-    for _ in range(20):
-        bank.update(value, rate, out)
-    times = []
-    for _ in range(5):
-        begin = time.perf_counter()
-        for _ in range(40):
-            bank.update(value, rate, out)
-        times.append((time.perf_counter() - begin) / 40)
-    return min(times)
+    call = partial(bank.update, value, rate, np.empty(signals))
+    timeit(call, number=20)
+    return min(repeat(call, number=40, repeat=5)) / 40

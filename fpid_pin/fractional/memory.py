@@ -18,7 +18,6 @@ from fpid_pin.fractional.special import rgamma
 
 _FIRST_ROWS = 64
 
-
 #: f and f' at this sample, and those at the last: f, f_, f', f'_, each (channels,).
 Signals = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 
