@@ -23,6 +23,12 @@ from fpid_pin.arms.urdf import UrdfSource, read_text
 from fpid_pin.checks import FloatArray
 
 
+# Fields of an arm that are one number a joint, in their order; `home` follows them.
+_ARRAYS = (
+    "lower", "upper", "effort_limit", "velocity_limit", "viscous_friction", "dry_friction",
+)  # fmt: skip
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Arm(RigidBody):
     """A robot arm with n revolute joints; immutable and picklable.
@@ -154,11 +160,9 @@ class Arm(RigidBody):
             return NotImplemented
         if self is other:
             return True
-        limits = ("lower", "upper", "effort_limit", "velocity_limit")
-        arrays = (*limits, "viscous_friction", "dry_friction", "home")
         return (
             (self.name, self.joint_names, self.tool) == (other.name, other.joint_names, other.tool)
-            and all(np.array_equal(getattr(self, a), getattr(other, a)) for a in arrays)
+            and all(np.array_equal(getattr(self, a), getattr(other, a)) for a in (*_ARRAYS, "home"))
             and self.dynamics_key() == other.dynamics_key()
             and bool(self.model == other.model)
         )
@@ -275,18 +279,8 @@ class Arm(RigidBody):
     # ------------------------------------------------------------------ inside
 
     def _changed(self, item: change.Change) -> Arm:
-        parts = Parts(
-            self.model.copy(),
-            self.name,
-            lower=self.lower,
-            upper=self.upper,
-            effort_limit=self.effort_limit,
-            velocity_limit=self.velocity_limit,
-            viscous_friction=self.viscous_friction,
-            dry_friction=self.dry_friction,
-            home=self.home,
-            tool=self.tool,
-        )
+        own = {name: getattr(self, name) for name in (*_ARRAYS, "home", "tool")}
+        parts = Parts(self.model.copy(), self.name, **own)
         item.apply(parts)
         return _finish(parts, self._source, (*self._changes, item))
 
@@ -305,18 +299,6 @@ def assemble(source: Source, changes: Sequence[change.Change] = ()) -> Arm:
 def _finish(parts: Parts, source: Source, changes: tuple[change.Change, ...]) -> Arm:
     home, tool = parts.settle()
     names = tuple(str(name) for name in list(parts.model.names)[1:])
-    return Arm(
-        parts.model,
-        parts.name,
-        names,
-        tool,
-        checks.read_only(parts.lower),
-        checks.read_only(parts.upper),
-        checks.read_only(parts.effort_limit),
-        checks.read_only(parts.velocity_limit),
-        checks.read_only(parts.viscous_friction),
-        checks.read_only(parts.dry_friction),
-        checks.read_only(home),
-        source,
-        changes,
-    )
+    arrays = [checks.read_only(getattr(parts, name)) for name in _ARRAYS]
+    home = checks.read_only(home)
+    return Arm(parts.model, parts.name, names, tool, *arrays, home, source, changes)

@@ -52,7 +52,7 @@ class Fleet:
     runs
         Number of runs.
     armature
-        Inertia added to the joints' own rotor inertia, kg m^2, (n,) or (runs, n): with
+        Inertia added to the joints' own rotor inertia [kg m^2], (n,) or (runs, n): with
         ``step * viscous_friction`` here and ``- viscous_friction * v`` in the torque, viscous
         friction is integrated implicitly. The arms themselves are not touched.
 
@@ -114,21 +114,21 @@ class Fleet:
     def forward_dynamics(
         self, q: FloatArray, v: FloatArray, tau: FloatArray, out: FloatArray
     ) -> None:
-        """Set `out` to q'' = M^-1 (tau - C q' - G), rad/s^2."""
+        """Set `out` to q'' = M^-1 (tau - C q' - G) [rad/s^2]."""
         self._call(pin.abaInParallel, True, q, v, tau, out)
 
     def inverse_dynamics(
         self, q: FloatArray, v: FloatArray, a: FloatArray, out: FloatArray
     ) -> None:
-        """Set `out` to M q'' + C q' + G, N m."""
+        """Set `out` to M q'' + C q' + G [N m]."""
         self._call(pin.rneaInParallel, True, q, v, a, out)
 
     def gravity(self, q: FloatArray, out: FloatArray) -> None:
-        """Set `out` to G(q), N m."""
+        """Set `out` to G(q) [N m]."""
         self._call(pin.rneaInParallel, True, q, self._zeros, self._zeros, out)
 
     def coriolis(self, q: FloatArray, v: FloatArray, out: FloatArray) -> None:
-        """Set `out` to C(q, q') q', N m."""
+        """Set `out` to C(q, q') q' [N m]."""
         self._call(pin.rneaInParallel, False, q, v, self._zeros, out)
 
     def mass_times(self, q: FloatArray, x: FloatArray, out: FloatArray) -> None:

@@ -24,7 +24,7 @@ class ComputedTorque(Controller):
     Parameters
     ----------
     k0, k1
-        1/s^2 and 1/s, scalar or (n,).
+        [1/s^2] and [1/s], scalar or (n,).
     name
         What tables and figures call it.
     """

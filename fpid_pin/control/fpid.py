@@ -60,7 +60,7 @@ class AdaptiveFpid(Controller):
         What the operators take the error to have been before t = 0: ``"caputo"``,
         ``"riemann_liouville"`` or ``"grunwald_letnikov"``; see `fpid_pin.fractional.Bank`.
     scale
-        s: ``"none"`` (1, as in the paper), ``"inertia"`` (M_jj at the arm's home), or (n,).
+        Factor s: ``"none"`` (1, as in the paper), ``"inertia"`` (M_jj at the arm's home), or (n,).
     safeguards
         Bounds and leakage for the adapted gains; None: none, as in the paper.
     name
@@ -173,7 +173,7 @@ class FpidState(State):
             self._supervision.act(self.alive, self.robots, self.joints, inputs, self.torque)
 
     def signals(self) -> Mapping[str, FloatArray]:
-        """Return views of kp, ki, kd, u_fpid, u_s, s, (runs, n), and lyapunov, (runs,)."""
+        """Return views of kp, ki, kd, u_fpid, u_s and s, (runs, n), and of lyapunov, (runs,)."""
         views = {name: self.joints[name] for name in ("kp", "ki", "kd", "u_fpid", "u_s", "s")}
         return views | {"lyapunov": self.robots["value"]}
 

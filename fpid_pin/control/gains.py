@@ -54,7 +54,7 @@ class GainCeilings:
         The bound itself: all Kd raised together in their present proportion, the loop of the
         worst pose breaks here.
     pose
-        That pose, (n,), rad.
+        That pose, (n,) [rad].
     """
 
     kp: FloatArray
@@ -118,7 +118,7 @@ def gain_ceilings(
     arm, controller
         The nominal arm and the law whose present gains give the proportions.
     step, horizon
-        Of the sampled loop, s.
+        Of the sampled loop [s].
     poses, seed
         How many poses to look at (the first is home), and what draws them.
     """
@@ -164,13 +164,13 @@ def suggest_gains(
     arm
         The nominal arm.
     bandwidth
-        w, rad/s; ten times the fastest motion that is asked for is a good start.
+        w [rad/s]; ten times the fastest motion that is asked for is a good start.
     integral_order, derivative_order
         lambda and mu.
     adaptive
         False: the same gains, fixed.
     step, horizon
-        Of the sampled loop, s.
+        Of the sampled loop [s].
     name
         What tables and figures call it.
 

@@ -56,7 +56,7 @@ class LinearSystem:
 
 
 def frequencies(step: float, lowest: float = 1e-2) -> FloatArray:
-    """Return angular frequencies, rad/s, from `lowest` to Nyquist's, evenly spread over decades."""
+    """Return angular frequencies [rad/s] from `lowest` to Nyquist's, evenly spread over decades."""
     highest = np.pi / step
     count = int(np.ceil(_DENSITY * np.log10(highest / lowest)))
     return np.geomspace(lowest, highest, count)
@@ -74,7 +74,7 @@ def operators(
     design
         Of the fractional operators; its modes become states.
     step, horizon
-        s.
+        [s].
 
     Returns
     -------

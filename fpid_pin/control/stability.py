@@ -25,7 +25,6 @@ from fpid_pin.control.sampled import (
     operators,
 )
 from fpid_pin.fractional import Design, ExponentialSum
-from fpid_pin.fractional.interop import python_control
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -46,16 +45,16 @@ class StabilityReport:
     pole_radius
         Largest modulus of its poles in z.
     decay_rate
-        That of its slowest motion, 1/s; negative: growth.
+        That of its slowest motion [1/s]; negative: growth.
     gain_margin, gain_reduction
         Factors by which the joint's torque may be raised, or lowered, before the loop breaks;
         inf and 0 where it never does.
     phase_margin
-        rad; inf where the loop's gain never passes 1.
+        [rad]; inf where the loop's gain never passes 1.
     delay_margin
-        s: the further dead time that the joint bears.
+        The further dead time that the joint bears [s].
     crossover
-        rad/s, where the smallest phase margin is; NaN where there is none.
+        Where the smallest phase margin is [rad/s]; NaN where there is none.
     kd_ceiling, kd_limit
         Half of the sampled-data bound on Kd, and the bound (see `gain_ceilings`); NaN for laws
         without a Kd of their own.
@@ -119,7 +118,7 @@ def stability_report(
         Adaptive laws count with fixed parameters: adaptation is slow beside the loop. Torque
         limits and dry friction are left out.
     step, horizon
-        s.
+        [s].
     gains
         Kp, Ki, Kd to use in place of an FPID's initial ones, (n,) each: what adaptation has made
         of them, ``(run.kp[-1], run.ki[-1], run.kd[-1])``.
@@ -134,8 +133,7 @@ def stability_report(
     Notes
     -----
     Breaking the loop at the torque of joint j, the others closed, leaves
-    ``L_j = 1/[(I + L)^-1]_jj - 1`` with L the n-joint loop. Margins are read from L_j by
-    python-control where it is installed, else here (tested to agree).
+    ``L_j = 1/[(I + L)^-1]_jj - 1`` with L the n-joint loop.
     """
     step = checks.number("step", step, above=0.0)
     if isinstance(controller, SuggestedFpid):
@@ -277,10 +275,8 @@ def _closed(plant: LinearSystem, law: list[_Part]) -> FloatArray:
 def _margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, ...]:
     """Return gain margin, gain reduction, phase margin, delay margin and crossover of one loop."""
     up, down = _gain_margins(omega, loop)
-    if python_control() is not None:
-        phases, at = _phases_by_control(omega, loop)
-    else:
-        phases, at = _phases(omega, loop)
+    at, values = crossings(omega, loop, lambda x: np.log(np.abs(x)))
+    phases = np.angle(-values)  # in (-pi, pi]
     if not len(at):
         return up, down, np.inf, np.inf, np.nan
     least = int(np.argmin(np.abs(phases)))
@@ -298,16 +294,3 @@ def _gain_margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, float]:
         float(above.min()) if above.size else np.inf,
         float(below.max()) if below.size else 0.0,
     )
-
-
-def _phases(omega: FloatArray, loop: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Return the phase margins, in (-pi, pi], and where the gain passes 1."""
-    at, values = crossings(omega, loop, lambda x: np.log(np.abs(x)))
-    return np.angle(-values), at
-
-
-def _phases_by_control(omega: FloatArray, loop: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    control = python_control()
-    data = (np.abs(loop), np.degrees(np.angle(loop)), omega)
-    _, phases, _, _, at, _ = control.stability_margins(data, returnall=True)
-    return np.radians(np.asarray(phases, dtype=np.float64)), np.asarray(at, dtype=np.float64)

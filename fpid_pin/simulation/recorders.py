@@ -25,7 +25,7 @@ class Outcome:
     completed
         Whether it reached its duration.
     time
-        When it ended, s.
+        When it ended [s].
     joint, cause
         Which joint ended it (none where it was the law itself), and why; empty where it completed.
     """
@@ -62,7 +62,7 @@ class Block:
     first
         Row number of the first row.
     t
-        (K,), s.
+        (K,) [s].
     q_ref, v_ref, q, v, torque
         (K, runs, n); torque is what the drives gave, after their limits.
     signals

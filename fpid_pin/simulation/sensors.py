@@ -25,16 +25,16 @@ class Sensors:
     Parameters
     ----------
     position_resolution
-        Encoder step, rad, scalar or (n,); 0: not quantised.
+        Encoder step [rad], scalar or (n,); 0: not quantised.
     position_noise, velocity_noise
-        Standard deviation of white noise on each sample, rad and rad/s.
+        Standard deviation of white noise on each sample [rad], [rad/s].
     velocity_bias
-        Constant error of the velocity sensors, rad/s, scalar or (n,).
+        Constant error of the velocity sensors [rad/s], scalar or (n,).
     velocity
         ``"measured"``: by a sensor of its own; ``"differentiated"``: from the measured position
         by a first-order filtered difference.
     velocity_cutoff
-        Of that filter, rad/s.
+        Of that filter [rad/s].
     delay
         Whole samples by which everything measured is late.
     """

@@ -26,9 +26,9 @@ class PdGravity(Controller):
     Parameters
     ----------
     kp, kd
-        Scalar or (n,); N m/rad and N m s/rad, over the scale's unit where there is one.
+        Scalar or (n,) [N m/rad], [N m s/rad], over the scale's unit if any.
     scale
-        s: ``"none"`` (1), ``"inertia"`` (M_jj at home), or (n,).
+        Factor s: ``"none"`` (1), ``"inertia"`` (M_jj at home), or (n,).
     name
         What tables and figures call it.
     """

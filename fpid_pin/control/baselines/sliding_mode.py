@@ -29,13 +29,13 @@ class SlidingMode(Controller):
     Parameters
     ----------
     slope
-        1/s, scalar or (n,).
+        [1/s], scalar or (n,).
     gain
-        K, N m over the scale's unit (so 1/s^2 with ``"inertia"``), scalar or (n,).
+        K [N m] over the scale's unit (so [1/s^2] with ``"inertia"``), scalar or (n,).
     boundary_layer
-        rad/s, scalar or (n,); 0 switches, and chatters in a sampled loop.
+        [rad/s], scalar or (n,); 0 switches, and chatters in a sampled loop.
     scale
-        s_j: ``"none"`` (1), ``"inertia"`` (M_jj at home), or (n,).
+        Factor s_j: ``"none"`` (1), ``"inertia"`` (M_jj at home), or (n,).
     name
         What tables and figures call it.
     """

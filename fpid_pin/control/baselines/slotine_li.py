@@ -30,12 +30,12 @@ class SlotineLi(Controller):
     Parameters
     ----------
     slope
-        1/s, scalar or (n,).
+        [1/s], scalar or (n,).
     damping
-        K_D, N m s/rad over the scale's unit (so 1/s with ``"inertia"``), scalar or (n,).
+        K_D [N m s/rad] over the scale's unit (so [1/s] with ``"inertia"``), scalar or (n,).
     adaptation_rate
-        Gamma is this times the square of each parameter's natural size (m, m r, m r^2 of its
-        link); 0 leaves the nominal parameters.
+        Gamma is this times the square of each parameter's natural size (mass, times its reach, times
+        that squared); 0 leaves the nominal parameters.
     initial
         The estimate at t = 0 as a part of the nominal parameters: 1 trusts the model, 0 knows
         nothing.
@@ -43,10 +43,10 @@ class SlotineLi(Controller):
         Whether F_v and F_d of each joint are estimated too, from 0, with the regressors v_r and
         tanh(v_r/0.05 rad/s).
     leakage
-        Pull of theta towards its initial value, 1/s; against drift under noise, at the price of
+        Pull of theta towards its initial value [1/s]; against drift under noise, at the price of
         an error that no longer vanishes (sigma-modification).
     scale
-        s_j: ``"none"`` (1), ``"inertia"`` (M_jj at home), or (n,).
+        Factor s_j: ``"none"`` (1), ``"inertia"`` (M_jj at home), or (n,).
     name
         What tables and figures call it.
     """
