@@ -198,7 +198,9 @@ def test_the_law_sees_a_row_a_run_and_its_description_stays_as_it_was():
     ids=["loop", "simulation", "population"],
 )
 def test_a_field_of_the_wrong_length_is_named(start):
-    with pytest.raises(fp.exceptions.ArgumentError, match=r"kp: expected shape \(2,\).* got .*3") as caught:
+    with pytest.raises(
+        fp.exceptions.ArgumentError, match=r"kp: expected shape \(2,\).* got .*3"
+    ) as caught:
         start(MyPd((1.0, 2.0, 3.0), 1.0))
     assert "\n" not in str(caught.value)
 

@@ -14,7 +14,6 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
 
 
-
 def population(count, duration=0.25):
     """Different orders, gains, plants, disturbances, sensors, starts."""
     rng = np.random.default_rng(7)
