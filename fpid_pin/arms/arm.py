@@ -22,7 +22,6 @@ from fpid_pin.arms.two_link import TwoLinkSource
 from fpid_pin.arms.urdf import UrdfSource, read_text
 from fpid_pin.checks import FloatArray
 
-
 # Fields of an arm that are one number a joint, in their order; `home` follows them.
 _ARRAYS = (
     "lower", "upper", "effort_limit", "velocity_limit", "viscous_friction", "dry_friction",
@@ -267,16 +266,12 @@ class Arm(RigidBody):
         model, geometry = self._cache["visual"]
         return model, geometry.copy()
 
-    # ------------------------------------------------------------------ files
-
     def to_dict(self) -> dict[str, Any]:
         """Return the table that `fpid_pin.descriptions.from_dict` rebuilds the arm from."""
         table = {"kind": self._source.kind, **self._source.table()}
         if self._changes:
             table["changes"] = [item.table() for item in self._changes]
         return table
-
-    # ------------------------------------------------------------------ inside
 
     def _changed(self, item: change.Change) -> Arm:
         own = {name: getattr(self, name) for name in (*_ARRAYS, "home", "tool")}
@@ -299,6 +294,6 @@ def assemble(source: Source, changes: Sequence[change.Change] = ()) -> Arm:
 def _finish(parts: Parts, source: Source, changes: tuple[change.Change, ...]) -> Arm:
     home, tool = parts.settle()
     names = tuple(str(name) for name in list(parts.model.names)[1:])
-    arrays = [checks.read_only(getattr(parts, name)) for name in _ARRAYS]
-    home = checks.read_only(home)
-    return Arm(parts.model, parts.name, names, tool, *arrays, home, source, changes)
+    arrays: dict[str, Any] = {name: checks.read_only(getattr(parts, name)) for name in _ARRAYS}
+    arrays |= {"home": checks.read_only(home), "_source": source, "_changes": changes}
+    return Arm(parts.model, parts.name, names, tool, **arrays)

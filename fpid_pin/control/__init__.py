@@ -4,11 +4,12 @@ from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode,
 from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.gains import SuggestedFpid, gain_ceilings, suggest_gains
+from fpid_pin.control.gains import gain_ceilings, suggest_gains
 from fpid_pin.control.loop import Loop
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.stability import StabilityReport, stability_report
 from fpid_pin.control.state import LawState, State
+from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
 
 __all__ = [

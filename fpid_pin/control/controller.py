@@ -96,8 +96,9 @@ class Controller(ABC):  # noqa: B024 - a law has either of two methods
 
     def lockstep_key(self) -> Hashable:
         """Return what two controllers must share to be advanced by one state."""
-        shared = []
-        for field in dataclasses.fields(self) if dataclasses.is_dataclass(self) else ():
+        shared: list[Hashable] = []
+        fields: Any = dataclasses.fields(self) if dataclasses.is_dataclass(self) else ()
+        for field in fields:
             value = getattr(self, field.name)
             if field.name not in ("name", "scale") and not is_number(value):
                 shared.append(value if isinstance(value, Hashable) else id(value))

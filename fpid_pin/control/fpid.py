@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -142,7 +142,7 @@ class FpidState(State):
         # Imported late: it loads numba.
         from fpid_pin.kernels import law
 
-        self._fpids = law.fpids
+        self._fpids = cast("Callable[..., bool]", law.fpids)
         self.robots = np.zeros(self.runs, law.ROBOT)
         self.joints = np.zeros(self.torque.shape, law.JOINT)
         self.robots["h"], self.robots["threshold"] = self.step, np.inf

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -26,7 +28,7 @@ class Loop:
         from fpid_pin.kernels.limits import finite
 
         self.state = state
-        self._finite = finite
+        self._finite: Any = finite
         self._shape = (state.n,)
         self._inputs = np.zeros((5, 1, state.n))
         self._flat = self._inputs.reshape(-1)
@@ -69,7 +71,8 @@ class Loop:
         if not self._finite(self._flat):
             self._take(self._rows)
         self.state.tick(self._inputs)
-        return self._torque.copy()
+        torque: FloatArray = self._torque.copy()
+        return torque
 
     def _take(self, given: tuple[ArrayLike, ...]) -> None:
         """Copy the inputs, each of them checked."""

@@ -13,7 +13,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.baselines import Pid
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.gains import SuggestedFpid, gain_ceilings
+from fpid_pin.control.gains import gain_ceilings
 from fpid_pin.control.parameters import joint_scale
 from fpid_pin.control.sampled import (
     ComplexArray,
@@ -24,6 +24,7 @@ from fpid_pin.control.sampled import (
     linear_arm,
     operators,
 )
+from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.fractional import Design, ExponentialSum
 
 if TYPE_CHECKING:
@@ -275,7 +276,7 @@ def _closed(plant: LinearSystem, law: list[_Part]) -> FloatArray:
 def _margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, ...]:
     """Return gain margin, gain reduction, phase margin, delay margin and crossover of one loop."""
     up, down = _gain_margins(omega, loop)
-    at, values = crossings(omega, loop, lambda x: np.log(np.abs(x)))
+    at, values = crossings(omega, loop, lambda x: np.log(np.abs(x) + 1e-300))
     phases = np.angle(-values)  # in (-pi, pi]
     if not len(at):
         return up, down, np.inf, np.inf, np.nan

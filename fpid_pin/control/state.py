@@ -187,4 +187,4 @@ def _over_runs(one: Callable[..., None]) -> Callable[..., None]:
                 one(joints[r], h, q, v, q_ref, inputs[3, r], inputs[4, r], torque[r])
                 saturate(joints[r], torque[r])
 
-    return ticks  # type: ignore[no-any-return]
+    return ticks

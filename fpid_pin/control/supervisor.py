@@ -164,7 +164,7 @@ class Supervision:
         # Imported late: it loads numba.
         from fpid_pin.kernels import supervisor
 
-        self._kernels = supervisor
+        self._kernels: Any = supervisor
         self._fleet = Fleet([arm], runs)
         self._demand, self._b, *self._terms = np.zeros((7, runs, arm.n))
 

@@ -37,7 +37,7 @@ class OperatorReport:
     Attributes
     ----------
     design, step, horizon
-        What was measured; step and horizon in s.
+        What was measured; step and horizon [s].
     order
         Orders alpha.
     states

@@ -13,9 +13,12 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar, cast, overload
 
 import numba
+
+# Typed in some versions and not in others.
+_numba: Any = numba
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -33,7 +36,7 @@ def source_stamp() -> str:
 
 def _roots() -> list[Path]:
     """Return where compiled kernels may be kept, the best first."""
-    asked = numba.config.CACHE_DIR
+    asked = _numba.config.CACHE_DIR
     if asked:
         return [Path(asked)]
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
@@ -91,15 +94,15 @@ def _compile(function: F, *, inline: bool) -> F:
         "error_model": "numpy", "nogil": True, "inline": "always" if inline else "never",
     }  # fmt: skip
     if CACHE is None:
-        return numba.njit(function, **options)  # type: ignore[no-any-return]
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = str(CACHE)
+        return cast("F", _numba.njit(function, **options))
+    before = _numba.config.CACHE_DIR
+    _numba.config.CACHE_DIR = str(CACHE)
     try:
-        compiled = numba.njit(function, cache=True, **options)
+        compiled = _numba.njit(function, cache=True, **options)
     finally:
-        numba.config.CACHE_DIR = before
+        _numba.config.CACHE_DIR = before
     _forgive(getattr(compiled, "_cache", None))
-    return compiled  # type: ignore[no-any-return]
+    return cast("F", compiled)
 
 
 def _forgive(cache: Any) -> None:

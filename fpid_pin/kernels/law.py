@@ -6,9 +6,9 @@ A trailing underscore is a value one sample ago; a record still holds it when a 
 from __future__ import annotations
 
 from fpid_pin.kernels.compiled import kernel
+from fpid_pin.kernels.layout import layout
 from fpid_pin.kernels.limits import clip, winds_up
 from fpid_pin.kernels.operator import begin, derivative
-from fpid_pin.kernels.layout import layout
 from fpid_pin.kernels.supervisor import lyapunov
 
 #: A joint. Its description: gains at the start and their learning rates, sliding surface, scale,

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 
-def layout(numbers: str, integers: str = "") -> np.dtype[np.record]:
+def layout(numbers: str, integers: str = "") -> Any:
     """Return the type of a record of numbers and of integers (counts and flags), by their names."""
     taken = [name for name in (numbers + " " + integers).split() if hasattr(np.record, name)]
     if taken:

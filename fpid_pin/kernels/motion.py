@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.limits import clip
 from fpid_pin.kernels.layout import layout
+from fpid_pin.kernels.limits import clip
 
 #: A joint's drive: effort limit, viscous friction F_v, and a torque from outside.
 DRIVE = layout("limit viscous push")
@@ -48,21 +48,21 @@ def disturb(tau, forces, group, k, total):
 
 @kernel(inline=True)
 def accelerate(v, a, h):
-    """v+ = v + h a: the first half of a step of semi-implicit Euler."""
+    """Take the first half of a step of semi-implicit Euler: v+ = v + h a."""
     for j in range(v.size):
         v[j] += h * a[j]
 
 
 @kernel(inline=True)
 def coast(q, v, h):
-    """q+ = q + h v+: its second half."""
+    """Take its second half: q+ = q + h v+."""
     for j in range(q.size):
         q[j] += h * v[j]
 
 
 @kernel
 def euler(q, v, a, h):
-    """One step of semi-implicit Euler of every run."""
+    """Take a step of semi-implicit Euler in every run."""
     for r in range(q.shape[0]):
         accelerate(v[r], a[r], h)
         coast(q[r], v[r], h)
@@ -70,14 +70,14 @@ def euler(q, v, a, h):
 
 @kernel
 def accelerate_all(v, a, h):
-    """The first half of a step of every run."""
+    """Take the first half of a step in every run."""
     for r in range(v.shape[0]):
         accelerate(v[r], a[r], h)
 
 
 @kernel
 def coast_all(q, v, h):
-    """The second half of a step of every run."""
+    """Take the second half of a step in every run."""
     for r in range(q.shape[0]):
         coast(q[r], v[r], h)
 
@@ -100,7 +100,7 @@ def simpson(slopes, i, r, j):
 
 @kernel
 def runge_kutta(q, v, slopes, h):
-    """One step of the classical Runge-Kutta rule of every run, from the slopes of its stages."""
+    """Take a step of the classical Runge-Kutta rule in every run, from the slopes of its stages."""
     for r in range(q.shape[0]):
         for j in range(q.shape[1]):
             q[r, j] += h * simpson(slopes, 0, r, j)

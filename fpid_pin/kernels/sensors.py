@@ -1,4 +1,4 @@
-"""What the controller is told: delay, noise, bias, encoder steps, differentiation, in this order."""
+"""What the controller is told: delay, noise, bias, encoder steps, differentiation, so ordered."""
 
 from __future__ import annotations
 

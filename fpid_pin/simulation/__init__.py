@@ -1,8 +1,8 @@
 """The fixed-step simulation of arms under control, one or thousands in lockstep."""
 
+from fpid_pin.simulation.entry import evaluate, simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import Exceedance, limit_report, overloaded_joints
-from fpid_pin.simulation.lockstep import evaluate, simulate
 from fpid_pin.simulation.paper import paper_controller, paper_experiment
 from fpid_pin.simulation.plant import Plant
 from fpid_pin.simulation.recorders import Outcome, Recorder

@@ -80,7 +80,7 @@ class SensorState:
         # Imported late: it loads numba.
         from fpid_pin.kernels.sensors import SENSOR, measure
 
-        self._measure = measure
+        self._measure: Any = measure
         runs = len(sensors)
         self._joints = np.zeros((runs, n), SENSOR)
         for own, given in zip(self._joints, sensors, strict=True):

@@ -174,7 +174,8 @@ class Simulator:
         t: FloatArray = np.arange(first, self.row, dtype=np.float64) * self.step
         valid = np.clip(self._last - first, 0, size)
         kept = {name: values[:size] for name, values in self._kept.items()}
-        return Block(first, t, q_ref, v_ref, *self._rows[:, :size], valid, kept)
+        q, v, torque = self._rows[:, :size]
+        return Block(first, t, q_ref, v_ref, q, v, torque, valid, kept)
 
     def _sample(self) -> None:
         """Sample the references and disturbances of the next block."""

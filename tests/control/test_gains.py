@@ -10,12 +10,12 @@ import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.control import Controller
 from fpid_pin.control.gains import (
-    SuggestedFpid,
     gain_ceilings,
     impossible_joints,
     suggest_gains,
 )
 from fpid_pin.control.sampled import critical_derivative
+from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional import Crone, ExponentialSum
 from fpid_pin.references import Hold, Sinusoid

@@ -7,8 +7,8 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.control import Safeguards
-from fpid_pin.kernels import law as kernels
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.kernels import law as kernels
 
 STEP = 1e-3
 START = np.array([10.0, 20.0, 5.0])

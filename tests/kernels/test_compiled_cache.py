@@ -132,9 +132,9 @@ def test_no_folder_at_all_is_found_out(monkeypatch, tmp_path):
     monkeypatch.setattr(compiled, "_roots", lambda: [tmp_path / "file" / "x"])
     assert compiled.cache_folder() is None
     monkeypatch.undo()
-    monkeypatch.setattr(compiled.numba.config, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compiled._numba.config, "CACHE_DIR", str(tmp_path))
     assert compiled._roots() == [tmp_path]
-    monkeypatch.setattr(compiled.numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(compiled._numba.config, "CACHE_DIR", "")
     assert len(compiled._roots()) == 2
 
 

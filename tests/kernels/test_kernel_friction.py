@@ -83,6 +83,6 @@ def test_a_robot_at_rest_stays_where_friction_bears_its_momentum():
 def test_a_speed_that_is_rounding_of_zero_is_zero():
     one = np.ones((1, 1))
     for v_free in (1.0 - 1e-13, 1.0, 0.0):
-        stuck, force, speed = solved(one, np.ones(1), np.array([v_free]), np.zeros(1, bool))
+        _, force, speed = solved(one, np.ones(1), np.array([v_free]), np.zeros(1, bool))
         assert speed[0] == 0.0
         assert force[0] == pytest.approx(v_free, abs=1e-12)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.simulation import lockstep
 from fpid_pin.costs import MetricCost, QuadraticCost
 from fpid_pin.disturbances import Cosine, Pulse
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
+from fpid_pin.simulation import entry, lockstep
 
 
 def population(count, duration=0.25):
@@ -54,7 +54,7 @@ def same(first, second):
 def test_a_population_gives_the_same_bits_in_any_chunks(chunk, monkeypatch):
     experiments, controllers = population(64)
     whole = fp.simulate(experiments, controllers)
-    monkeypatch.setattr(lockstep, "MOST_RUNS", chunk)
+    monkeypatch.setattr(entry, "MOST_RUNS", chunk)
     for run, alone in zip(whole, fp.simulate(experiments, controllers), strict=True):
         assert same(run, alone)
 
@@ -68,7 +68,7 @@ def test_costs_are_the_same_bits_in_any_chunks_and_are_those_of_the_record(monke
     ]
     assert (whole == recorded).all()
     for chunk in (1, 5):
-        monkeypatch.setattr(lockstep, "MOST_RUNS", chunk)
+        monkeypatch.setattr(entry, "MOST_RUNS", chunk)
         assert (fp.evaluate(experiments, controllers, costs) == whole).all()
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.simulation.lockstep import lockstep
 from fpid_pin.costs import MetricCost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.lockstep import lockstep
 from fpid_pin.simulation.metrics import MetricsRecorder
 
 

@@ -34,8 +34,8 @@ class SlotineLi(Controller):
     damping
         K_D [N m s/rad] over the scale's unit (so [1/s] with ``"inertia"``), scalar or (n,).
     adaptation_rate
-        Gamma is this times the square of each parameter's natural size (mass, times its reach, times
-        that squared); 0 leaves the nominal parameters.
+        Gamma is this times the square of each parameter's natural size (mass, times its reach,
+        times that squared); 0 leaves the nominal parameters.
     initial
         The estimate at t = 0 as a part of the nominal parameters: 1 trusts the model, 0 knows
         nothing.

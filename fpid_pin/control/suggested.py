@@ -1,0 +1,66 @@
+"""The adaptive FPID with suggested gains, as a description that fits any arm."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from fpid_pin import checks
+from fpid_pin.control.controller import Controller
+from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.gains import suggest_gains
+from fpid_pin.control.state import State
+from fpid_pin.descriptions import described
+
+if TYPE_CHECKING:
+    from fpid_pin.arms import Arm
+
+
+@described("suggested_fpid")
+@dataclass(frozen=True, eq=False)
+class SuggestedFpid(Controller):
+    """The adaptive FPID of `suggest_gains`, on whatever arm it is started: for configurations.
+
+    Parameters
+    ----------
+    bandwidth, integral_order, derivative_order, adaptive
+        See `suggest_gains`.
+    name
+        What tables and figures call it.
+    """
+
+    bandwidth: float = 10.0
+    integral_order: float = 0.9
+    derivative_order: float = 0.95
+    adaptive: bool = True
+    name: str = "FPID, suggested gains"
+
+    def __post_init__(self) -> None:
+        value = checks.number("bandwidth", self.bandwidth, above=0.0)
+        object.__setattr__(self, "bandwidth", value)
+        for name in ("integral_order", "derivative_order"):
+            value = checks.number(name, getattr(self, name), low=0.0, high=1.0)
+            object.__setattr__(self, name, value)
+        checks.instance("adaptive", self.adaptive, bool, "true or false")
+
+    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> AdaptiveFpid:
+        """Return the controller that this is on `arm`."""
+        return suggest_gains(
+            arm, self.bandwidth, integral_order=self.integral_order,
+            derivative_order=self.derivative_order, adaptive=self.adaptive, step=step,
+            horizon=horizon, name=self.name,
+        )  # fmt: skip
+
+    def lockstep_key(self) -> Hashable:
+        """See `Controller.lockstep_key`."""
+        return (type(self),)
+
+    @classmethod
+    def start_many(
+        cls, controllers: Sequence[SuggestedFpid], arm: Arm, *, step: float, horizon: float
+    ) -> State:
+        """Start all `controllers` in one state; see `Controller.start_many`."""
+        # Fitted to no particular horizon: a run's gains do not depend on how long it lasts.
+        laws = [controller.on(arm, step=step) for controller in controllers]
+        return AdaptiveFpid.start_many(laws, arm, step=step, horizon=horizon)
