@@ -14,6 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 import fpid_pin as fp
+from fpid_pin.simulation.simulator import horizon_of
 
 Array = NDArray[np.float64]
 
@@ -57,7 +58,7 @@ def plain_loop(experiment: fp.Experiment, controller: fp.AdaptiveFpid, rows: int
     """Simulate `rows` rows of the paper's experiment and return q, (rows, 2)."""
     model = experiment.arm.model
     data = model.createData()
-    h, horizon = experiment.step, experiment.duration
+    h, horizon = experiment.step, horizon_of(experiment.duration)
     q, v = np.array(experiment.q0), np.array(experiment.v0)
     kp, ki, kd = (np.array(k) for k in (controller.kp, controller.ki, controller.kd))
     gamma, k0, k1 = (float(x) for x in (controller.learning_rate, controller.k0, controller.k1))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,15 +48,7 @@ class Metrics:
 
 
 class Cost(ABC):
-    """One number for a run, to be made small; a run that diverges costs +inf.
-
-    Attributes
-    ----------
-    needs
-        The metrics that it is made of; no others are then computed.
-    """
-
-    needs: Sequence[str]
+    """One number for a run, to be made small; a run that diverges costs +inf."""
 
     @abstractmethod
     def of(self, metrics: Metrics) -> float:
@@ -93,8 +84,6 @@ class QuadraticCost(Cost):
     w2: float = 1e-4
     joint_weights: ArrayLike = 1.0
 
-    needs = ("ise", "energy")
-
     def __post_init__(self) -> None:
         object.__setattr__(self, "w1", checks.number("cost.w1", self.w1, low=0.0))
         object.__setattr__(self, "w2", checks.number("cost.w2", self.w2, low=0.0))
@@ -127,11 +116,6 @@ class MetricCost(Cost):
     def __post_init__(self) -> None:
         checks.choice("cost.metric", self.metric, METRIC_NAMES)
         object.__setattr__(self, "joint_weights", _weights(self.joint_weights))
-
-    @property
-    def needs(self) -> Sequence[str]:  # type: ignore[override]
-        """See `Cost`."""
-        return (self.metric,)
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`."""

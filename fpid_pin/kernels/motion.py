@@ -1,7 +1,7 @@
 """What happens to the arms in a tick; their accelerations come from outside, from Pinocchio.
 
-Arrays are (runs, n). Runs with the same disturbance or reference share its samples: tables are
-(..., K, groups, n), and `group` says which of them is a run's.
+Arrays are (runs, n), states x = [q, q'] (2, runs, n). Runs with the same disturbance or reference
+share its samples: tables are (..., K, groups, n), and the records say which group is their own.
 """
 
 from __future__ import annotations
@@ -12,38 +12,32 @@ from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.layout import layout
 from fpid_pin.kernels.limits import clip
 
-#: A joint's drive: effort limit, viscous friction F_v, and a torque from outside.
-DRIVE = layout("limit viscous push")
+#: A joint of a plant: effort limit, viscous friction F_v, a torque from outside, the speed beyond
+#: which its run is lost; the groups of its disturbance and of its reference.
+PLANT = layout("limit viscous push runaway", "disturbance reference")
 
 
 @kernel
-def drive(alive, drives, torque, q, v, k, rows, tau):
-    """Clip the torques at the drives' limits; record q, q' and torque as row k; F_v q' brakes.
+def drive(alive, plants, torque, x, forces, k, rows, tau):
+    """Clip the torques at the drives' limits; record q, q' and torque as row k.
 
+    `tau` is what turns the arms: the torque, what pushes from outside, and F_v q' against it.
     Returns whether a torque is not finite.
     """
     lost = False
     for r in range(alive.size):
-        for j in range(drives.shape[1]):
-            c = drives[r, j]
+        for j in range(plants.shape[1]):
+            c = plants[r, j]
             u = 0.0
             if alive[r]:
                 # Asked before the limits, which would hide it.
                 lost = lost or not math.isfinite(torque[r, j])
                 u = clip(torque[r, j], c.limit)
-            rows[0, k, r, j] = q[r, j]
-            rows[1, k, r, j] = v[r, j]
+            rows[0, k, r, j] = x[0, r, j]
+            rows[1, k, r, j] = x[1, r, j]
             rows[2, k, r, j] = u
-            tau[r, j] = u + c.push - c.viscous * v[r, j]
+            tau[r, j] = u + c.push - c.viscous * x[1, r, j] + forces[k, c.disturbance, j]
     return lost
-
-
-@kernel
-def disturb(tau, forces, group, k, total):
-    """Add the disturbance of row k to the torques on the arms."""
-    for r in range(group.size):
-        for j in range(tau.shape[1]):
-            total[r, j] = tau[r, j] + forces[k, group[r], j]
 
 
 @kernel(inline=True)
@@ -61,65 +55,67 @@ def coast(q, v, h):
 
 
 @kernel
-def euler(q, v, a, h):
+def euler(x, a, h):
     """Take a step of semi-implicit Euler in every run."""
-    for r in range(q.shape[0]):
-        accelerate(v[r], a[r], h)
-        coast(q[r], v[r], h)
+    for r in range(x.shape[1]):
+        accelerate(x[1, r], a[r], h)
+        coast(x[0, r], x[1, r], h)
 
 
 @kernel
-def accelerate_all(v, a, h):
+def accelerate_all(x, a, h):
     """Take the first half of a step in every run."""
-    for r in range(v.shape[0]):
-        accelerate(v[r], a[r], h)
+    for r in range(x.shape[1]):
+        accelerate(x[1, r], a[r], h)
 
 
 @kernel
-def coast_all(q, v, h):
+def coast_all(x, h):
     """Take the second half of a step in every run."""
-    for r in range(q.shape[0]):
-        coast(q[r], v[r], h)
+    for r in range(x.shape[1]):
+        coast(x[0, r], x[1, r], h)
 
 
 @kernel
-def stage(q, v, slopes, i, part, q_next, v_next):
-    """Go from (q, v) along slope i, of (2, 4, runs, n), by `part` of a time: a stage of RK4."""
-    for r in range(q.shape[0]):
-        for j in range(q.shape[1]):
-            q_next[r, j] = q[r, j] + part * slopes[0, i, r, j]
-            v_next[r, j] = v[r, j] + part * slopes[1, i, r, j]
+def stage(x, slope, tau, plants, forces, at, k, part, x_next, tau_next):
+    """Go on along a slope, (2, runs, n), by `part` of a time: a stage of RK4, and its torques.
 
-
-@kernel(inline=True)
-def simpson(slopes, i, r, j):
-    """Return the mean slope of the four stages."""
-    middle = 2.0 * slopes[i, 1, r, j] + 2.0 * slopes[i, 2, r, j]
-    return (slopes[i, 0, r, j] + middle + slopes[i, 3, r, j]) / 6.0
+    They differ from `tau` in the disturbance, that of table `at` in place of 0, and in F_v q'.
+    """
+    for r in range(x.shape[1]):
+        for j in range(x.shape[2]):
+            c = plants[r, j]
+            x_next[0, r, j] = x[0, r, j] + part * slope[0, r, j]
+            x_next[1, r, j] = x[1, r, j] + part * slope[1, r, j]
+            brake = c.viscous * (x_next[1, r, j] - x[1, r, j])
+            change = forces[at, k, c.disturbance, j] - forces[0, k, c.disturbance, j]
+            tau_next[r, j] = tau[r, j] + change - brake
 
 
 @kernel
-def runge_kutta(q, v, slopes, h):
+def runge_kutta(x, slopes, h):
     """Take a step of the classical Runge-Kutta rule in every run, from the slopes of its stages."""
-    for r in range(q.shape[0]):
-        for j in range(q.shape[1]):
-            q[r, j] += h * simpson(slopes, 0, r, j)
-            v[r, j] += h * simpson(slopes, 1, r, j)
+    for i in range(2):
+        for r in range(x.shape[1]):
+            for j in range(x.shape[2]):
+                middle = 2.0 * slopes[1, i, r, j] + 2.0 * slopes[2, i, r, j]
+                x[i, r, j] += h / 6.0 * (slopes[0, i, r, j] + middle + slopes[3, i, r, j])
 
 
 @kernel
-def arrive(alive, q, v, runaway, references, group, k, seen):
+def arrive(alive, plants, x, references, k, seen):
     """Look up row k of the references, and return whether a run has run away or lost its numbers.
 
-    `seen` is what the laws will see, (5, runs, n): q and q' are written to it unless they are it.
+    `seen` is what the laws will see, (5, runs, n): angles, rates and accelerations to follow.
     """
     lost = False
     for r in range(alive.size):
         if not alive[r]:
             continue
-        for j in range(q.shape[1]):
-            sound = math.isfinite(q[r, j]) and abs(v[r, j]) <= runaway[r]
-            lost = lost or not sound
+        for j in range(x.shape[2]):
+            c = plants[r, j]
+            slow = abs(x[1, r, j]) <= c.runaway
+            lost = lost or not slow or not math.isfinite(x[0, r, j])
             for i in range(3):
-                seen[2 + i, r, j] = references[i, k, group[r], j]
+                seen[2 + i, r, j] = references[i, k, c.reference, j]
     return lost

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 from typing import overload
 
@@ -16,7 +17,7 @@ from fpid_pin.exceptions import FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
-from fpid_pin.simulation.lockstep import apart_if_wrong, batches, lockstep, pair, warm
+from fpid_pin.simulation.lockstep import apart_if_wrong, batches, lockstep, pair
 from fpid_pin.simulation.metrics import MetricsRecorder
 from fpid_pin.simulation.recorders import FullRecord, Outcome
 from fpid_pin.simulation.run import Run, describe_run
@@ -168,6 +169,14 @@ def evaluate(
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
 
+def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:
+    """Run two ticks of each kind of run, so that worker processes find all kernels compiled."""
+    for members in batches(experiments, controllers, len(experiments)):
+        first = members[0]
+        short = dataclasses.replace(experiments[first], duration=2.0 * experiments[first].step)
+        _evaluate([short], [controllers[first]], [QuadraticCost()], None)
+
+
 def _evaluate(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
@@ -175,11 +184,10 @@ def _evaluate(
     progress: ProgressCallback | None,
 ) -> FloatArray:
     table = np.full((len(experiments), len(costs)), np.inf)
-    needs = _union(cost.needs for cost in costs)
     done = 0
 
     def judge(members: list[int]) -> None:
-        recorder = MetricsRecorder(needs)
+        recorder = MetricsRecorder()
         outcomes = lockstep(
             [experiments[i] for i in members],
             [controllers[i] for i in members],
@@ -194,7 +202,3 @@ def _evaluate(
         apart_if_wrong(members, judge)
         done += len(members)
     return table
-
-
-def _union(groups: Iterable[Iterable[str]]) -> set[str]:
-    return {name for group in groups for name in group}

@@ -7,23 +7,21 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fpid_pin.arms import DryFriction, Fleet
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.simulation.plant import ResolvedPlant
 
-Indices = NDArray[np.int64]
-
 # RK4 is stable on the negative real axis to -2.785; beyond half of it, it is not accurate either.
 _RK4_REACH = 1.4
 
 
 class Integrator(ABC):
-    """Advances (q, v), (runs, n) each, by one step, in place.
+    """Advances states x = [q, q'], (2, runs, n), by one step, in place.
 
     Parameters
     ----------
@@ -31,44 +29,37 @@ class Integrator(ABC):
         One a run.
     step
         h [s].
-    q, v
-        The arrays that it advances.
+    x
+        The array that it advances.
 
     Attributes
     ----------
     offsets
         Where in the step the disturbance is needed, as parts of it.
     tau : ndarray, (runs, n)
-        Torques on the arms that are held over the step: its caller writes them.
+        Torques on the arms at the step's start, friction and disturbance in them: its caller
+        writes them.
     """
 
     offsets: tuple[float, ...]
 
-    def __init__(
-        self, plants: Sequence[ResolvedPlant], step: float, q: FloatArray, v: FloatArray
-    ) -> None:
+    def __init__(self, plants: Sequence[ResolvedPlant], step: float, x: FloatArray) -> None:
         # Imported late: it loads numba.
         from fpid_pin.kernels import motion
 
-        self._kernels, self._step = motion, step
-        self._q, self._v = q, v
-        self.tau: FloatArray = np.zeros_like(q)
-        # What is held and what varies, together.
-        self._total: FloatArray = np.zeros_like(q)
-        self._viscous = np.array([p.viscous_friction for p in plants])
+        self._kernels, self._step, self._x = motion, step, x
+        self.tau: FloatArray = np.zeros(x.shape[1:])
 
     @abstractmethod
-    def advance(self, forces: FloatArray | None, group: Indices, k: int) -> None:
-        """Advance q and v.
+    def advance(self, plants: Any, forces: FloatArray, k: int) -> None:
+        """Advance x.
 
         Parameters
         ----------
-        forces
-            Disturbances, (len(offsets), K, groups, n); None where no run has any.
-        group
-            Which of them is a run's, (runs,).
-        k
-            Their row.
+        plants
+            Records of `kernels.motion`, (runs, n).
+        forces, k
+            Disturbances, (len(offsets), K, groups, n), and their row.
         """
 
     def retire(self, run: int) -> None:  # noqa: B027 - only friction has a memory
@@ -84,31 +75,25 @@ class SemiImplicitEuler(Integrator):
 
     offsets = (0.0,)
 
-    def __init__(
-        self, plants: Sequence[ResolvedPlant], step: float, q: FloatArray, v: FloatArray
-    ) -> None:
-        super().__init__(plants, step, q, v)
+    def __init__(self, plants: Sequence[ResolvedPlant], step: float, x: FloatArray) -> None:
+        super().__init__(plants, step, x)
         dry = np.array([p.dry_friction for p in plants])
-        viscous = step * self._viscous if self._viscous.any() else None
-        fleet = Fleet([p.arm for p in plants], len(q), armature=viscous)
-        self._a: FloatArray = np.zeros_like(q)
-        self._accelerations = fleet.bind(q, v, self.tau, self._a)
-        self._disturbed = fleet.bind(q, v, self._total, self._a)
+        viscous = np.array([p.viscous_friction for p in plants])
+        armature = step * viscous if viscous.any() else None
+        fleet = Fleet([p.arm for p in plants], len(plants), armature=armature)
+        self._a: FloatArray = np.zeros_like(self.tau)
+        self._accelerations = fleet.bind(x[0], x[1], self.tau, self._a)
         self._dry = DryFriction(fleet, dry, step) if dry.any() else None
 
-    def advance(self, forces: FloatArray | None, group: Indices, k: int) -> None:
+    def advance(self, plants: Any, forces: FloatArray, k: int) -> None:
         """See `Integrator.advance`."""
-        if forces is None:
-            self._accelerations()
-        else:
-            self._kernels.disturb(self.tau, forces[0], group, k, self._total)
-            self._disturbed()
+        self._accelerations()
         if self._dry is None:
-            self._kernels.euler(self._q, self._v, self._a, self._step)
+            self._kernels.euler(self._x, self._a, self._step)
         else:
-            self._kernels.accelerate_all(self._v, self._a, self._step)
-            self._dry.apply(self._q, self._v)
-            self._kernels.coast_all(self._q, self._v, self._step)
+            self._kernels.accelerate_all(self._x, self._a, self._step)
+            self._dry.apply(self._x[0], self._x[1])
+            self._kernels.coast_all(self._x, self._step)
 
     def retire(self, run: int) -> None:
         """See `Integrator.retire`."""
@@ -128,30 +113,30 @@ class RungeKutta4(Integrator):
 
     offsets = (0.0, 0.5, 1.0)
 
-    def __init__(
-        self, plants: Sequence[ResolvedPlant], step: float, q: FloatArray, v: FloatArray
-    ) -> None:
+    def __init__(self, plants: Sequence[ResolvedPlant], step: float, x: FloatArray) -> None:
         for plant in plants:
             _refuse_stiff(plant, step)
-        super().__init__(plants, step, q, v)
-        self._fleet = Fleet([p.arm for p in plants], len(q))
-        self._k: FloatArray = np.zeros((2, 4, *q.shape))
-        self._stage: FloatArray = np.zeros((2, *q.shape))
+        super().__init__(plants, step, x)
+        self._fleet = Fleet([p.arm for p in plants], len(plants))
+        self._slopes: FloatArray = np.zeros((4, *x.shape))
+        self._stage: FloatArray = np.zeros_like(x)
+        self._tau: FloatArray = np.zeros_like(self.tau)
 
-    def advance(self, forces: FloatArray | None, group: Indices, k: int) -> None:
+    def advance(self, plants: Any, forces: FloatArray, k: int) -> None:
         """See `Integrator.advance`."""
-        slopes, (q, v) = self._k, self._stage
-        q[:], v[:] = self._q, self._v
-        for stage, (part, at) in enumerate(((0.5, 0), (0.5, 1), (1.0, 1), (0.0, 2))):
-            self._total[:] = self.tau
-            if forces is not None:
-                self._kernels.disturb(self.tau, forces[at], group, k, self._total)
-            # tau brakes by the rate at the step's start; a stage has a rate of its own.
-            self._total += self._viscous * (self._v - v)
-            slopes[0, stage] = v
-            self._fleet.forward_dynamics(q, v, self._total, slopes[1, stage])
-            self._kernels.stage(self._q, self._v, slopes, stage, part * self._step, q, v)
-        self._kernels.runge_kutta(self._q, self._v, slopes, self._step)
+        slopes, stage = self._slopes, self._stage
+        self._slope(self._x, self.tau, slopes[0])
+        for i, (part, at) in enumerate(((0.5, 1), (0.5, 1), (1.0, 2))):
+            self._kernels.stage(
+                self._x, slopes[i], self.tau, plants, forces, at, k, part * self._step,
+                stage, self._tau,
+            )  # fmt: skip
+            self._slope(stage, self._tau, slopes[i + 1])
+        self._kernels.runge_kutta(self._x, slopes, self._step)
+
+    def _slope(self, x: FloatArray, tau: FloatArray, out: FloatArray) -> None:
+        out[0] = x[1]
+        self._fleet.forward_dynamics(x[0], x[1], tau, out[1])
 
 
 def _refuse_stiff(plant: ResolvedPlant, step: float) -> None:

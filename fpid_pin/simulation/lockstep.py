@@ -118,14 +118,3 @@ def apart_if_wrong(members: list[int], run: Callable[[list[int]], None]) -> None
         half = len(members) // 2
         apart_if_wrong(members[:half], run)
         apart_if_wrong(members[half:], run)
-
-
-def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:
-    """Make a tick of each kind of run, so that worker processes find all kernels compiled."""
-    with np.errstate(all="ignore"):
-        for members in batches(experiments, controllers, len(experiments)):
-            first = members[0]
-            try:
-                Simulator([experiments[first]], [controllers[first]]).tick()
-            except SimulationError:
-                continue  # the run itself will say so

@@ -2,106 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import fields
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpid_pin.checks import FloatArray
 from fpid_pin.costs import Metrics
-from fpid_pin.simulation.recorders import BLOCK_ROWS, Batch, Block, total, void
+from fpid_pin.simulation.recorders import BLOCK_ROWS, Batch, Block
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.run import Run
 
-_SUMS = ("square", "late", "size", "aged", "effort", "changes")
-
 
 class MetricsRecorder:
-    """Accumulates the sums behind `Metrics`; its memory does not depend on the horizon.
-
-    Parameters
-    ----------
-    only
-        Names of the metrics that are wanted; the others come out as NaN and cost nothing. None:
-        all of them.
-    """
+    """Accumulates the sums behind `Metrics`; its memory does not depend on the horizon."""
 
     wanted: Sequence[str] = ()
 
-    def __init__(self, only: Collection[str] | None = None) -> None:
-        names = [field.name for field in fields(Metrics)]
-        self._only = frozenset(names if only is None else only)
-
     def start(self, batch: Batch) -> None:
         """See `Recorder.start`."""
-        self._step = batch.step
-        self._applied = batch.rows - 1
-        self._half = self._applied // 2
-        self._counts = np.zeros(batch.runs)
-        self._tail_counts = np.zeros(batch.runs)
-        self._shape = (batch.runs, batch.n)
-        self._sums: dict[str, FloatArray] = {}
-        self._peak = np.zeros(self._shape)
-        self._last_torque: FloatArray | None = None
+        # Imported late: it loads numba.
+        from fpid_pin.kernels.metrics import SUM, tally
 
-    def _add(self, name: str, rows: FloatArray) -> None:
-        if name not in self._sums:
-            self._sums[name] = np.zeros(self._shape)
-        self._sums[name] += total(rows)
+        self._tally: Any = tally
+        self._step, self._applied = batch.step, batch.rows - 1
+        self._sums = np.zeros((batch.runs, batch.n), SUM)
 
     def take(self, block: Block) -> None:
         """See `Recorder.take`."""
-        if not len(block.t):
-            return
-        k, stop, only = len(block.t), self._applied, self._only
-        error = void(block.q_ref - block.q, block, stop)
-        if only & {"ise", "rms", "rms_tail"}:
-            square = error * error
-            self._add("square", square)
-            late = np.arange(block.first, block.first + k) >= self._half
-            if late.any():
-                self._add("late", square[late])
-        if only & {"iae", "itae"}:
-            size = np.abs(error, out=error)
-            self._add("size", size)
-            self._add("aged", block.t[:, np.newaxis, np.newaxis] * size)
-        if only & {"energy", "peak_torque"}:
-            torque = void(block.torque.copy(), block, stop)
-            np.maximum(self._peak, np.abs(torque).max(axis=0), out=self._peak)
-            torque *= torque
-            self._add("effort", torque)
-        if "total_variation" in only:
-            before = block.torque[:1] if self._last_torque is None else self._last_torque
-            changes = np.abs(np.diff(block.torque, axis=0, prepend=before))
-            self._add("changes", void(changes, block, stop))
-            self._last_torque = block.torque[-1:].copy()
-        rows = np.clip(np.minimum(block.valid, stop - block.first), 0, k)
-        self._counts += rows
-        self._tail_counts += np.clip(block.first + rows - max(self._half, block.first), 0, k)
+        error = np.ascontiguousarray(block.q_ref - block.q)
+        half = self._applied // 2
+        self._tally(
+            self._sums, error, block.torque, block.valid, block.first, self._applied, half,
+            self._step,
+        )  # fmt: skip
 
     def result(self) -> list[Metrics]:
         """Return the metrics of every run."""
-        h, nothing = self._step, np.full(self._shape, np.nan)
-        sums = {name: self._sums.get(name, nothing) for name in _SUMS}
-        counts, late = self._counts[:, np.newaxis], self._tail_counts[:, np.newaxis]
+        h, sums = self._step, self._sums
         with np.errstate(divide="ignore", invalid="ignore"):
             table = {
                 "ise": h * sums["square"],
-                "iae": h * sums["size"],
+                "iae": h * sums["absolute"],
                 "itae": h * sums["aged"],
-                "rms": np.sqrt(sums["square"] / counts),
-                "rms_tail": np.sqrt(sums["late"] / late),
+                "rms": np.sqrt(sums["square"] / sums["rows"]),
+                "rms_tail": np.sqrt(sums["late"] / sums["late_rows"]),
                 "energy": h * sums["effort"],
-                "total_variation": sums["changes"],
-                "peak_torque": self._peak,
+                "total_variation": sums["changes"].copy(),
+                "peak_torque": sums["peak"].copy(),
             }
-        for name in table:
-            if name not in self._only:
-                table[name] = nothing
-        runs = range(self._shape[0])
-        return [Metrics(**{name: values[run] for name, values in table.items()}) for run in runs]
+        return [
+            Metrics(**{name: values[run] for name, values in table.items()})
+            for run in range(len(sums))
+        ]
 
 
 def metrics_of(run: Run) -> Metrics:

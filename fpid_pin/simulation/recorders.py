@@ -103,28 +103,6 @@ class Recorder(Protocol):
         ...
 
 
-def total(rows: FloatArray) -> FloatArray:
-    """Sum over the first axis, row after row.
-
-    Over an array with a single column NumPy would sum in pairs, and a run's sums would depend on
-    whether it had company.
-    """
-    if rows[0].size > 1:
-        summed: FloatArray = np.add.reduce(rows, axis=0)
-        return summed
-    last: FloatArray = np.add.accumulate(rows, axis=0)[-1]
-    return last
-
-
-def void(rows: FloatArray, block: Block, most: int) -> FloatArray:
-    """Zero, in place, the rows that do not count: of ended runs, and from row `most` on."""
-    k = len(block.t)
-    last = np.minimum(block.valid, most - block.first)
-    if (last < k).any():
-        rows[np.arange(k)[:, np.newaxis] >= last] = 0.0
-    return rows
-
-
 class FullRecord:
     """Every row of every signal: what a `Run` is made of."""
 

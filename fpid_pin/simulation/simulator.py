@@ -7,6 +7,7 @@ Which runs share a tick never changes a bit of any of them.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,7 @@ class Simulator:
         # Imported late: it loads numba.
         from fpid_pin.kernels import motion
 
+        self._kernels: Any = motion
         first = experiments[0]
         runs, n, h = len(experiments), first.arm.n, first.step
         self._experiments, self.step = list(experiments), h
@@ -82,28 +84,29 @@ class Simulator:
         self._alive = self._state.alive
         self._last = np.full(runs, np.iinfo(np.int64).max)  # rows that count
 
-        # What the laws see; q and v themselves where no run has sensors.
+        # What the laws see; its first two rows are the state itself where no run has sensors.
         self._seen = np.zeros((5, runs, n))
         self.q_ref = self._seen[2]
         self._sensors = None
         if any(e.sensors is not None for e in experiments):
             seeds = [e.seed for e in experiments]
             self._sensors = SensorState([e.sensors for e in experiments], seeds, n, h)
-        self.q, self.v = self._seen[:2] if self._sensors is None else np.zeros((2, runs, n))
-        self.q[:] = [e.q0 for e in experiments]
-        self.v[:] = [e.v0 for e in experiments]
+        self._x = self._seen[:2] if self._sensors is None else np.zeros((2, runs, n))
+        self.q, self.v = self._x
+        self.q[:], self.v[:] = ([getattr(e, name) for e in experiments] for name in ("q0", "v0"))
 
-        self._kernels = motion
-        self._drives = np.zeros((runs, n), motion.DRIVE)
-        self._drives["limit"] = [p.effort_limit for p in plants]
-        self._drives["viscous"] = [p.viscous_friction for p in plants]
+        self._plants = np.zeros((runs, n), motion.PLANT)
+        self._plants["limit"] = [p.effort_limit for p in plants]
+        self._plants["viscous"] = [p.viscous_friction for p in plants]
+        self._plants["runaway"] = [[e.runaway_speed] for e in experiments]
         self._push_ends = np.zeros((runs, n), dtype=np.int64)
         self._pushed = False
-        self._motion = INTEGRATORS[first.integrator](plants, h, self.q, self.v)
-        self._runaway = np.array([e.runaway_speed for e in experiments])
-
+        self._motion = INTEGRATORS[first.integrator](plants, h, self._x)
         self._references = _Table([(e.reference, e.motion) for e in experiments], 3, n)
-        self._forces = _disturbances(plants, len(self._motion.offsets), n)
+        forces = [(p.disturbance, _sampler(p, n)) for p in plants]
+        self._forces = _Table(forces, len(self._motion.offsets), n)
+        self._plants["reference"] = self._references.group[:, np.newaxis]
+        self._plants["disturbance"] = self._forces.group[:, np.newaxis]
         self._rows = np.zeros((3, BLOCK_ROWS, runs, n))
         self.torque: FloatArray = self._rows[2, 0]
         live = self._state.signals()
@@ -124,7 +127,7 @@ class Simulator:
     def push(self, joint: str | int, torque: float, duration: float, run: int = 0) -> None:
         """Disturb a joint of a run by `torque` [N m] for `duration` [s] from now."""
         j = self._experiments[run].arm.joint_index(joint)
-        self._drives["push"][run, j] = checks.number("torque", torque)
+        self._plants["push"][run, j] = checks.number("torque", torque)
         ticks = max(round(checks.number("duration", duration, above=0.0) / self.step), 1)
         self._push_ends[run, j] = self.row + ticks
         self._pushed = True
@@ -137,32 +140,38 @@ class Simulator:
         SimulationError
             A law of one's own that raised, or returned something of another shape.
         """
-        kernels, motion, state, seen = self._kernels, self._motion, self._state, self._seen
-        alive, drives, torque, rows = self._alive, self._drives, self._state.torque, self._rows
-        q, v, sensors = self.q, self.v, self._sensors
-        refs, ref_group = self._references.values, self._references.group
-        force_group = self._forces.group if self._forces is not None else ref_group
-        for _ in range(count):
-            k = self.row % BLOCK_ROWS
-            if k == 0:
+        while count > 0:
+            first = self.row % BLOCK_ROWS
+            if first == 0:
                 self._sample()
-                kernels.arrive(alive, q, v, self._runaway, refs, ref_group, 0, seen)
-            forces = None if self._forces is None else self._forces.values
+            some = min(count, BLOCK_ROWS - first)
+            self._tick(first, some)
+            count -= some
+
+    def _tick(self, first: int, count: int) -> None:
+        """Make the ticks of rows `first` and on of this block."""
+        arrive, drive, move = self._kernels.arrive, self._kernels.drive, self._motion.advance
+        alive, plants, x, rows = self._alive, self._plants, self._x, self._rows
+        state, sensors, seen, kept = self._state, self._sensors, self._seen, self._live
+        references, forces = self._references.values, self._forces.values
+        now, torque, tau = forces[0], state.torque, self._motion.tau
+        if first == 0:
+            arrive(alive, plants, x, references, 0, seen)
+        for k in range(first, first + count):
             if sensors is not None:
-                sensors.measure(alive, q, v, seen)
+                sensors.measure(alive, self.q, self.v, seen)
             if self._pushed:
                 self._end_pushes()
             state.tick(seen)
-            if kernels.drive(alive, drives, torque, q, v, k, rows, motion.tau):
-                self._find_ends(self.row, torque)
-            for live, kept in self._live:
-                kept[k] = live
-            motion.advance(forces, force_group, k)
+            if drive(alive, plants, torque, x, now, k, rows, tau):
+                self._find_ends(self.row)
+            for live, place in kept:
+                place[k] = live
+            move(plants, forces, k)
             self.row += 1
-            ahead = (k + 1) % BLOCK_ROWS
-            if kernels.arrive(alive, q, v, self._runaway, refs, ref_group, ahead, seen):
-                self._find_ends(self.row, torque)
-        self.torque = rows[2, (self.row - 1) % BLOCK_ROWS]
+            if arrive(alive, plants, x, references, (k + 1) % BLOCK_ROWS, seen):
+                self._find_ends(self.row)
+        self.torque = rows[2, k]
 
     def block(self) -> Block:
         """Return the rows since the last block, at most `BLOCK_ROWS`; views of live buffers."""
@@ -181,17 +190,17 @@ class Simulator:
         """Sample the references and disturbances of the next block."""
         t: FloatArray = np.arange(self.row, self.row + BLOCK_ROWS, dtype=np.float64) * self.step
         self._references.sample([t])
-        if self._forces is not None:
-            self._forces.sample([t + part * self.step for part in self._motion.offsets])
+        self._forces.sample([t + part * self.step for part in self._motion.offsets])
 
     def _end_pushes(self) -> None:
         over = self._push_ends <= self.row
-        self._drives["push"][over] = 0.0
+        self._plants["push"][over] = 0.0
         self._pushed = not over.all()
 
-    def _find_ends(self, row: int, torque: FloatArray) -> None:
+    def _find_ends(self, row: int) -> None:
         """End the runs whose state of this row, or whose torque, does not count any more."""
-        slow = np.abs(self.v) <= self._runaway[:, np.newaxis]
+        torque, limit = self._state.torque, self._plants["runaway"]
+        slow = np.abs(self.v) <= limit
         sound = slow & np.isfinite(self.q) & np.isfinite(torque)
         for run in np.flatnonzero(self._alive & ~sound.all(axis=1)).tolist():
             joint = int(np.argmin(sound[run]))
@@ -199,8 +208,7 @@ class Simulator:
             if not np.isfinite(speed):
                 cause = "speed is not finite"
             elif not slow[run, joint]:
-                limit = self._runaway[run]
-                cause = f"speed {abs(speed):.3g} rad/s is beyond {limit:g} rad/s"
+                cause = f"speed {abs(speed):.3g} rad/s is beyond {limit[run, joint]:g} rad/s"
             elif not np.isfinite(torque[run, joint]):
                 cause = "torque is not finite"
             else:
@@ -212,7 +220,8 @@ class Simulator:
         self._last[run] = row
         self._state.retire(run)
         self._motion.retire(run)
-        self._drives[run] = 0.0
+        for name in ("viscous", "push"):
+            self._plants[name][run] = 0.0
         for array in (self.q, self.v, self._motion.tau):
             array[run] = 0.0
         self._seen[:, run] = 0.0
@@ -244,12 +253,6 @@ class _Table:
                 part[:, place] = values
 
 
-def _disturbances(plants: Sequence[ResolvedPlant], parts: int, n: int) -> _Table | None:
-    if all(p.disturbance is None for p in plants):
-        return None
-
-    def sampler(plant: ResolvedPlant) -> Callable[[FloatArray], Sequence[FloatArray]]:
-        d = plant.disturbance
-        return lambda t: (np.zeros((len(t), n)) if d is None else d.sample(t),)
-
-    return _Table([(p.disturbance, sampler(p)) for p in plants], parts, n)
+def _sampler(plant: ResolvedPlant, n: int) -> Callable[[FloatArray], Sequence[FloatArray]]:
+    d = plant.disturbance
+    return lambda t: (np.zeros((len(t), n)) if d is None else d.sample(t),)

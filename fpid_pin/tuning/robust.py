@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,11 +39,6 @@ class RobustCost(Cost):
         if isinstance(self.cost, RobustCost):
             raise ArgumentError("robust_cost.cost", "the cost of one run", "a RobustCost")
         checks.choice("robust_cost.reduce", self.reduce, REDUCTIONS)
-
-    @property
-    def needs(self) -> Sequence[str]:  # type: ignore[override]
-        """See `Cost`."""
-        return self.cost.needs
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`: the cost of one run alone."""

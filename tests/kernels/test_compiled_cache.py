@@ -41,11 +41,11 @@ def run(root, code, **environment):
 CLIPPED = """
 import numpy as np
 from fpid_pin.kernels import compiled, motion
-drives = np.zeros((1, 1), motion.DRIVE)
-drives["limit"] = 5.0
-rows, tau = np.zeros((3, 1, 1, 1)), np.zeros((1, 1))
-alive = np.ones(1, bool)
-motion.drive(alive, drives, np.full((1, 1), 9.0), tau, tau, 0, rows, tau)
+plants = np.zeros((1, 1), motion.PLANT)
+plants["limit"] = 5.0
+rows, x, alive = np.zeros((3, 1, 1, 1)), np.zeros((2, 1, 1)), np.ones(1, bool)
+forces, tau = np.zeros((1, 1, 1)), np.zeros((1, 1))
+motion.drive(alive, plants, np.full((1, 1), 9.0), x, forces, 0, rows, tau)
 print(rows[2, 0, 0, 0], compiled.CACHE is None, motion.drive.stats.cache_hits)
 """
 
@@ -59,6 +59,7 @@ def test_an_edit_of_a_kernel_reaches_its_callers_in_other_files(tmp_path):
     assert text.count("x = limit\n") == 1
     limits.write_text(text.replace("x = limit\n", "x = limit + 1.0\n"))
     assert run(root, CLIPPED) == "6.0 False Counter()"
+    assert len(list((limits.parent / "__pycache__").glob("kernels-*"))) == 1
 
 
 def test_where_no_folder_can_be_written_kernels_are_compiled_without_a_cache(tmp_path):
@@ -131,6 +132,12 @@ def test_no_folder_at_all_is_found_out(monkeypatch, tmp_path):
     assert compiled.cache_folder().parent == tmp_path
     monkeypatch.setattr(compiled, "_roots", lambda: [tmp_path / "file" / "x"])
     assert compiled.cache_folder() is None
+    # The room's own folder is kept free of what earlier states left behind.
+    monkeypatch.setattr(compiled, "_HERE", tmp_path)
+    monkeypatch.setattr(compiled, "_roots", lambda: [tmp_path / "__pycache__"])
+    (tmp_path / "__pycache__" / "kernels-old").mkdir(parents=True)
+    assert compiled.cache_folder().exists()
+    assert not (tmp_path / "__pycache__" / "kernels-old").exists()
     monkeypatch.undo()
     monkeypatch.setattr(compiled._numba.config, "CACHE_DIR", str(tmp_path))
     assert compiled._roots() == [tmp_path]

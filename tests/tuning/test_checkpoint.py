@@ -227,8 +227,6 @@ def test_a_folder_without_permission_is_told_before_the_search(tmp_path):
 
 def test_a_cost_of_ones_own_resumes_in_another_process(tmp_path):
     class Own(Cost):
-        needs = ("iae",)
-
         def of(self, metrics):
             return float(metrics.iae.sum())
 

@@ -130,8 +130,6 @@ def test_a_generation_in_which_all_diverge_ends_with_a_message():
 
 def test_a_cost_that_is_not_a_number_never_wins():
     class Odd(Cost):
-        needs = ("ise",)
-
         def of(self, metrics):
             ise = float(metrics.ise.sum())
             return ise if ise > 0.07 else float("nan")
