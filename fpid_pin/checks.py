@@ -28,6 +28,7 @@ __all__ = [
     "per_joint",
     "read_only",
     "sample_count",
+    "spread",
     "vector",
 ]
 
@@ -160,6 +161,20 @@ def per_joint(
     if array.shape != (n,):
         raise ArgumentError(name, f"shape ({n},) (the arm has {n} joints)", f"shape {array.shape}")
     return array
+
+
+def spread(name: str, value: Any, n: int) -> FloatArray:
+    """Return an array that its description has checked, scalar or (n,), as (n,).
+
+    Raises
+    ------
+    ArgumentError
+        It is of another length.
+    """
+    array: FloatArray = np.asarray(value)
+    if array.shape not in ((), (n,)):
+        raise ArgumentError(name, f"shape ({n},) (the arm has {n} joints)", f"shape {array.shape}")
+    return np.full(n, array) if array.ndim == 0 else array
 
 
 def vector(name: str, value: ArrayLike, n: int) -> FloatArray:

@@ -122,13 +122,13 @@ class AdaptiveFpid(Controller):
         if rate.ndim == 2 and rate.shape != (3, n):
             raise checks.ArgumentError("learning_rate", f"shape (3, {n})", f"{rate.shape}")
         return np.broadcast_to(
-            rate if rate.ndim == 2 else checks.per_joint("learning_rate", rate, n), (3, n)
+            rate if rate.ndim == 2 else checks.spread("learning_rate", rate, n), (3, n)
         )
 
     def orders(self, n: int) -> FloatArray:
         """Return the orders of the derivatives that are taken, of int e and of e, (n, 2)."""
-        lam = checks.per_joint("integral_order", self.integral_order, n)
-        return np.stack([1.0 - lam, checks.per_joint("derivative_order", self.derivative_order, n)],
+        lam = checks.spread("integral_order", self.integral_order, n)
+        return np.stack([1.0 - lam, checks.spread("derivative_order", self.derivative_order, n)],
                         axis=1)  # fmt: skip
 
 
@@ -239,12 +239,12 @@ def _fill(robot: Any, joints: Any, controller: AdaptiveFpid, arm: Arm) -> None:
     n = arm.n
     joints["scale"] = controller.scale_on(arm)
     for name in ("k0", "k1"):
-        joints[name] = checks.per_joint(name, getattr(controller, name), n)
+        joints[name] = checks.spread(name, getattr(controller, name), n)
     guard = controller.safeguards
     bounds = np.full((2, 3, n), [[[-np.inf]], [[np.inf]]]) if guard is None else guard.bounds(n)
     for name, rate, low, high in zip(("kp", "ki", "kd"), controller.rates(n), *bounds, strict=True):
         # Projection counts from the start.
-        gain = np.clip(checks.per_joint(name, getattr(controller, name), n), low, high)
+        gain = np.clip(checks.spread(name, getattr(controller, name), n), low, high)
         joints[name] = joints[f"{name}_0"] = gain
         joints[f"{name}_min"], joints[f"{name}_max"] = low, high
         joints[f"gamma_{name[1]}"] = rate

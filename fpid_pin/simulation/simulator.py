@@ -74,7 +74,8 @@ class Simulator:
         first = experiments[0]
         runs, n, h = len(experiments), first.arm.n, first.step
         self._experiments, self.step = list(experiments), h
-        plants = [plant_of(e) for e in experiments]
+        resolved = {id(e): plant_of(e) for e in experiments}
+        plants = [resolved[id(e)] for e in experiments]
         longest = max(e.duration for e in experiments) if horizon is None else horizon
         self._state = type(controllers[0]).start_many(
             controllers, first.arm, step=h, horizon=horizon_of(longest)

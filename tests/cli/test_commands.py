@@ -1,6 +1,7 @@
 """The command line as a person uses it: results whole, errors on one line, status 2."""
 
 import csv
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -179,3 +180,17 @@ def test_ctrl_c_is_status_130(config, monkeypatch):
     monkeypatch.setattr(experiments, "simulate", interrupted)
     assert main(["compare", str(config)]) == 130
     assert [path.name for path in config.parent.rglob("*.toml")] == ["short.toml"]
+
+
+def test_compiling_is_said_once_on_a_machine(config):
+    def told():
+        done = subprocess.run(
+            [sys.executable, "-m", "fpid_pin.cli.main", "run", str(config),
+             "--controller", "integer PID"],
+            capture_output=True, text=True, check=True,
+            env=os.environ | {"NUMBA_CACHE_DIR": str(config.parent / "cache")},
+        )  # fmt: skip
+        return "compiling the equations" in done.stderr
+
+    assert told()
+    assert not told()

@@ -1,6 +1,9 @@
 """One loop for any number of runs: the same bits whatever the batching."""
 
 import dataclasses
+import os
+import subprocess
+import sys
 import tracemalloc
 
 import numpy as np
@@ -164,3 +167,31 @@ def test_the_memory_of_a_cost_does_not_grow_with_the_horizon():
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0]
+
+
+COLD = """
+from concurrent.futures import Executor, Future
+import fpid_pin as fp
+
+class Watched(Executor):
+    _max_workers = 2
+
+    def submit(self, function, *arguments):
+        from fpid_pin.kernels import compiled
+        names = {path.name.split("-")[0] for path in compiled.CACHE.rglob("*.nbc")}
+        print(sorted(names & {"law.fpids", "metrics.tally", "motion.euler"}))
+        future = Future()
+        future.set_result(function(*arguments))
+        return future
+
+fp.evaluate(fp.paper_experiment(duration=0.01), [fp.paper_controller()] * 2, executor=Watched())
+"""
+
+
+def test_workers_find_the_kernels_compiled(tmp_path):
+    """Cold ones would each compile all of them, at the same time."""
+    done = subprocess.run(
+        [sys.executable, "-c", COLD], capture_output=True, text=True, check=True,
+        env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    assert done.stdout.splitlines() == ["['law.fpids', 'metrics.tally', 'motion.euler']"] * 2
