@@ -24,6 +24,7 @@ from typing import Any
 
 from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
+from fpid_pin.cli.progress import say_if_compiling
 from fpid_pin.control import Controller
 from fpid_pin.disturbances import Disturbance, Sum
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
@@ -133,6 +134,7 @@ class _Reader:
             changed = self._experiment(arm, reference, simulation, surroundings)
             if changed is not None:
                 named[label] = changed
+        say_if_compiling()
         for label, controller in controllers.items():
             self._try(
                 f"controller {label!r}", lambda c=controller: c.start(arm, step=experiment.step)

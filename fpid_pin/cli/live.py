@@ -9,7 +9,6 @@ from rich.console import Console
 
 from fpid_pin import checks
 from fpid_pin.cli.config import load
-from fpid_pin.cli.progress import say_if_compiling
 from fpid_pin.exceptions import ArgumentError, ConfigError
 
 
@@ -60,7 +59,6 @@ def run_live(
     def say(text: str) -> None:
         console.print(text, highlight=False)
 
-    say_if_compiling()
     if wait:
         say(f"{wait:g} s without the view, to compare ...")
         alone = live(config.experiment, law, duration=wait, view=False, priority=priority)

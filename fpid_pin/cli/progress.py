@@ -35,7 +35,6 @@ def progress_bar(title: str) -> Iterator[ProgressCallback]:
         console=Console(stderr=True),
         transient=True,
     )
-    say_if_compiling()
     task = bar.add_task(title, total=1.0)
     began = time.monotonic()
 

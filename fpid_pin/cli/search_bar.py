@@ -8,7 +8,6 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from fpid_pin.cli.progress import say_if_compiling
 from fpid_pin.tuning import SearchProgress
 from fpid_pin.tuning.search_progress import SearchCallback
 
@@ -45,7 +44,6 @@ def search_bar() -> Iterator[SearchCallback]:
             last = time.monotonic()
             console.print(f"generation {generation}: {told}", highlight=False)
 
-    say_if_compiling()
     with bar:
         yield tell
 
