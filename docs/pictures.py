@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import fpid_pin as fp
+from fpid_pin.cli.experiments import demo_config
 from fpid_pin.view import export_html, figures, save_figure
 
 FOLDER = Path(__file__).parent / "pictures"
@@ -25,13 +26,9 @@ FLAGS = ["--no-sandbox", "--disable-background-networking", "--enable-unsafe-swi
 
 
 def paper_runs() -> list[fp.Run]:
-    """Return section 5.1 with integer and with the published orders, 20 s."""
-    law = fp.paper_controller()
-    integer = fp.AdaptiveFpid(
-        law.kp, law.ki, law.kd, learning_rate=law.learning_rate, k0=law.k0, k1=law.k1,
-        supervisor=law.supervisor, name="integer PID",
-    )  # fmt: skip
-    return fp.simulate(fp.paper_experiment(), [integer, law])
+    """Return what `fpid-pin demo` simulates: section 5.1 under each of its controllers."""
+    config = demo_config()
+    return fp.simulate(config.experiment, list(config.controllers.values()))
 
 
 def arm_run(name: str) -> fp.Run:
@@ -82,7 +79,8 @@ def main(folder: Path) -> list[Path]:
     made = [save_figure(f, folder / f"{name}.svg") for name, f in figures(paper).items()]
     with tempfile.TemporaryDirectory() as temporary:
         work = Path(temporary)
-        pages = {"two_link": (export_html(paper, work / "two_link.html"), 1.4)}
+        integer, published = paper[-1], paper[0]
+        pages = {"two_link": (export_html([integer, published], work / "two_link.html"), 1.4)}
         for name in ("ur5", "panda"):
             pages[name] = (export_html(arm_run(name), work / f"{name}.html"), 0.6)
         made += photograph(pages, folder)

@@ -17,14 +17,9 @@ experiment = fp.Experiment(
     plant=fp.Plant(arm=arm.with_payload(0.5)),  # [kg]
     duration=10.0,  # [s]
 )
-controller = fp.AdaptiveFpid(
-    kp=60.0,
-    ki=60.0,
-    kd=12.0,
-    integral_order=0.9,
-    derivative_order=0.95,
-    learning_rate=50.0,
-    scale="inertia",
+controller = fp.suggest_gains(
+    arm,
+    bandwidth=20.0,  # [rad/s]
 )
 run = fp.simulate(experiment, controller)
 print(run.outcome)

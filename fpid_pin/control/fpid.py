@@ -64,7 +64,7 @@ class AdaptiveFpid(Controller):
     safeguards
         Bounds and leakage for the adapted gains; None: none, as in the paper.
     name
-        What tables and figures call it; made from the orders if empty.
+        What tables and figures call it; ``adaptive_fpid`` if empty.
     """
 
     kp: ArrayLike

@@ -25,6 +25,13 @@ GAIN_UNITS = {
     "none": ("N m/rad", r"N m/(rad s$^\lambda$)", r"N m s$^\mu$/rad"),
     "scaled": ("s$^{-2}$", r"s$^{-2-\lambda}$", r"s$^{\mu-2}$"),
 }
+#: Colours of the style sheet's cycle; dashes, each leaving more open than the last.
+COLOURS = 8
+DASHES: tuple[Any, ...] = ("-", (0, (6, 3)), (0, (2, 4)))
+# Part of a panel's height within which two curves are taken for one.
+_CLOSE = 0.02
+# Inches that a legend takes: a caption's handle and gap, a letter of it, and a row.
+_CAPTION_BASE, _CAPTION_LETTER, _LEGEND_ROW = 0.45, 0.066, 0.18
 # More joints than this share a row of panels rather than take one each.
 _TALL = 4
 
@@ -48,6 +55,45 @@ def legend(axes: Axes, columns: int) -> None:
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1,
         handlelength=1.8, columnspacing=1.2,
     )  # fmt: skip
+
+
+def looks_of(runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Return how each of several runs is drawn, in the order of the style sheet's colours.
+
+    One that follows an earlier one closely is dashed, so that both are seen; so are those for
+    which no colour is left.
+    """
+    looks = []
+    for k, run in enumerate(runs):
+        dash = max(k // COLOURS, sum(_hides(run, earlier) for earlier in runs[:k]))
+        look = {"color": f"C{k % COLOURS}", "linestyle": DASHES[min(dash, len(DASHES) - 1)]}
+        looks.append(look)
+    return looks
+
+
+def _hides(run: Run, earlier: Run) -> bool:
+    """Return whether the errors of a run would cover those of another for most of the time."""
+    rows = min(len(run.t), len(earlier.t))
+    if not rows:
+        return False
+    apart = np.median(np.abs(run.error[:rows] - earlier.error[:rows]), axis=0)
+    return bool((apart <= _CLOSE * np.ptp(earlier.error[:rows], axis=0)).all())
+
+
+def shared_legend(figure: Figure, captions: Sequence[str]) -> None:
+    """Put one legend for all panels below them, in as many columns as its captions leave room for.
+
+    A legend of a panel would be as wide as its captions, whatever is left for the panels.
+    """
+    longest = max(len(caption) for caption in captions)
+    width = figure.get_size_inches()[0]
+    most = max(int(width / (_CAPTION_BASE + _CAPTION_LETTER * longest)), 1)
+    rows = -(-len(captions) // most)
+    columns = -(-len(captions) // rows)
+    handles = figure.axes[0].get_lines()[: len(captions)]
+    figure.legend(handles, captions, loc="outside lower center", ncols=columns,
+                  handlelength=1.8, columnspacing=1.2)  # fmt: skip
+    figure.set_figheight(figure.get_figheight() + _LEGEND_ROW * rows)
 
 
 def grid(run: Run, height: float) -> tuple[Figure, list[Axes]]:

@@ -23,8 +23,10 @@ from fpid_pin.view.panels import (
     legend,
     limits_of,
     line,
+    looks_of,
     names_of,
     require_same_joints,
+    shared_legend,
     threshold_of,
 )
 from fpid_pin.view.scene import captions_of
@@ -67,12 +69,13 @@ def error(runs: Run | Sequence[Run]) -> Figure:
     several = as_runs(runs)
     require_same_joints(several)
     figure, axes = grid(several[0], 1.5)
+    looks = looks_of(several)
     for j, (panel, name) in enumerate(zip(axes, names_of(several[0]), strict=True)):
-        for run, caption in zip(several, captions_of(several, None), strict=True):
-            line(panel, run.t, run.error[:, j], caption)
+        for run, look in zip(several, looks, strict=True):
+            line(panel, run.t, run.error[:, j], **look)
         panel.set(title=name, ylabel="$q_d - q$, rad")
     if len(several) > 1:
-        legend(axes[0], len(several))
+        shared_legend(figure, captions_of(several, None))
     return figure
 
 
@@ -171,18 +174,18 @@ def comparison(runs: Sequence[Run]) -> Figure:
     """Draw several runs over each other: error and torque of every joint."""
     several = as_runs(runs)
     require_same_joints(several)
-    n = several[0].q.shape[1]
+    n, looks = several[0].q.shape[1], looks_of(several)
     figure, axes = new_figure(n, 2, 1.35 * WIDTH, 0.6 + 1.5 * n)
     for j, name in enumerate(names_of(several[0])):
         left, right = axes[j]
-        for run, caption in zip(several, captions_of(several, None), strict=True):
-            line(left, run.t, run.error[:, j], caption, alpha=0.9)
-            line(right, run.t, run.torque[:, j], caption, alpha=0.9)
+        for run, look in zip(several, looks, strict=True):
+            line(left, run.t, run.error[:, j], **look)
+            line(right, run.t, run.torque[:, j], **look)
         left.set(title=name, ylabel="$q_d - q$, rad")
         right.set(ylabel="torque, N m")
     for panel in axes[-1]:
         panel.set_xlabel("time, s")
-    legend(axes[0][1], len(several))
+    shared_legend(figure, captions_of(several, None))
     return figure
 
 

@@ -1,0 +1,61 @@
+"""What README prints is what is printed, and the law that it quotes is the one that runs."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import fpid_pin as fp
+from fpid_pin.kernels import law
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+#: Code blocks and their languages, in order.
+BLOCKS = re.findall(r"^```(\w+)\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def block(start):
+    (text,) = (text for _, text in BLOCKS if text.startswith(start))
+    return text
+
+
+def test_the_demo_s_table_is_printed_by_the_demo(monkeypatch):
+    from rich.console import Console
+
+    from fpid_pin.cli import experiments, summary
+
+    monkeypatch.setenv("COLUMNS", "100")
+    config = experiments.demo_config()
+    rows = summary.drop_constant(summary.run_rows(experiments.simulate_all(config)), "condition")
+    printed = io.StringIO()
+    Console(file=printed).print(summary.rich_table(rows, config.title))
+    expected = [line.rstrip() for line in printed.getvalue().splitlines()]
+    assert block(config.title).splitlines()[:-1] == expected
+
+
+def test_ten_lines_of_python_print_what_stands_below_them():
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(block("import fpid_pin as fp"), {})
+    assert ("text", printed.getvalue()) in BLOCKS
+
+
+def test_the_law_that_is_quoted_is_the_law_that_runs():
+    source = [line.strip() for line in Path(law.__file__).read_text().splitlines()]
+    where = 0
+    for line in block("c.kp -= ").splitlines():
+        if line != "...":
+            where = source.index(line.strip(), where) + 1
+
+
+def test_every_file_that_is_linked_is_there():
+    pages = [Path(__file__).parents[1] / name for name in ("README.md", "CONTRIBUTING.md")]
+    for page in pages:
+        for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / link).exists(), f"{page.name}: {link}"
+
+
+def test_every_name_of_the_face_that_is_used_is_there():
+    for path in set(re.findall(r"`fp\.([a-z_A-Z.]+)", README)) - {"something"}:
+        thing = fp
+        for name in path.split("."):
+            thing = getattr(thing, name)
