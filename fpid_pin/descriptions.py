@@ -72,7 +72,8 @@ def to_dict(thing: Any) -> dict[str, Any]:
     for field in dataclasses.fields(thing):
         value = getattr(thing, field.name)
         if field.init and value is not None:
-            table[field.name] = _plain(value)
+            # A field "kind" would hide the description's own.
+            table["variant" if field.name == "kind" else field.name] = _plain(value)
     return table
 
 
@@ -135,6 +136,8 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
         return None
     cls = known[kind]
     fields = {key: value for key, value in table.items() if key != "kind"}
+    if "variant" in fields and "kind" in {field.name for field in dataclasses.fields(cls)}:
+        fields["kind"] = fields.pop("variant")
     own = getattr(cls, "from_table", None)
     if own is None:
         # A key at fault is left out, so that the constructor can find what else is wrong.
