@@ -39,6 +39,10 @@ def described(kind: str, *families: str) -> Callable[[D], D]:
     """
 
     def register(cls: D) -> D:
+        before = _KINDS.get(kind, cls)
+        # A class written anew, in a notebook say, takes its own place.
+        if (before.__module__, before.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ArgumentError("kind", "a name that is not taken", f"{kind!r} ({before.__name__})")
         _KINDS[kind] = cls
         cls._kind = kind  # type: ignore[attr-defined]
         for name in {base.__name__ for base in cls.__mro__} | set(families):

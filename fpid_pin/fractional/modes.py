@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin.checks import FloatArray
+from fpid_pin.fractional.special import rgamma
 from fpid_pin.fractional.step_integrals import integrate_step
 
 ComplexArray = NDArray[np.complex128]
@@ -97,6 +98,23 @@ class Modes:
     before: FloatArray
     mean: FloatArray
     kick: FloatArray
+
+    @classmethod
+    def of_kernel(
+        cls, order: FloatArray, step: float, poles: FloatArray, weights: FloatArray
+    ) -> Modes:
+        """Return modes whose newest step is that of the exact kernel, t^-alpha/Gamma(1 - alpha).
+
+        Parameters
+        ----------
+        order, step, poles, weights
+            See the class; ``sum_i weights_i exp(-poles_i t)`` stands for the kernel from one step
+            on.
+        """
+        h = step ** (1.0 - order)
+        now = h * rgamma(3.0 - order)
+        mean = 6.0 * (1.0 - order) * h * rgamma(4.0 - order)
+        return cls(order, step, poles, weights, now, (1.0 - order) * now, mean, step**-order)
 
     @property
     def shared_poles(self) -> bool:

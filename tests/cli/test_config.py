@@ -42,7 +42,7 @@ def test_the_demo_s_file_is_the_api_s_paper_experiment():
 
 def test_all_faults_are_reported_at_once_with_their_paths():
     bad = (
-        TEXT.replace("integral_order = [0.901, 0.931]", "integral_order = [0.9, 1.7]")
+        TEXT.replace("integral_order = [0.901, 0.931]", "integral_order = [0.9, 1.7]", 1)
         .replace("k1 = 2.0", "kk = 2.0", 1)
         .replace("amplitude = [0.4, 0.6]", 'amplitude = "x"')
         .replace("m_x = 5.0", "m_x = true", 1)
