@@ -1,5 +1,6 @@
 """Configuration files: what they say, and every way in which they can be wrong."""
 
+import dataclasses
 import re
 from pathlib import Path
 
@@ -26,10 +27,13 @@ def faults(text):
 def test_the_demo_s_file_is_the_api_s_paper_experiment():
     config = demo_config()
     assert descriptions.to_dict(config.experiment) == descriptions.to_dict(fp.paper_experiment())
-    for controller, orders in zip(
-        config.controllers.values(), ("symbol", "sign", "integer"), strict=True
-    ):
-        expected = descriptions.to_dict(fp.paper_controller(orders))
+    crone = dataclasses.replace(
+        fp.paper_controller(), design=fp.fractional.Crone(), name="FPID, CRONE filter"
+    )
+    laws = [fp.paper_controller(orders) for orders in ("symbol", "sign", "integer")]
+    laws.insert(2, crone)
+    for controller, law in zip(config.controllers.values(), laws, strict=True):
+        expected = descriptions.to_dict(law)
         actual = descriptions.to_dict(controller)
         for key, value in expected.items():
             if isinstance(value, (dict, str)):
