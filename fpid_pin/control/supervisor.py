@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +12,14 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
+from fpid_pin.exceptions import FpidWarning
+
+if TYPE_CHECKING:
+    from fpid_pin.arms import Arm
 
 KINDS = ("sampled", "paper")
+#: At how many poses, home and seeded ones, M^-1 is looked at for `Supervisor.warn`.
+POSES = 32
 
 
 def lyapunov_matrix(k0: float, k1: float, weight: ArrayLike | None = None) -> FloatArray:
@@ -172,15 +179,42 @@ class Supervisor:
         return total
 
     def tolerance(self, step: float) -> float:
-        """Return r_min [rad/s^2]: the set is kept if the model lacks no more acceleration.
+        """Return r_min [rad/s^2], the largest acceleration of unknown cause with a guarantee.
 
         ``r_min = (1/Pi) sqrt(2 V_T (2 p12 - (T - h) p11)/T)`` with
-        ``Pi = p22 + h p12 + h^2 p11/4``; 0 for a look-ahead so long that nothing is tolerated.
+        ``Pi = p22 + h p12 + h^2 p11/4``; 0 for a look-ahead so long that nothing is tolerated. It
+        is the smallest radius that the ball of `kernels.supervisor.project` has while V <= V_T.
+        docs/supervisor.md says what holds up to it, and what beyond. Of the sampled kind only, and
+        with V_on = 0: where it waits for V >= V_on, no step that starts below is looked after.
         """
         p, ahead = self.p, step if self.lookahead is None else self.lookahead
         room = 2.0 * p[0, 1] - (ahead - step) * p[0, 0]
         size = p[1, 1] + step * p[0, 1] + step**2 * p[0, 0] / 4.0
         return float(np.sqrt(max(2.0 * self.target * self.threshold * room / ahead, 0.0)) / size)
+
+    def warn(self, arm: Arm, step: float) -> None:
+        """Warn where d_u can accelerate the errors by more than `tolerance`, at some pose.
+
+        Compared is ``|M^-1| d_u``, which no ``|D| <= d_u`` exceeds. A supervisor of the other
+        kind, with an observer (which estimates what it does not know) or without d_u says nothing.
+        """
+        bound = checks.per_joint("supervisor.disturbance_bound", self.disturbance_bound, arm.n)
+        if self.kind != "sampled" or self.observer > 0.0 or not bound.any():
+            return
+        rng = np.random.default_rng(0)
+        low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
+        high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
+        poses = [arm.home, *rng.uniform(low, high, (POSES - 1, arm.n))]
+        inverses = np.abs(np.linalg.inv([arm.mass_matrix(q) for q in poses]))
+        largest, r_min = float(np.linalg.norm(inverses @ bound, axis=1).max()), self.tolerance(step)
+        if largest > r_min:
+            warnings.warn(
+                f"supervisor.disturbance_bound: expected |M^-1| d_u of at most r_min = {r_min:.4g} "
+                f"rad/s^2 at a step of {step:g} s, got {largest:.4g} rad/s^2: beyond, the set is "
+                "kept but for the excess in docs/supervisor.md",
+                FpidWarning,
+                stacklevel=2,
+            )
 
     def record(self, step: float) -> dict[str, float]:
         """Return the constants of `kernels.supervisor`, by name.
