@@ -150,8 +150,8 @@ def _check_observer(bandwidth: float, step: float) -> None:
     """Refuse an observer that is faster than its samples.
 
     At 1/step what it estimates, once cancelled, still bears two samples of delay that nobody told
-    it of, or a model 5.6 times too heavy; beyond, it makes little but noise: at 1/step the unknown
-    acceleration has 0.44 sigma/step where speeds have sigma.
+    it of, or a model 5.7 times too heavy; from 1.4/step on two samples make it unstable. The noise
+    of xi is 0.44 sigma/step there where that of speeds is sigma, and 0.016 at 0.1/step.
     """
     if bandwidth * step > 1.0 + 1e-9:
         expected = f"at most 1/step ({1.0 / step:g} rad/s)"

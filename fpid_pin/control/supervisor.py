@@ -65,15 +65,16 @@ class Supervisor:
     """Supervisory control: it keeps V = 1/2 sum_j E_j^T P E_j, and so the error, inside a set.
 
     ``"sampled"`` acts one step ahead. Over a step in which e'' is constant V is a quadratic in
-    e'', so {V <= V_T} is a ball in it, and u_s is the least torque whose next error lies there:
-    with T the look-ahead, sums over joints, z and r as in `kernels.supervisor.project`,
+    e'', so {V <= V_T} is a ball in it, and u_s makes the least change to e'' that ends there: with
+    T the look-ahead, sums over joints, z and r as in `kernels.supervisor.project`,
 
         u_s = M z/|z| clip(|z| + sum_j |M^-1 z/|z||_j d_u,j - r, 0, |z|)   where V >= V_on, else 0
 
-    If what the model lacks stays below `tolerance` over each step, the torque is unsaturated and
-    V(0) <= V_T, then V_(k+1) <= (1 - h/T) V_k + (h/T) V_T: the set is kept at every sample
-    (docs/supervisor.md has the proof). `quiet` is a setting that estimates what the model lacks,
-    in place of reserving for the worst. Gains and integrals go on while it acts.
+    Where accelerations of unknown cause are reserved for and at most `tolerance`, the torque is
+    unsaturated, V_on = 0 and V(0) <= V_T, V_(k+1) <= (1 - h/T) V_k + (h/T) V_T: the set is kept at
+    every sample. docs/supervisor.md has the proof, and what d_u costs that reserves for torques
+    along z only. `quiet` is a setting that estimates what the model lacks, in place of reserving
+    for the worst. Gains and integrals go on while it acts.
 
     ``"paper"`` is (20). Its guarantee, V' <= -1/2 sum E^T Q E, is one of continuous time: **in a
     sampled loop sgn is held a step too long, and it can make V worse than without** (2.9 V_M at
@@ -98,14 +99,14 @@ class Supervisor:
     boundary_layer
         Of (20): width (of w = M^-1 B^T P E) over which sgn becomes a ramp; 0 keeps sgn.
     kind
-        ``"sampled"`` or ``"paper"``.
+        ``"sampled"`` or ``"paper"``; ``variant`` in files, whose ``kind`` is the description's.
     lookahead
         T [s], at least the step; None: the step. Longer is gentler, and tolerates less.
     observer
-        Bandwidth [rad/s] of an estimate of what the model lacks; 0: none. It is the law's own
-        where that has one (`AdaptiveFpid.observer`).
+        Bandwidth [rad/s] of an estimate of what the model lacks, at most 1/step; 0: none. It is
+        the law's own where that has one (`AdaptiveFpid.observer`).
     target, trigger
-        V_T and V_on over V_M.
+        V_T and V_on over V_M. Noise wants a lower V_T: see docs/supervisor.md.
     """
 
     m_x: float
@@ -155,7 +156,8 @@ class Supervisor:
         """Return the setting that hardly shows: it looks 10 ms ahead and learns what to expect.
 
         Nothing is reserved for a worst case (d_u = 0): an observer of 100 rad/s estimates what
-        the model lacks. The set is aimed at 2 % within, from 0.9 V_M on.
+        the model lacks. The set is aimed at 2 % within, from 0.9 V_M on. `others` are further
+        arguments, also in place of these four.
         """
         setting = {"lookahead": 0.01, "observer": 100.0, "target": 0.98, "trigger": 0.9}
         return cls(m_x, reference_bound, **(setting | others))
