@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,6 +70,8 @@ class ModelTerms:
         self._change, self._reserve, self._u_s, self._before = np.zeros((4, runs, n))
         self._demand, self._b, *self._paper = np.zeros((7, runs, n))
         self._reserves = bool(joints["bound"].any())
+        self._inputs: FloatArray | None = None
+        self._model: Callable[[], None] = lambda: None
         #: Whether it adds to the law's torque, supervisor apart.
         self.compensates = self._feedforward or self._compensates
         self._models = self._feedforward or self._observes or self._kind == "sampled"
@@ -92,7 +94,7 @@ class ModelTerms:
             self._paper_torque(alive, inputs, torque)
         if self._observes:
             if self._kind != "sampled":
-                self._accelerations(inputs[0], torque)
+                self._accelerations(inputs, torque)
             self._observe.predict(self._robots, self._joints, self._a, self._change)
 
     def _compensate(self, alive: BoolArray, inputs: FloatArray, torque: FloatArray) -> None:
@@ -107,15 +109,19 @@ class ModelTerms:
         if self._feedforward or self._compensates:
             self._observe.compensate(alive, self._joints, self._forward, self._lost, torque)
 
-    def _accelerations(self, q: FloatArray, torque: FloatArray) -> None:
+    def _accelerations(self, inputs: FloatArray, torque: FloatArray) -> None:
         """Evaluate what the model makes of a torque, at the speeds of the observer."""
         self._observe.brake(self._joints, torque, self._v_hat, self._tau)
-        self._fleet.forward_dynamics(q, self._v_hat, self._tau, self._a)
+        if inputs is not self._inputs:
+            # They are the same buffer in every tick: checked once.
+            self._inputs = inputs
+            self._model = self._fleet.bind(inputs[0], self._v_hat, self._tau, self._a)
+        self._model()
 
     def _project(self, alive: BoolArray, inputs: FloatArray, torque: FloatArray) -> None:
         """Add u_s of the sampled supervisor."""
         kernels, robots, joints, change = self._supervise, self._robots, self._joints, self._change
-        self._accelerations(inputs[0], torque)
+        self._accelerations(inputs, torque)
         if not kernels.project(alive, robots, joints, inputs, self._a, change):
             return
         if self._reserves:
