@@ -39,7 +39,8 @@ def bodies_of(model: Any) -> Any:
     data, turned = model.createData(), [np.eye(3)]
     pin.computeJointJacobians(model, data, pin.neutral(model))
     for k in range(1, model.njoints):
-        axis = pin.getJointJacobian(model, data, k, pin.LOCAL)[:, model.joints[k].idx_v]
+        jacobian = np.reshape(pin.getJointJacobian(model, data, k, pin.LOCAL), (6, -1))
+        axis = jacobian[:, model.joints[k].idx_v]
         slides = bool(np.abs(axis[:3]).max() > 0.5)
         turned.append(_to_z(axis[:3] if slides else axis[3:]))
         frame, below, at = turned[k], turned[model.parents[k]], model.jointPlacements[k]

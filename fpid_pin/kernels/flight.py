@@ -16,38 +16,38 @@ from fpid_pin.kernels.sensors import measure_one
 
 
 @kernel(inline=True)
-def step(r, model, bodies, gravity, frames, mass, x, tau, a, rubs, dry, stuck, force, room, h):
-    """Take a step of semi-implicit Euler of run r under the torques `tau`; friction is implicit.
-
-    `room` is (2 n + 3, n): speeds, sides, faults, h M^-1, and a matrix to solve in.
-    """
+def step(
+    r, model, bodies, gravity, frames, mass, rubs, dry, stuck, force, room, response, matrix, h,
+    x, tau, a,
+):  # fmt: skip
+    """Take a step of semi-implicit Euler of run r under the torques `tau`; friction is implicit."""
     k = model[r]
-    n = x.shape[2]
-    ground(frames, n, gravity[k])
+    ground(frames, x.shape[2], gravity[k])
     forward_dynamics(bodies[k], frames, x[0, r], x[1, r], tau[r], mass, a[r])
     accelerate(x[1, r], a[r], h)
     if rubs:
-        rub(
-            bodies[k], mass, dry[r], stuck[r], force[r], x[1, r],
-            room[0], room[3 : n + 3], room[1], room[2], room[n + 3 :], h,
-        )  # fmt: skip
+        rub(bodies[k], mass, dry[r], stuck[r], force[r], x[1, r], room, response, matrix, h)
     coast(x[0, r], x[1, r], h)
 
 
 @kernel
-def steps(alive, model, bodies, gravity, frames, mass, x, tau, a, rubs, dry, stuck, force, room, h):
+def steps(
+    alive, model, bodies, gravity, frames, mass, rubs, dry, stuck, force, room, response, matrix, h,
+    x, tau, a,
+):  # fmt: skip
     """Take a step of every run."""
     for r in range(alive.size):
         if alive[r]:
             step(
-                r, model, bodies, gravity, frames, mass, x, tau, a, rubs, dry, stuck, force, room, h
+                r, model, bodies, gravity, frames, mass, rubs, dry, stuck, force, room, response,
+                matrix, h, x, tau, a,
             )  # fmt: skip
 
 
 @kernel
 def fly(
     alive, robots, joints, ops, poles, modes, table,
-    model, bodies, gravity, frames, mass, rubs, dry, stuck, force, room, h,
+    model, bodies, gravity, frames, mass, rubs, dry, stuck, force, room, response, matrix, h,
     plants, x, seen, torque, tau, a, references, forces, rows,
     senses, sensors, history, noise, tick, keeps, kept, values, first, count, ends,
 ):  # fmt: skip
@@ -83,8 +83,8 @@ def fly(
                     kept[7, k, r, j] = c.mu
             if ends[r] < 0:
                 step(
-                    r, model, bodies, gravity, frames, mass, x, tau, a, rubs, dry, stuck, force,
-                    room, h,
+                    r, model, bodies, gravity, frames, mass, rubs, dry, stuck, force, room,
+                    response, matrix, h, x, tau, a,
                 )  # fmt: skip
                 if look(r, plants, x, references, (k + 1) % rows.shape[1], seen):
                     ends[r] = k + 1

@@ -11,7 +11,7 @@ which joints stick, solve, exchange those at fault, repeat.
 from __future__ import annotations
 
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.rigid_body import solve as solve_tree
+from fpid_pin.kernels.rigid_body import solve_tree
 
 #: Relative slack of the conditions on friction and speed, well above rounding.
 SLACK = 1e-12
@@ -107,13 +107,15 @@ def solve(matrix, right, chosen):
 
 
 @kernel(inline=True)
-def rub(bodies, factored, dry, stuck, force, v, speed, response, side, fault, matrix, h):
+def rub(bodies, factored, dry, stuck, force, v, room, response, matrix, h):
     """Turn the free speeds v of one robot into those that dry friction leaves, in place.
 
     `factored` is M as the forward dynamics left it. First every joint is taken to slide on as it
-    does; only where one would turn round is the box problem solved. The rest is room to work in.
+    does; only where one would turn round is the box problem solved. The rest, (3, n) and twice
+    (n, n), is room to work in.
     """
     n = v.size
+    speed = room[0]
     for j in range(n):
         force[j] = dry[j] * sign(v[j])
         speed[j] = force[j]
@@ -129,7 +131,7 @@ def rub(bodies, factored, dry, stuck, force, v, speed, response, side, fault, ma
             for j in range(n):
                 response[i, j] = h if i == j else 0.0
             solve_tree(bodies, factored, response[i])
-        stick_slip(response, dry, v, stuck, force, speed, side, fault, matrix)
+        stick_slip(response, dry, v, stuck, force, speed, room[1], room[2], matrix)
     for j in range(n):
         stuck[j] = turns and stuck[j]
         v[j] = speed[j]

@@ -73,7 +73,7 @@ def place(b, c, u, q, v):
 
 
 @kernel(inline=True)
-def weigh(b, c):
+def burden(b, c):
     """Write a body's inertia at the world's origin, and the force that its motion takes."""
     m = b.m
     h0 = c.x0 * b.h0 + c.y0 * b.h1 + c.z0 * b.h2
@@ -170,7 +170,7 @@ def terms(bodies, frames, q, v, bias, mass):
         b = bodies[i]
         c = frames[i]
         place(b, c, frames[b.parent], q[i], v[i])
-        weigh(b, c)
+        burden(b, c)
     for back in range(n):
         i = n - 1 - back
         b = bodies[i]
@@ -193,7 +193,7 @@ def terms(bodies, frames, q, v, bias, mass):
 
 
 @kernel(inline=True)
-def factor(bodies, mass):
+def factor_tree(bodies, mass):
     """Turn M, its lower half, into L and 1/D of M = L^T D L, in place."""
     n = bodies.size
     for back in range(n):
@@ -211,8 +211,8 @@ def factor(bodies, mass):
 
 
 @kernel(inline=True)
-def solve(bodies, factored, x):
-    """Turn x into M^-1 x, (n,), in place; `factored` by `factor`."""
+def solve_tree(bodies, factored, x):
+    """Turn x into M^-1 x, (n,), in place; `factored` by `factor_tree`."""
     n = bodies.size
     for back in range(n):
         i = n - 1 - back
@@ -234,8 +234,8 @@ def forward_dynamics(bodies, frames, q, v, tau, mass, a):
     terms(bodies, frames, q, v, a, mass)
     for i in range(bodies.size):
         a[i] = tau[i] - a[i]
-    factor(bodies, mass)
-    solve(bodies, mass, a)
+    factor_tree(bodies, mass)
+    solve_tree(bodies, mass, a)
 
 
 @kernel

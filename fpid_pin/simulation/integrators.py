@@ -120,18 +120,15 @@ class CompiledEuler(Integrator):
         self._steps: Any = flight.steps
         self._alive = np.ones(len(plants), dtype=np.bool_)
         self.a: FloatArray = np.zeros_like(self.tau)
-        self.records = (
-            fleet.model, fleet.bodies, fleet.gravity, fleet.frames, fleet.mass, bool(dry.any()),
-            dry, np.zeros(dry.shape, dtype=np.bool_), np.zeros_like(dry), np.zeros((2 * n + 3, n)),
-        )  # fmt: skip
+        still = np.zeros(dry.shape, dtype=np.bool_)
+        room = np.zeros((3, n)), np.zeros((n, n)), np.zeros((n, n))
+        rubbing = bool(dry.any()), dry, still, np.zeros_like(dry), *room
+        arms = fleet.model, fleet.bodies, fleet.gravity, fleet.frames, fleet.mass
+        self.records = (*arms, *rubbing, step)
 
     def advance(self, plants: Any, forces: FloatArray, k: int) -> None:
         """See `Integrator.advance`."""
-        *fleet, rubs, dry, stuck, force, room = self.records
-        self._steps(
-            self._alive, *fleet, self._x, self.tau, self.a, rubs, dry, stuck, force, room,
-            self._step,
-        )  # fmt: skip
+        self._steps(self._alive, *self.records, self._x, self.tau, self.a)
 
     def retire(self, run: int) -> None:
         """See `Integrator.retire`."""

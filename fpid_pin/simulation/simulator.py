@@ -118,8 +118,8 @@ class Simulator:
         live = self._state.signals()
         names = list(live) if keep is None else [name for name in live if name in keep]
         self._kept = {name: np.zeros((BLOCK_ROWS, *live[name].shape)) for name in names}
-        self._live = [(live[name], self._kept[name]) for name in names]
         self._flight = self._prepare_flight(names)
+        self._live = [(live[name], self._kept[name]) for name in names]
 
     @property
     def t(self) -> float:
@@ -207,7 +207,7 @@ class Simulator:
         sensors = self._sensors
         senses = perfect if sensors is None else sensors.flight(count)
         fly(
-            self._alive, *law, *self._motion.records, self.step, self._plants, self._x, self._seen,
+            self._alive, *law, *self._motion.records, self._plants, self._x, self._seen,
             self._state.torque, self._motion.tau, self._motion.a, self._references.values, forces,
             self._rows, sensors is not None, *senses, kept.size > 0, kept, values, first, count,
             ends,
