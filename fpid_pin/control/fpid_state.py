@@ -81,6 +81,11 @@ class FpidState(State):
         if self._model is not None:
             self._model.add(self.alive, inputs, acts, self.torque)
 
+    @property
+    def flight(self) -> tuple[Any, ...] | None:
+        """The records that a tick runs on, or None where the model adds to them."""
+        return self._records if self._model is None else None
+
     def signals(self) -> Mapping[str, FloatArray]:
         """Return views of kp, ki, kd, u_fpid, u_s and s, (runs, n), and of lyapunov, (runs,).
 
