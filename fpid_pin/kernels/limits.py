@@ -9,7 +9,7 @@ from fpid_pin.kernels.compiled import kernel
 
 @kernel(inline=True)
 def clip(x, limit):
-    """Return x within [-limit, limit]; what is not finite stays so: nobody may take it for a torque.
+    """Return x within [-limit, limit]; NaN and inf stay, so that nobody takes them for a torque.
 
     A law whose numbers have overflowed would otherwise look like one at its limit.
     """
