@@ -18,8 +18,8 @@ PACKAGE = Path(fpid_pin.__file__).parent
 TIERS = [
     {"kernels"},
     {"_version", "exceptions", "progress"},
-    {"checks", "files"},
-    {"descriptions"},
+    {"archive", "budget", "checks", "files"},
+    {"descriptions", "locks", "sealed"},
     {"costs", "disturbances"},
     {"fractional", "arms"},
     {"control", "references"},

@@ -17,7 +17,6 @@ Keys are the constructors' arguments. Every fault is reported at once, each with
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from typing import Any
 from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.cli.progress import say_if_compiling
+from fpid_pin.cli.toml import parse_table, read_text
 from fpid_pin.control import Controller
 from fpid_pin.disturbances import Disturbance, Sum
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
@@ -80,22 +80,15 @@ def load(path: str | Path) -> Config:
         A line for every fault: file, key path, what was expected, what came.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise ConfigError(f"{path}: cannot be read ({reason})") from None
-    return parse(text, str(path), path.parent)
+    return parse(read_text(path), str(path), path.parent)
 
 
 def parse(text: str, name: str, folder: Path) -> Config:
     """Check a configuration's text; `folder` is where its relative paths start."""
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{name}: not valid TOML: {error}") from None
+        table = parse_table(text)
+    except FpidError as error:
+        raise ConfigError(f"{name}: {error}") from None
     faults: list[FpidError] = []
     config = _Reader(table, folder, faults).read(name, text)
     if faults or config is None:
@@ -186,7 +179,10 @@ class _Reader:
 
     def _controllers(self) -> dict[str, Controller]:
         named: dict[str, Controller] = {}
-        for k, value in enumerate(self._list("controller", self._table.get("controller", []))):
+        tables = self._list("controller", self._table.get("controller", []))
+        if not tables and self._table.get("controller") == []:
+            self._faults.append(ArgumentError("controller", "at least one [[controller]]", "none"))
+        for k, value in enumerate(tables):
             path = f"controller.{k}"
             controller = descriptions.build(value, Controller, path, self._faults)
             if controller is None:

@@ -100,6 +100,8 @@ class LawState(State):
         if not self.alive.all():
             asked = np.where(self.alive[:, np.newaxis], asked, 0.0)
         np.clip(asked, -self._limit, self._limit, out=self.torque)
+        # As `kernels.limits.clip` has it: an overflow must not look like a torque at its limit.
+        np.copyto(self.torque, asked, where=np.isinf(asked))
         np.subtract(asked, self.torque, out=self.cut)
 
     def signals(self) -> Mapping[str, FloatArray]:

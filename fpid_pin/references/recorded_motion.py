@@ -104,11 +104,13 @@ class RecordedMotion:
 
 def _rows(path: Path) -> list[list[float]]:
     """Read the numbers of a CSV file; an error names the line."""
+    if not path.is_file():
+        # Nor a device, which may have no end.
+        got = "something that is no file" if path.exists() else "no such file"
+        raise ArgumentError(f"{path}", "a CSV file", got)
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             lines = [(k, row) for k, row in enumerate(csv.reader(file), start=1) if any(row)]
-    except FileNotFoundError:
-        raise ArgumentError(f"{path}", "a CSV file", "no such file") from None
     except (OSError, UnicodeDecodeError, csv.Error):
         raise ArgumentError(f"{path}", "a CSV file", "something that is not text") from None
     rows: list[list[float]] = []

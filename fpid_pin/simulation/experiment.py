@@ -39,7 +39,7 @@ class Experiment:
     sensors
         None: angles and rates are measured exactly.
     step
-        Sampling period and integration step [s].
+        Sampling period and integration step [s], from 1 ns to 10 s.
     duration
         [s]; a run has ``round(duration/step) + 1`` rows.
     integrator
@@ -71,7 +71,9 @@ class Experiment:
     def __post_init__(self) -> None:
         checks.instance("arm", self.arm, Arm, "an Arm")
         checks.instance("reference", self.reference, Reference, "an object with sample(t)")
-        object.__setattr__(self, "step", checks.number("step", self.step, above=0.0))
+        checks.number("step", self.step, above=0.0)
+        low, high = checks.STEPS
+        object.__setattr__(self, "step", checks.number("step", self.step, low=low, high=high))
         object.__setattr__(self, "duration", checks.number("duration", self.duration))
         checks.sample_count(self.duration, self.step)
         if self.plant is not None:
