@@ -19,6 +19,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.text import shown
 
 T = TypeVar("T")
 D = TypeVar("D", bound=type)
@@ -129,7 +130,7 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     """
     before = len(faults)
     if not isinstance(table, Mapping):
-        faults.append(ArgumentError(path or "description", "a table", repr(table)))
+        faults.append(ArgumentError(path or "description", "a table", shown(table)))
         return None
     known = kinds(family)
     only = getattr(family, "_kind", None)
@@ -268,5 +269,5 @@ def _check_fields(
                 faults.append(ArgumentError(_join(path, key), "a value", "none"))
             else:
                 expected = _EXPECTED.get(fault["type"], "a number")
-                faults.append(ArgumentError(_join(path, key), expected, repr(fault["input"])))
+                faults.append(ArgumentError(_join(path, key), expected, shown(fault["input"])))
     return seen

@@ -16,7 +16,7 @@ import fpid_pin
 PACKAGE = Path(fpid_pin.__file__).parent
 # A room may import those before it, in its own tier and above.
 TIERS = [
-    {"kernels"},
+    {"kernels", "text"},
     {"_version", "exceptions", "progress"},
     {"archive", "budget", "checks", "files"},
     {"descriptions", "locks", "sealed"},
