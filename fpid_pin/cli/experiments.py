@@ -69,6 +69,7 @@ def run_one(path: Path, out: Path, name: str | None) -> None:
 def run_comparison(path: Path, out: Path) -> None:
     """Run every controller under every condition."""
     from fpid_pin.view import plots
+    from fpid_pin.view.panels import has_orders
 
     config = load(path)
     with OutputFolder(out) as folder:
@@ -77,6 +78,9 @@ def run_comparison(path: Path, out: Path) -> None:
         for condition in config.conditions:
             runs = [entry.run for entry in entries if entry.condition == condition]
             figures[f"comparison-{_slug(condition)}"] = plots.comparison(runs)
+        for entry in entries[: len(config.controllers)]:
+            if has_orders(entry.run):
+                figures[f"gains-{_slug(entry.controller)}"] = plots.gains(entry.run)
         write(folder, config, entries, figures)
     show(entries, config.title or path.stem, out)
 

@@ -64,9 +64,9 @@ class AdaptiveFpid(Controller):
     order_learning_rate
         Of the orders, gamma_o; 0: they stay. Scalar, (n,), or (2, n), a row each for lambda and
         mu: ``lambda' = -gamma_o S s Ki dI^lambda e/dlambda`` and likewise mu, the gradient that
-        moves the gains, its last factor one sample old. Wants a design with shared poles;
-        `fpid_pin.control.suggest_order_rates` has a start. Safeguards' dead zone and leakage count
-        for orders, too.
+        moves the gains, its last factor one sample old. Wants a design with shared poles.
+        Safeguards' dead zone and leakage count for orders, too. `fpid_pin.control.adapt_orders`
+        has rates and bounds to begin with.
     integral_order_bounds, derivative_order_bounds
         What orders that move stay within, in [0, 1], from their start. Should mu fall to 0, its
         term is Caputo's limit e - e(0).

@@ -42,7 +42,7 @@ _UNITS = {
 _CAPTIONS = {
     "fig4": "Integer orders: tracking, control signals, errors (the paper's Fig. 4)",
     "fig5": "Fractional orders: tracking, control signals, errors (the paper's Fig. 5)",
-    "gains": "Adapted gains over time",
+    "gains": "Adapted gains, and orders where they move, over time",
     "lyapunov": "The supervisor's Lyapunov function and torque",
     "comparison": "Errors and torques compared",
 }
