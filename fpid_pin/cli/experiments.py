@@ -71,6 +71,7 @@ def run_one(path: Path, out: Path, name: str | None) -> None:
 def run_comparison(path: Path, out: Path) -> None:
     """Run every controller under every condition."""
     from fpid_pin.view import plots
+    from fpid_pin.view.panels import has_orders
 
     config = load(path)
     names = file_names([[condition] for condition in config.conditions], prefix="comparison-")
@@ -80,6 +81,10 @@ def run_comparison(path: Path, out: Path) -> None:
         for name, condition in zip(names, config.conditions, strict=True):
             runs = [entry.run for entry in entries if entry.condition == condition]
             figures[name] = plots.comparison(runs)
+        moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
+        stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
+        for stem, entry in zip(stems, moving, strict=True):
+            figures[stem] = plots.gains(entry.run)
         write(folder, config, entries, figures)
     show(entries, config.title or path.stem, out)
 

@@ -64,9 +64,12 @@ class AdaptiveFpid(Controller):
     order_learning_rate
         Of the orders, gamma_o; 0: they stay. Scalar, (n,), or (2, n), a row each for lambda and
         mu: ``lambda' = -gamma_o S s Ki dI^lambda e/dlambda`` and likewise mu, the gradient that
-        moves the gains. Wants a design with shared poles.
+        moves the gains, its last factor one sample old. Wants a design with shared poles.
+        Safeguards' dead zone and leakage count for orders, too. `fpid_pin.control.adapt_orders`
+        has rates and bounds to begin with.
     integral_order_bounds, derivative_order_bounds
-        What orders that move stay within, in [0, 1].
+        What orders that move stay within, in [0, 1], from their start. Should mu fall to 0, its
+        term is Caputo's limit e - e(0).
     feedforward
         Whether the nominal model's torque for the reference, M q''_d + C q'_d + G + F_v q'_d, is
         added.
@@ -174,8 +177,25 @@ class AdaptiveFpid(Controller):
             found.append(np.broadcast_to(one, (rows, n)))
         return np.concatenate(found)
 
+    def order_bounds(self, n: int) -> FloatArray:
+        """Return the least and the largest orders of D^(1 - lambda), D^mu: (bound, n, 2).
+
+        Orders whose rate is 0 are bounded by [0, 1] alone.
+        """
+        low, high = self.integral_order_bounds
+        bounds = np.array([[1.0 - high, self.derivative_order_bounds[0]],
+                           [1.0 - low, self.derivative_order_bounds[1]]])  # fmt: skip
+        moves = self.rates(n)[3:].T > 0.0
+        return np.where(moves, bounds[:, np.newaxis], np.array([0.0, 1.0])[:, None, None])
+
     def orders(self, n: int) -> FloatArray:
-        """Return the orders of the derivatives that are taken, of int e and of e, (n, 2)."""
+        """Return the orders of the derivatives that are taken, of int e and of e, (n, 2).
+
+        Projection of those that move counts from the start.
+        """
         lam = checks.spread("integral_order", self.integral_order, n)
-        return np.stack([1.0 - lam, checks.spread("derivative_order", self.derivative_order, n)],
-                        axis=1)  # fmt: skip
+        mu = checks.spread("derivative_order", self.derivative_order, n)
+        if self.moves_orders:
+            # D^0 e is e, but the limit for mu that falls to 0 is e - e(0): the one to start from.
+            mu = np.maximum(mu, np.finfo(float).tiny)
+        return np.clip(np.stack([1.0 - lam, mu], axis=1), *self.order_bounds(n))

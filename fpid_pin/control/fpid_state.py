@@ -1,4 +1,4 @@
-"""What an adaptive FPID remembers while it runs: the records of `kernels.law` for all runs."""
+"""What an adaptive FPID is while it runs: the records of `kernels.law`, for all runs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class FpidState(State):
         self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
         first = controllers[0]
         self._moves = first.moves_orders
-        table = np.zeros((4, 3 + self._modes.shape[-1]))
+        table = np.zeros((3 + self._modes.shape[-1], 4))
         if self._moves:
             self._need_shared_poles()
             nodes = np.linspace(0.0, 1.0, NODES)
@@ -108,13 +108,15 @@ class FpidState(State):
         """Change lambda and mu while running, (n,) or (runs, n); None leaves as it is.
 
         From now on (or, with a `ramp` [s], from its end) the terms are those of a law that had the
-        new orders from the start.
+        new orders from the start. Orders that adapt go on from there.
 
         Raises
         ------
         DesignError
             A design whose poles depend on the order: its modes mean nothing to another one.
         """
+        if self._moves:
+            self.orders = self._ops["order"].copy()
         new = self.orders.copy()
         if integral_order is not None:
             order = checks.floats("integral_order", integral_order, low=0.0, high=1.0)
@@ -149,6 +151,7 @@ class FpidState(State):
         for name, value in modes.operator().items():
             self._ops[name] = value
         self._modes["weight"] = np.moveaxis(modes.weights, 0, -1)
+        self.joints["lam"], self.joints["mu"] = 1.0 - orders[..., 0], orders[..., 1]
 
     def retire(self, run: int) -> None:
         """See `State.retire`."""
@@ -177,9 +180,8 @@ def _fill(robot: Any, joints: Any, controller: AdaptiveFpid, arm: Arm) -> None:
     joints["gamma_io"], joints["gamma_do"] = rates[3:]
     joints["i_order_0"], joints["d_order_0"] = controller.orders(n).T
     joints["lam"], joints["mu"] = 1.0 - joints["i_order_0"], joints["d_order_0"]
-    low, high = controller.integral_order_bounds
-    joints["i_order_min"], joints["i_order_max"] = 1.0 - high, 1.0 - low
-    joints["d_order_min"], joints["d_order_max"] = controller.derivative_order_bounds
+    for name, bound in zip(("min", "max"), controller.order_bounds(n), strict=True):
+        joints[f"i_order_{name}"], joints[f"d_order_{name}"] = bound.T
     joints["viscous"] = arm.viscous_friction
     if controller.bandwidth:
         pole = np.exp(-controller.bandwidth * robot["h"])

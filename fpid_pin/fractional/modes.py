@@ -148,8 +148,8 @@ class Modes:
         return Records(ops, poles, modes)
 
     def table(self) -> FloatArray:
-        """Return c1, c0, c2 and the modes' weights of each order, (orders, 3 + modes)."""
-        return np.column_stack([self.now, self.before, self.mean, self.weights.T])
+        """Return c1, c0, c2 and the modes' weights of each order, (3 + modes, orders)."""
+        return np.vstack([self.now, self.before, self.mean, self.weights])
 
     def recursion(self, index: int = 0, *, measured: bool = True) -> Recursion:
         """Return the difference equation of one order.
