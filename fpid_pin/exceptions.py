@@ -10,6 +10,7 @@ __all__ = [
     "ArmError",
     "ConfigError",
     "DesignError",
+    "ExportError",
     "FileFormatError",
     "FpidError",
     "FpidWarning",
@@ -50,6 +51,10 @@ class ArmError(FpidError):
 
 class DesignError(FpidError):
     """A fractional operator cannot be designed as asked for."""
+
+
+class ExportError(FpidError):
+    """A controller cannot leave Python: what is missing, or which line cannot be printed."""
 
 
 class FileFormatError(FpidError):

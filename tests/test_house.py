@@ -25,6 +25,7 @@ TIERS = [
     {"control", "references"},
     {"simulation"},
     {"tuning", "campaign"},
+    {"export"},
     {"view"},
     {"cli"},
 ]
