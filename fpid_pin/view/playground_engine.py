@@ -16,6 +16,9 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.fpid_state import NODES, FpidState
 from fpid_pin.exceptions import ArgumentError, DesignError
+from fpid_pin.export.javascript import HELPERS, JavaScript
+from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Kind, Record, words
+from fpid_pin.export.printer import Program
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.fractional.step_integrals import integrate_step
 from fpid_pin.simulation.experiment import Experiment
@@ -24,23 +27,18 @@ from fpid_pin.simulation.plant import plant_of
 from fpid_pin.simulation.recorders import BLOCK_ROWS
 from fpid_pin.simulation.sensors import SensorState
 from fpid_pin.simulation.simulator import horizon_of
-from fpid_pin.view.sketch_printer import NUMBER, Kind, Module
 
 #: Orders between which the page interpolates what depends on them, by a polynomial through all:
 #: Chebyshev's points, ends included. With 48 the weights of 24 modes come out within rounding.
 POINTS = 48
 #: The most samples that measurements can be late in a page.
 MOST_DELAY = 63
+#: What a record is called where its array is not named after it.
+_RECORDS = {"robots": "robot", "joints": "joint", "ops": "operator", "poles": "pole",
+            "modes": "mode", "bodies": "body", "frames": "frame", "plants": "plant",
+            "sensors": "sensor", "sums": "sum"}  # fmt: skip
 #: Rows of white noise at a time, as `simulation.sensors` draws them.
 NOISE_ROWS = 256
-
-
-def as_words(values: Any) -> FloatArray:
-    """Return an array of numbers or records as the memory has it: a word a field."""
-    values = np.asarray(values)
-    if values.dtype.names is None:
-        return values.astype(np.float64).ravel()
-    return np.stack([values[f].astype(np.float64).ravel() for f in values.dtype.names], axis=1).ravel()
 
 
 def encoded(values: FloatArray) -> str:
@@ -48,9 +46,11 @@ def encoded(values: FloatArray) -> str:
     return base64.b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode("ascii")
 
 
-def kind_of(values: Any) -> Kind:
-    """Return what a kernel is told of an array."""
-    return Kind(tuple(values.shape), values.dtype.names)
+def kind_of(name: str, values: Any) -> Kind:
+    """Return what the printer is told of an array."""
+    if values.dtype.names is not None:
+        return Array(Record.of(_RECORDS.get(name, name), values.dtype), values.shape)
+    return Array({"f": REAL, "i": INT, "b": BOOL}[values.dtype.kind], values.shape)
 
 
 def state_of(controller: AdaptiveFpid, experiment: Experiment, step: float) -> FpidState:
@@ -89,7 +89,7 @@ class Engine:
         at = 0
         for name, values in self.arrays.items():
             self.places[name] = at
-            at += as_words(values).size
+            at += words(values).size
         self.words = at
         self.text = self._print()
 
@@ -128,7 +128,7 @@ class Engine:
         plants["runaway"] = e.runaway_speed
         sensors = SensorState([e.sensors], [e.seed], n, e.step)._joints
         return {
-            "alive": np.ones(1), "robots": robots, "joints": joints, "ops": ops, "poles": poles,
+            "alive": np.ones(1, dtype=np.bool_), "robots": robots, "joints": joints, "ops": ops, "poles": poles,
             "modes": modes, "table": np.zeros((NODES, 3 + modes.shape[-1])), "model": model,
             "bodies": bodies, "gravity": gravity, "frames": frames, "mass": mass, "dry": dry,
             "stuck": stuck, "force": force, "room": room, "plants": plants, "x": x,
@@ -137,8 +137,8 @@ class Engine:
             "forces": np.zeros((b, 1, n)), "rows": np.zeros((3, b, 1, n)), "sensors": sensors,
             "history": np.zeros((MOST_DELAY + 1, 2, 1, n)),
             "noise": np.zeros((NOISE_ROWS, 2, 1, n)), "kept": np.zeros((8, b, 1, n)),
-            "values": np.zeros((b, 1)), "ends": np.zeros(1), "sums": np.zeros((1, n), SUM),
-            "error": np.zeros((b, 1, n)), "valid": np.zeros(1),
+            "values": np.zeros((b, 1)), "ends": np.zeros(1, dtype=np.int64), "sums": np.zeros((1, n), SUM),
+            "error": np.zeros((b, 1, n)), "valid": np.zeros(1, dtype=np.int64),
         }  # fmt: skip
 
     def _print(self) -> str:
@@ -146,24 +146,23 @@ class Engine:
         from fpid_pin.kernels.metrics import tally
         from fpid_pin.kernels.motion import arrive
 
-        def kinds(text: str) -> tuple[Kind, ...]:
-            return tuple(
-                kind_of(self.arrays[name]) if name in self.arrays else NUMBER
-                for name in text.split()
-            )
+        scalars: dict[str, Kind] = {"real": REAL, "int": INT, "bool": BOOL}
 
-        module = Module()
-        module.add(
+        def kinds(text: str) -> list[Kind]:
+            return [scalars.get(name) or kind_of(name, self.arrays[name]) for name in text.split()]
+
+        program = Program(JavaScript())
+        program.add(
             fly,
             kinds(
-                "alive robots joints ops poles modes table model bodies gravity frames mass - dry "
-                "stuck force room - plants x seen torque tau a references forces rows - sensors "
-                "history noise - - kept values - - ends"
+                "alive robots joints ops poles modes table model bodies gravity frames mass bool "
+                "dry stuck force room real plants x seen torque tau a references forces rows bool "
+                "sensors history noise int bool kept values int int ends"
             ),
         )
-        module.add(arrive, kinds("alive plants x references - seen"))
-        module.add(tally, kinds("sums error error valid - - - -"))
-        return f"const K = (() => {{\n{module.text}return {{fly, arrive, tally}};\n}})();\n"
+        program.add(arrive, kinds("alive plants x references int seen"))
+        program.add(tally, kinds("sums error error valid int int int real"))
+        return f"{HELPERS}{program.text}return {{fly, arrive, tally}};\n"
 
     # ------------------------------------------------------------------ for the page
 
@@ -176,7 +175,7 @@ class Engine:
             assert law is not None
             robots, joints, ops, *_ = law
             parts = {"robots": robots, "joints": joints, "ops": ops}
-            starts.append({name: encoded(as_words(v)) for name, v in parts.items()})
+            starts.append({name: encoded(words(v)) for name, v in parts.items()})
         return {
             "words": self.words,
             "places": self.places,
@@ -186,7 +185,7 @@ class Engine:
                 for name, v in self.arrays.items()
                 if v.dtype.names
             },
-            "memory": encoded(np.concatenate([as_words(v) for v in self.arrays.values()])),
+            "memory": encoded(np.concatenate([words(v) for v in self.arrays.values()])),
             "starts": starts,
             "points": encoded(self._points),
             "steps": [{"step": h, **self._at_step(h)} for h in self._steps],
@@ -225,7 +224,7 @@ class Engine:
 
         arm = plant_of(self._experiment).arm
         more, less = (
-            as_words(bodies_of(a.model)).reshape(arm.n, -1) for a in (arm.with_payload(1.0), arm)
+            words(bodies_of(a.model)).reshape(arm.n, -1) for a in (arm.with_payload(1.0), arm)
         )
         return np.asarray(more - less).ravel()
 
