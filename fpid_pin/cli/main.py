@@ -118,6 +118,18 @@ def view(
 
 
 @app.command()
+def playground(
+    config: ConfigFile,
+    html: Annotated[Path, typer.Option(help="The page to write.")] = Path("playground.html"),
+    controller: Annotated[str | None, typer.Option(help="Which controller; none: all.")] = None,
+) -> None:
+    """Write one page with sliders that simulates again as they move; it needs no network."""
+    from fpid_pin.cli.playground import run_playground
+
+    run_playground(config, html, controller)
+
+
+@app.command()
 def live(
     config: ConfigFile,
     controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,

@@ -8,11 +8,15 @@ sets is written over them by the page.
 from __future__ import annotations
 
 import base64
+import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.checks import FloatArray
+from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.fpid_state import NODES, FpidState
 from fpid_pin.exceptions import ArgumentError, DesignError
@@ -55,11 +59,35 @@ def kind_of(name: str, values: Any) -> Kind:
 
 def state_of(controller: AdaptiveFpid, experiment: Experiment, step: float) -> FpidState:
     """Return the state of the law alone, without what the nominal model would add."""
-    import dataclasses
-
     alone = dataclasses.replace(controller, supervisor=None, feedforward=False, observer=0.0)
     horizon = horizon_of(experiment.duration)
     return FpidState([alone], experiment.arm, step, horizon)
+
+
+def require_playable(
+    controller: Controller, experiment: Experiment, others: Sequence[AdaptiveFpid] = ()
+) -> AdaptiveFpid:
+    """Return a controller that a page can hold beside `others`.
+
+    Raises
+    ------
+    ArgumentError, DesignError
+        It cannot; the message says why.
+    """
+    if not isinstance(controller, AdaptiveFpid):
+        kind = type(controller).__name__
+        raise ArgumentError("controller", "an AdaptiveFpid (a page has no other laws)", kind)
+    for name in ("feedforward", "observer"):
+        if getattr(controller, name):
+            raise ArgumentError(name, "none in a page", f"{getattr(controller, name)}")
+    horizon = horizon_of(experiment.duration)
+    modes = modes_of(controller.design, 0.5, step=experiment.step, horizon=horizon)
+    if not modes.shared_poles:
+        kind = type(controller.design).__name__
+        raise DesignError(f"design: expected one with shared poles, got {kind}")
+    if others and controller.design != others[0].design:
+        raise ArgumentError("design", "the same for all controllers of a page", "another")
+    return controller
 
 
 class Engine:
@@ -74,16 +102,14 @@ class Engine:
 
     Raises
     ------
-    ArgumentError, ArmError, DesignError
-        A description that the page cannot hold.
+    ArmError
+        A joint that the kernels do not have.
     """
 
     def __init__(
         self, experiment: Experiment, controllers: list[AdaptiveFpid], steps: list[float]
     ) -> None:
         self._experiment, self._controllers, self._steps = experiment, controllers, steps
-        for controller in controllers:
-            self._check(controller)
         self.arrays: dict[str, Any] = self._arrays()
         self.places: dict[str, int] = {}
         at = 0
@@ -92,20 +118,6 @@ class Engine:
             at += words(values).size
         self.words = at
         self.text = self._print()
-
-    def _check(self, controller: AdaptiveFpid) -> None:
-        modes = modes_of(controller.design, 0.5, step=self._experiment.step, horizon=20.0)
-        if not modes.shared_poles:
-            raise DesignError(
-                f"{controller.name or 'controller'}: expected a design with shared poles, got "
-                f"{type(controller.design).__name__}: a slider could not move its orders"
-            )
-        if controller.feedforward or controller.observer:
-            raise ArgumentError(
-                "controller", "a law without feedforward and observer", controller.name or "one"
-            )
-        if controller.design != self._controllers[0].design:
-            raise ArgumentError("controllers", "one design for all of them", "several")
 
     def _arrays(self) -> dict[str, Any]:
         from fpid_pin.kernels import motion
@@ -119,8 +131,6 @@ class Engine:
         x = np.zeros((2, 1, n))
         euler = CompiledEuler([plant], e.step, x)
         model, bodies, gravity, frames, mass, _, dry, stuck, force, room = euler.records
-        from fpid_pin.arms.bodies import bodies_of
-
         # Without friction's part of the rotor inertias: it depends on step and slider.
         bodies = bodies_of(plant.arm.model)[np.newaxis]
         plants = np.zeros((1, n), motion.PLANT)
@@ -220,8 +230,6 @@ class Engine:
 
     def _payload(self) -> FloatArray:
         """Return what a kilogram at the tool adds to the bodies' records, (n, fields)."""
-        from fpid_pin.arms.bodies import bodies_of
-
         arm = plant_of(self._experiment).arm
         more, less = (
             words(bodies_of(a.model)).reshape(arm.n, -1) for a in (arm.with_payload(1.0), arm)

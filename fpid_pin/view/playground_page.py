@@ -21,8 +21,8 @@ from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import plant_of
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
-from fpid_pin.view.page import _SEALED, _asset, _meshcat_file, licences
-from fpid_pin.view.playground_engine import Engine
+from fpid_pin.view.page import SEALED, asset, meshcat_file, licences
+from fpid_pin.view.playground_engine import Engine, require_playable
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.scene import Buffers, arm_scene, to_script_json
 
@@ -100,7 +100,9 @@ def playground_html(
 ) -> str:
     """Return the text of the page that `playground` makes."""
     checks.instance("experiment", experiment, Experiment, "an Experiment")
-    laws = [_held(c) for c in ([controllers] if isinstance(controllers, Controller) else controllers)]
+    laws: list[AdaptiveFpid] = []
+    for c in [controllers] if isinstance(controllers, Controller) else controllers:
+        laws.append(require_playable(c, experiment, laws))
     if not laws:
         raise ArgumentError("controllers", "at least one controller", "none")
     if experiment.integrator != "semi_implicit_euler":
@@ -109,31 +111,24 @@ def playground_html(
     engine = Engine(experiment, laws, steps)
     starts = [settings.start_settings(experiment, c, k) for k, c in enumerate(laws)]
     shown = engine.table() | settings.outside(experiment) | {"shown": SHOWN}
-    title = title or f"{experiment.arm.name}: an adaptive fractional PID to play with"
+    title = title or f"{experiment.arm.name}, adaptive fractional PID"
     return _PAGE.format(
-        policy=_SEALED,
+        policy=SEALED,
         title=escape(title),
-        style=_asset("uPlot.min.css") + _asset("playground.css"),
+        style=asset("uPlot.min.css") + asset("playground.css"),
         licences=licences(_credits(experiment)) + _uplot_licence(),
-        meshcat=_meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
-        uplot=_asset("uPlot.iife.min.js"),
+        meshcat=meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
+        uplot=asset("uPlot.iife.min.js"),
         engine=_worker(engine, shown),
         scene=to_script_json(_scene(experiment)),
         outside=to_script_json({key: shown[key] for key in ("duration", "shown", "disturbance")}),
         page=to_script_json(_page(experiment, laws, starts, steps, title)),
         scripts="".join(
-            f"<script>{_asset(f'{name}.js')}</script>\n"
+            f"<script>{asset(f'{name}.js')}</script>\n"
             for name in ("playground_settings", "playground_plots", "playground_scene", "bodies",
                          "playground_controls", "playground")
         ),
     )  # fmt: skip
-
-
-def _held(controller: Controller) -> AdaptiveFpid:
-    if not isinstance(controller, AdaptiveFpid):
-        kind = type(controller).__name__
-        raise ArgumentError("controllers", "AdaptiveFpid (other laws are not in a page)", kind)
-    return controller
 
 
 def _credits(e: Experiment) -> list[str]:
@@ -141,7 +136,7 @@ def _credits(e: Experiment) -> list[str]:
 
 
 def _uplot_licence() -> str:
-    return "\nThe plots are drawn by uPlot (github.com/leeoniya/uPlot):\n" + _asset(
+    return "\nThe plots are drawn by uPlot (github.com/leeoniya/uPlot):\n" + asset(
         "uPlot.LICENSE.txt"
     ).replace("--", "- -").replace(">", "")
 
@@ -150,7 +145,7 @@ def _worker(engine: Engine, table: dict[str, Any]) -> str:
     parts = [
         f"const E = {to_script_json(table)};\nconst M = new Float64Array(E.words);\n"
         f"const K = (() => {{\n{engine.text}}})();\n",
-        *(_asset(f"playground_{name}.js") for name in ("noise", "engine", "worker")),
+        *(asset(f"playground_{name}.js") for name in ("noise", "engine", "worker")),
     ]
     return "".join(parts).replace("</script", "<\\/script")
 

@@ -54,7 +54,9 @@ def start_settings(experiment: Experiment, controller: AdaptiveFpid, index: int)
         return float(value.max())
 
     # Gains count from the start as projected.
-    low, high = (np.full((3, n), s * np.inf) for s in (-1.0, 1.0)) if guard is None else guard.bounds(n)
+    low, high = (
+        (np.full((3, n), s * np.inf) for s in (-1.0, 1.0)) if guard is None else guard.bounds(n)
+    )
     gains = {
         name: np.clip(each(name, getattr(controller, name)), lo, hi).tolist()
         for name, lo, hi in zip(("kp", "ki", "kd"), low, high, strict=True)

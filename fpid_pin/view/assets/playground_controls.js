@@ -151,7 +151,7 @@ function buildControls(holder) {
   const shown = [];
   PAGE.groups.forEach((group, number) => {
     const box = make("details", {class: "group"}, make("summary", {}, group.name));
-    box.open = number < 2 || window.innerWidth >= 900;
+    box.open = number < 2 || window.innerWidth >= 1024;
     for (const control of group.controls) {
       if (control.scale === "stops" && PAGE.steps.length < 2) continue;
       const item = control.scale === "switch" ? new Switch(control)

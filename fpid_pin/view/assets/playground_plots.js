@@ -28,7 +28,7 @@ class Plot {
       spanGaps: false, scale: "y"});
     const hooks = {draw: [(chart) => this.drawTime(chart)]};
     this.chart = new uPlot({
-      ...this.size(), padding: [6, 8, 0, 0], legend: {show: false}, hooks,
+      ...this.size(), padding: [6, 16, 0, 0], legend: {show: false}, hooks,
       cursor: {sync: {key: sync.key}, drag: {x: false, y: false}, points: {size: 6},
         bind: {mousedown: (chart, target, handler) => (event) => {
           handler(event);

@@ -20,7 +20,10 @@ function thin(values, rows, step, j) {
       if (value < least) [least, low] = [value, r];
       if (value > most) [most, high] = [value, r];
     }
-    [out[2 * k], out[2 * k + 1]] = low <= high ? [least, most] : [most, least];
+    // A stretch that only rises or falls is drawn by two of its samples, or it would have steps.
+    const ends = Math.min(low, high) === from && Math.max(low, high) === to - 1;
+    if (ends) [out[2 * k], out[2 * k + 1]] = [values(from, j), values((from + to) >> 1, j)];
+    else [out[2 * k], out[2 * k + 1]] = low <= high ? [least, most] : [most, least];
   }
   return out;
 }
