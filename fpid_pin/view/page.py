@@ -52,6 +52,7 @@ _PAGE = """<!DOCTYPE html>
 
 @cache
 def asset(name: str) -> str:
+    """Return the text of a file of this room's assets."""
     return (resources.files("fpid_pin.view") / "assets" / name).read_text(encoding="utf-8")
 
 

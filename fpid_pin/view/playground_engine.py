@@ -81,7 +81,7 @@ def require_playable(
         if getattr(controller, name):
             raise ArgumentError(name, "none in a page", f"{getattr(controller, name)}")
     horizon = horizon_of(experiment.duration)
-    modes = modes_of(controller.design, 0.5, step=experiment.step, horizon=horizon)
+    modes = modes_of(controller.design, (0.3, 0.7), step=experiment.step, horizon=horizon)
     if not modes.shared_poles:
         kind = type(controller.design).__name__
         raise DesignError(f"design: expected one with shared poles, got {kind}")
@@ -138,17 +138,18 @@ class Engine:
         plants["runaway"] = e.runaway_speed
         sensors = SensorState([e.sensors], [e.seed], n, e.step)._joints
         return {
-            "alive": np.ones(1, dtype=np.bool_), "robots": robots, "joints": joints, "ops": ops, "poles": poles,
-            "modes": modes, "table": np.zeros((NODES, 3 + modes.shape[-1])), "model": model,
-            "bodies": bodies, "gravity": gravity, "frames": frames, "mass": mass, "dry": dry,
-            "stuck": stuck, "force": force, "room": room, "plants": plants, "x": x,
+            "alive": np.ones(1, dtype=np.bool_), "robots": robots, "joints": joints, "ops": ops,
+            "poles": poles, "modes": modes, "table": np.zeros((NODES, 3 + modes.shape[-1])),
+            "model": model, "bodies": bodies, "gravity": gravity, "frames": frames, "mass": mass,
+            "dry": dry, "stuck": stuck, "force": force, "room": room, "plants": plants, "x": x,
             "seen": np.zeros((5, 1, n)), "torque": np.zeros((1, n)), "tau": np.zeros((1, n)),
             "a": np.zeros((1, n)), "references": np.zeros((3, b, 1, n)),
             "forces": np.zeros((b, 1, n)), "rows": np.zeros((3, b, 1, n)), "sensors": sensors,
             "history": np.zeros((MOST_DELAY + 1, 2, 1, n)),
             "noise": np.zeros((NOISE_ROWS, 2, 1, n)), "kept": np.zeros((8, b, 1, n)),
-            "values": np.zeros((b, 1)), "ends": np.zeros(1, dtype=np.int64), "sums": np.zeros((1, n), SUM),
-            "error": np.zeros((b, 1, n)), "valid": np.zeros(1, dtype=np.int64),
+            "values": np.zeros((b, 1)), "ends": np.zeros(1, dtype=np.int64),
+            "sums": np.zeros((1, n), SUM), "error": np.zeros((b, 1, n)),
+            "valid": np.zeros(1, dtype=np.int64),
         }  # fmt: skip
 
     def _print(self) -> str:

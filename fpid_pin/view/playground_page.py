@@ -21,7 +21,7 @@ from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import plant_of
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
-from fpid_pin.view.page import SEALED, asset, meshcat_file, licences
+from fpid_pin.view.page import SEALED, asset, licences, meshcat_file
 from fpid_pin.view.playground_engine import Engine, require_playable
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.scene import Buffers, arm_scene, to_script_json

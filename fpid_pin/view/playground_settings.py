@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.descriptions import to_dict
 from fpid_pin.disturbances import Cosine, Pulse, Sum
@@ -54,9 +55,8 @@ def start_settings(experiment: Experiment, controller: AdaptiveFpid, index: int)
         return float(value.max())
 
     # Gains count from the start as projected.
-    low, high = (
-        (np.full((3, n), s * np.inf) for s in (-1.0, 1.0)) if guard is None else guard.bounds(n)
-    )
+    unbound = np.full((3, n), np.inf)
+    low, high = (-unbound, unbound) if guard is None else guard.bounds(n)
     gains = {
         name: np.clip(each(name, getattr(controller, name)), lo, hi).tolist()
         for name, lo, hi in zip(("kp", "ki", "kd"), low, high, strict=True)
@@ -117,7 +117,8 @@ def outside(e: Experiment) -> dict[str, Any]:
     if isinstance(e.reference, Sinusoid):
         reference = to_dict(e.reference)
     else:
-        rows = e.motion(np.arange(e.rows) * e.step)
+        t: FloatArray = np.arange(e.rows, dtype=np.float64) * e.step
+        rows = e.motion(t)
         reference = {"kind": "rows", "rows": encoded(np.concatenate([x.ravel() for x in rows]))}
     phase = np.asarray(main.phase).tolist()
     return {
@@ -145,7 +146,7 @@ def toml_tables(e: Experiment, controllers: Sequence[AdaptiveFpid]) -> dict[str,
         law["name"] = controller.name or "adaptive FPID"
         laws.append(law)
     kept = ("duration", "integrator", "seed", "runaway_speed", "v0")
-    tables = {
+    tables: dict[str, Any] = {
         "arm": whole["arm"],
         "reference": whole["reference"],
         "simulation": {key: whole[key] for key in kept} | {"dynamics": "compiled"},
@@ -155,7 +156,8 @@ def toml_tables(e: Experiment, controllers: Sequence[AdaptiveFpid]) -> dict[str,
         "controllers": laws,
         "movable": movable,
     }
-    return _sayable(tables)
+    sayable: dict[str, Any] = _sayable(tables)
+    return sayable
 
 
 def _sayable(value: Any) -> Any:
@@ -195,7 +197,7 @@ def control_groups(e: Experiment, starts: Sequence[dict[str, Any]]) -> list[dict
     start = starts[0]
 
     def most(key: str, floor: float) -> float:
-        return max(floor, *(4.0 * x for s in starts for x in s[key] if x < 1e299))
+        return max([floor, *(4.0 * float(x) for s in starts for x in s[key] if x < 1e299)])
 
     # Torques of the size that the arm needs.
     weight = np.abs(e.arm.gravity_vector(np.asarray(e.q0)))
@@ -203,7 +205,8 @@ def control_groups(e: Experiment, starts: Sequence[dict[str, Any]]) -> list[dict
     finite = [x for x in start["effort_limit"] if x < 1e299]
     top = 4.0 * max(finite) if finite else 40.0 * torque
     orders = [
-        control("integral_order", "λ", 0, 1, step=0.001, joints="same", note="order of the integral"),
+        control("integral_order", "λ", 0, 1, step=0.001, joints="same",
+                note="order of the integral"),
         control("derivative_order", "μ", 0, 1, step=0.001, joints="same",
                 note="order of the derivative"),
         control("order_learning_rate", "γₒ", 0, 1, scale="log0", least=1e-5,
@@ -256,7 +259,8 @@ def control_groups(e: Experiment, starts: Sequence[dict[str, Any]]) -> list[dict
                 note="standard deviation"),
         control("position_noise", "angle noise", 0, 0.1, unit="rad", scale="log0", least=1e-6,
                 note="standard deviation"),
-        control("position_resolution", "encoder step", 0, 0.1, unit="rad", scale="log0", least=1e-6),
+        control("position_resolution", "encoder step", 0, 0.1, unit="rad", scale="log0",
+                least=1e-6),
         control("differentiated", "rates from the encoder", 0, 1, scale="switch",
                 note="a filtered difference of the angle"),
         control("delay", "delay", 0, min(MOST_DELAY, 60), unit="samples", step=1),
