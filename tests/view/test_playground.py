@@ -333,7 +333,8 @@ def test_on_a_phone_all_is_in_reach_and_nothing_sticks_out(browser, page_file):
 def test_everything_to_be_moved_has_a_name(visit):
     nameless = visit.page.evaluate(
         "[...document.querySelectorAll('input, select, button, textarea')].filter(e =>"
-        " !e.closest('.dg') && !(e.labels?.length || e.getAttribute('aria-label') || e.textContent.trim()))"
+        " !e.closest('.dg') && !(e.labels?.length"
+        " || e.getAttribute('aria-label') || e.textContent.trim()))"
         ".map(e => e.outerHTML)"
     )
     assert nameless == []

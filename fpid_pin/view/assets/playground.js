@@ -145,8 +145,12 @@ function draw() {
   plots.error.show(of(now, "error"), of(pinned, "error"), joints, lost);
   plots.torque.show(of(now, "torque"), of(pinned, "torque"), joints, lost);
   plots.gains.show(of(now, gain), of(pinned, gain), joints, lost);
-  stage.show(now.frames, pinned?.frames);
   table();
+  // The arm comes after the curves, when a slider rests: without a graphics card it takes longer
+  // than all else, and would keep the next curves waiting.
+  clearTimeout(state.scene);
+  state.scene = setTimeout(() => stage.show(state.now.frames, state.pinned?.frames),
+    stage.frames ? 120 : 0);
   const {outcome} = now, box = element("outcome");
   box.className = lost ? "bad" : "good";
   box.textContent = lost

@@ -137,6 +137,13 @@ function sampler(S) {
   };
 }
 
+// A number as Python's %.3g writes it.
+function brief(x) {
+  const [digits, power] = x.toExponential(2).split("e");
+  if (power >= -4 && power < 3) return String(Number(x.toPrecision(3)));
+  return `${Number(digits)}e${power[0]}${power.slice(1).padStart(2, "0")}`;
+}
+
 // Why a run has ended, in the words of `simulation.simulator`.
 function outcome(row, S) {
   for (let j = 0; j < N; j++) {
@@ -144,7 +151,7 @@ function outcome(row, S) {
     const slow = Math.abs(v) <= E.runaway;
     if (slow && Number.isFinite(q) && Number.isFinite(u)) continue;
     const cause = !Number.isFinite(v) ? "speed is not finite"
-      : !slow ? `speed ${Number(Math.abs(v).toPrecision(3))} rad/s is beyond ${E.runaway} rad/s`
+      : !slow ? `speed ${brief(Math.abs(v))} rad/s is beyond ${E.runaway} rad/s`
         : !Number.isFinite(u) ? "torque is not finite" : "angle is not finite";
     return {completed: false, time: row * S.step, joint: E.joints[j], cause};
   }

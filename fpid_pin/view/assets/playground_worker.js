@@ -28,12 +28,18 @@ function thin(values, rows, step, j) {
   return out;
 }
 
-function shown(run) {
+function shown(run, moves) {
   const at = (name) => (r, j) => run[name][r * N + j];
   const error = (r, j) => run.q_ref[r * N + j] - run.q[r * N + j];
   const each = (values) => Array.from({length: N}, (_, j) => thin(values, run.rows, run.step, j));
   const plots = {error: each(error), torque: each(at("torque"))};
-  for (const name of ["kp", "ki", "kd", "lam", "mu"]) plots[name] = each(at(name));
+  for (const name of ["kp", "ki", "kd"]) plots[name] = each(at(name));
+  // Orders that stay are one number from end to end.
+  const still = Array.from({length: N}, (_, j) => (k) =>
+    new Array(POINTS_SHOWN).fill(run.rows ? run[k][j] : null));
+  for (const name of ["lam", "mu"]) {
+    plots[name] = moves ? each(at(name)) : still.map((row) => row(name));
+  }
   return plots;
 }
 
@@ -62,7 +68,7 @@ self.onmessage = ({data: {id, settings, whole}}) => {
     const start = performance.now(), run = simulate(settings), done = performance.now();
     const {metrics, outcome, rows, step} = run;
     const answer = {id, metrics, outcome, rows, step, milliseconds: done - start,
-      plots: shown(run), frames: frames(run)};
+      plots: shown(run, settings.order_learning_rate > 0), frames: frames(run)};
     if (whole) {
       answer.whole = Object.fromEntries(["q", "v", "q_ref", "torque", "kp", "ki", "kd"]
         .map((name) => [name, Array.from(run[name])]));
