@@ -72,6 +72,7 @@ function remember() {
 const queue = {now: null, pinned: null};
 const answers = new Map();
 function ask(settings, role, whole = false) {
+  clearTimeout(state.scene);
   queue[role] = {settings: clone(settings), role, whole, asked: performance.now()};
   pump();
 }
@@ -93,7 +94,9 @@ worker.onmessage = ({data}) => {
   if (data.fault) say(`The engine stopped: ${data.fault}`, true);
   else {
     state[asked.role] = {...data, settings: asked.settings};
+    const start = performance.now();
     if (asked.role === "now" || state.now) draw();
+    state.drawing = performance.now() - start;
     if (asked.role === "now") {
       state.latency.push(performance.now() - asked.asked);
       state.got += 1;
@@ -150,7 +153,7 @@ function draw() {
   // than all else, and would keep the next curves waiting.
   clearTimeout(state.scene);
   state.scene = setTimeout(() => stage.show(state.now.frames, state.pinned?.frames),
-    stage.frames ? 120 : 0);
+    stage.frames ? 150 : 0);
   const {outcome} = now, box = element("outcome");
   box.className = lost ? "bad" : "good";
   box.textContent = lost

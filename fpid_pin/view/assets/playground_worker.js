@@ -73,6 +73,7 @@ self.onmessage = ({data: {id, settings, whole}}) => {
       answer.whole = Object.fromEntries(["q", "v", "q_ref", "torque", "kp", "ki", "kd"]
         .map((name) => [name, Array.from(run[name])]));
     }
+    answer.thinning = performance.now() - done;
     self.postMessage(answer);
   } catch (error) {
     self.postMessage({id, fault: String(error)});
