@@ -82,25 +82,16 @@ def export_c(
     proof = vectors.answers(controller, arm, step, horizon, inputs)
     if not np.isfinite(proof.torque).all():
         raise ExportError(f"{type(controller).__name__}: its torques do not stay finite")
-    made = "controller.toml"
-    texts = {
-        "fpid.h": source.header,
-        "fpid.c": source.source,
-        "fpid_parameters.c": source.parameters,
-        "example.c": c_extras.EXAMPLE,
-        "fpid_check.c": c_extras.CHECK.format(tolerance="0.0" if law.exact else "1e-12"),
-        "CMakeLists.txt": c_extras.CMAKE,
-        made: toml if toml is not None else _toml(controller, arm, step, horizon),
-    }
+    made_by = toml if toml is not None else _toml(controller, arm, step, horizon)
     temporary = hidden_beside(path, ".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.mkdir()
-        for name, text in texts.items():
-            (temporary / name).write_text(text, encoding="utf-8")
+        write_sources(source, temporary)
         proof.write(temporary / "vectors.bin")
+        (temporary / "controller.toml").write_text(made_by, encoding="utf-8")
         count = operations(law, inputs[:_COUNTED])
-        text = readme(law, temporary, step, horizon, count, made)
+        text = readme(law, temporary, step, horizon, count, source.exact)
         (temporary / "README.md").write_text(text, encoding="utf-8")
         os.replace(temporary, path)
     except OSError as error:
@@ -108,6 +99,21 @@ def export_c(
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return path
+
+
+def write_sources(source: CSource, folder: Path) -> None:
+    """Write all that is compiled, and how, into a folder that exists."""
+    tolerance = "0.0" if source.exact else "1e-12"
+    texts = {
+        "fpid.h": source.header,
+        "fpid.c": source.source,
+        "fpid_parameters.c": source.parameters,
+        "example.c": c_extras.EXAMPLE,
+        "fpid_check.c": c_extras.CHECK.format(tolerance=tolerance),
+        "CMakeLists.txt": c_extras.CMAKE,
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def _toml(controller: Controller, arm: Arm, step: float, horizon: float) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import ast
 import copy
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.export.parts import INPUTS, Law
+from fpid_pin.export.parts import Law
 from fpid_pin.export.source import Source, is_kernel
 
 
@@ -65,34 +65,19 @@ class _Counting(ast.NodeTransformer):
 
     @staticmethod
     def _counted(node: ast.AST) -> ast.expr:
-        return ast.Call(ast.Name("_count", ast.Load()), [node], [])
+        return ast.Call(ast.Name("_count", ast.Load()), [cast("ast.expr", node)], [])
 
 
 def operations(law: Law, inputs: FloatArray) -> int:
     """Return the most operations that a tick of the law takes over `inputs`, (ticks, 5, n)."""
     count = Count()
     calls = [(count.version_of(call.kernel), call.arguments) for call in law.calls]
-    memory: dict[str, Any] = {}
-    for part in law.parts:
-        shape = [law.extents[e] if isinstance(e, str) else e for e in part.shape]
-        if part.values is None:
-            fields = getattr(part.element, "fields", None)
-            kinds = fields and np.dtype((np.record, [(name, float) for name, _ in fields]))
-            memory[part.name] = np.zeros([int(e or 1) for e in shape], kinds or float)
-        else:
-            memory[part.name] = np.array(part.values)[0 if not shape else slice(None)]
-    torque = np.zeros((1, law.n) if isinstance(_runs(law), int) else law.n)
-    most = 0
+    memory, most = law.memory(), 0
     with np.errstate(all="ignore"):
         for row in inputs:
-            given = memory | {"inputs": row.reshape(INPUTS, 1, law.n), "torque": torque}
-            given |= {f"inputs[{k}]": row[k] for k in range(INPUTS)}
+            memory["inputs"][:, 0] = row
             before = count.total
             for function, names in calls:
-                function(*[given[a] if isinstance(a, str) else a for a in names])
+                function(*[memory[a] if isinstance(a, str) else a for a in names])
             most = max(most, count.total - before)
     return most
-
-
-def _runs(law: Law) -> Any:
-    return law.part("joints").shape[0]

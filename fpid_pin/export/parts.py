@@ -5,7 +5,6 @@ Independent of the language: `program` prints it as C, a page runs it as JavaScr
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -81,8 +80,6 @@ class Law:
         Values of the constants that shapes are made of.
     calls
         A tick; the torque is ``torque``, (n,).
-    exact
-        Whether no sine or cosine is in it, so that its bits are the same everywhere.
     """
 
     controller: Controller
@@ -90,7 +87,6 @@ class Law:
     parts: tuple[Part, ...]
     extents: dict[str, int]
     calls: tuple[Call, ...]
-    exact: bool
 
     def part(self, name: str) -> Part:
         """Return a part by name."""
@@ -109,12 +105,31 @@ class Law:
             return Array(REAL, (1, "FPID_JOINTS") if runs else ("FPID_JOINTS",))
         return self.part(name).kind
 
+    def shape(self, part: Part) -> tuple[int, ...]:
+        """Return a part's shape in numbers."""
+        return tuple(self.extents[e] if isinstance(e, str) else int(e or 1) for e in part.shape)
+
     def size(self, part: Part) -> int:
         """Return how many elements a part has."""
-        count = 1
-        for extent in part.shape:
-            count *= self.extents[extent] if isinstance(extent, str) else int(extent or 1)
-        return count
+        return int(np.prod(self.shape(part)))
+
+    def memory(self) -> dict[str, Any]:
+        """Return what the kernels run on here, at t = 0, by the names that `Call` has for it."""
+        found: dict[str, Any] = {}
+        for part in self.parts:
+            if part.values is None:
+                found[part.name] = np.zeros(self.shape(part), _dtype(part.element))
+            else:
+                values = np.array(part.values)
+                found[part.name] = values if part.shape else values[0]
+        inputs = np.zeros((INPUTS, 1, self.n))
+        found |= {f"inputs[{k}]": row[0] for k, row in enumerate(inputs)}
+        torque = self.kind("torque")
+        assert isinstance(torque, Array)
+        return found | {
+            "inputs": inputs,
+            "torque": np.zeros((1,) * (len(torque.shape) - 1) + (self.n,)),
+        }
 
 
 def law_of(controller: Controller, arm: Arm, step: float, horizon: float) -> Law:
@@ -132,19 +147,23 @@ def law_of(controller: Controller, arm: Arm, step: float, horizon: float) -> Law
     checks.instance("controller", controller, Controller, "a controller")
     if arm.n > MOST_JOINTS:
         raise ExportError(f"arm: expected at most {MOST_JOINTS} joints, got {arm.n}")
-    start: Callable[..., Law]
     if isinstance(controller, AdaptiveFpid):
-        start = _fpid
-    elif type(controller) is ComputedTorque:
-        start = _computed
-    elif type(controller).kernel is not None:
-        start = _own
-    else:
-        raise ExportError(
-            f"{type(controller).__name__}: expected a law that is a kernel, got one in NumPy: what "
-            "is missing is its `kernel` (CONTRIBUTING.md, to add a law as a kernel)"
-        )
-    return start(controller, arm, step, horizon)
+        return _fpid(controller, arm, step, horizon)
+    if type(controller) is ComputedTorque:
+        return _computed(controller, arm)
+    if type(controller).kernel is not None:
+        return _own(controller, arm, step, horizon)
+    raise ExportError(
+        f"{type(controller).__name__}: expected a law that is a kernel, got one in NumPy: what is "
+        "missing is its `kernel` (CONTRIBUTING.md, to add a law as a kernel)"
+    )
+
+
+def _dtype(element: Number | Record) -> Any:
+    if isinstance(element, Number):
+        return np.float64 if element == REAL else np.int64
+    kinds = {REAL: np.float64, INT: np.int64}
+    return np.dtype((np.record, [(name, kinds[kind]) for name, kind in element.fields]))
 
 
 def _record(name: str, values: Any) -> Record:
@@ -188,7 +207,7 @@ def _fpid(controller: AdaptiveFpid, arm: Arm, step: float, horizon: float) -> La
     supervisor = controller.supervisor
     if supervisor is None and not controller.feedforward and not controller.bandwidth:
         call = Call(law.fpids, (*names, "inputs", "torque"))
-        return Law(controller, arm.n, tuple(parts), extents, (call,), True)
+        return Law(controller, arm.n, tuple(parts), extents, (call,))
     asked = np.zeros(1, model.ASKED)
     asked["feedforward"] = controller.feedforward
     asked["observes"] = controller.bandwidth > 0.0
@@ -203,10 +222,10 @@ def _fpid(controller: AdaptiveFpid, arm: Arm, step: float, horizon: float) -> La
     ]
     more = ("bodies", "gravity", "frames", "mass", "factored", "room", "inputs", "torque")
     call = Call(model.assisted, ("alive", "asked", *names[1:], *more))
-    return Law(controller, arm.n, tuple(parts), extents, (call,), False)
+    return Law(controller, arm.n, tuple(parts), extents, (call,))
 
 
-def _computed(controller: ComputedTorque, arm: Arm, step: float, horizon: float) -> Law:
+def _computed(controller: ComputedTorque, arm: Arm) -> Law:
     from fpid_pin.kernels import model
 
     joints = np.zeros(arm.n, model.COMPUTED)
@@ -221,7 +240,7 @@ def _computed(controller: ComputedTorque, arm: Arm, step: float, horizon: float)
     )
     names = ("joints", "bodies", "gravity", "frames", "mass", "room", "inputs", "torque")
     call = Call(model.computed_torque, names)
-    return Law(controller, arm.n, parts, {n: arm.n}, (call,), False)
+    return Law(controller, arm.n, parts, {n: arm.n}, (call,))
 
 
 def _own(controller: Controller, arm: Arm, step: float, horizon: float) -> Law:
@@ -237,5 +256,4 @@ def _own(controller: Controller, arm: Arm, step: float, horizon: float) -> Law:
         Call(type(controller).kernel, ("joints", float(step), *rows, "torque")),
         Call(saturate, ("joints", "torque")),
     )
-    # Whether there is a sine in it is not known.
-    return Law(controller, arm.n, parts, {n: arm.n}, calls, True)
+    return Law(controller, arm.n, parts, {n: arm.n}, calls)

@@ -11,13 +11,16 @@ import numpy as np
 from fpid_pin._version import __version__
 from fpid_pin.exceptions import ExportError
 from fpid_pin.export import build
-from fpid_pin.export.c_source import CSource
 from fpid_pin.export.kinds import INT, Record
 from fpid_pin.export.parts import Law, Part
 
-#: Decay per step, E = exp(-p h), is 1 - p h for a slow mode: float32 keeps 6e-8 of it. Where that
-#: spoils the slowest mode's p by more than this, the memory of the past is wrong.
-_SPOILED = 0.02
+#: Horizon, in steps, from which float32 spoils a fractional integral by more than 0.1 %: its 24 bits
+#: hold 1 - p h of a slow mode, and sums that grow by less than 6e-8 of themselves stand still.
+MOST_SINGLE_STEPS = 500_000
+#: Measured over the horizon, orders 0.1 to 0.99 (benchmarks/exported_float.py): steps, error of
+#: I^lambda e and of D^mu e, parts of the largest.
+SINGLE_ERRORS = ((20_000, 5e-5, 4e-6), (200_000, 2e-4, 7e-6), (600_000, 2e-3, 2e-5),
+                 (3_600_000, 6e-3, 1e-5))  # fmt: skip
 
 
 def size_of(law: Law, part: Part, real: int) -> int:
@@ -39,27 +42,16 @@ def sizes(law: Law, real: int) -> tuple[int, int]:
     return ram + real, flash
 
 
-def slowest_spoiled(law: Law) -> float:
-    """Return by what part float32 changes the decay rate of the mode that it changes most."""
-    poles = next((part.values for part in law.parts if part.name == "poles"), None)
-    if poles is None:
-        return 0.0
-    decay = np.asarray(poles["decay"], dtype=float)
-    rate, single = 1.0 - decay, 1.0 - decay.astype(np.float32).astype(float)
-    lives = (rate > 0.0) & (decay > 0.5)
-    return float(np.max(np.abs(single / np.where(lives, rate, 1.0) - 1.0), where=lives, initial=0.0))
-
-
 def readme(
-    law: Law, folder: Path, step: float, horizon: float, operations: int, made_by: str
+    law: Law, folder: Path, step: float, horizon: float, operations: int, exact: bool
 ) -> str:
     """Return the README; where there is a compiler, with what it says."""
     rows = [f"| {what} | {double} | {single} |" for what, double, single in _table(law, folder)]
     return _README.format(
         version=__version__, name=type(law.controller).__name__, n=law.n, step=f"{step:g}",
         horizon=f"{horizon:g}", rows="\n".join(rows), operations=operations,
-        exactness=_EXACT if law.exact else _CLOSE, proof=_proof(folder), single=_single(law),
-        made_by=made_by, gains=_gains(law),
+        exactness=_EXACT if exact else _CLOSE, proof=_proof(folder), single=_single(law, round(horizon / step)),
+        gains=_gains(law),
     )  # fmt: skip
 
 
@@ -96,25 +88,24 @@ def _proof(folder: Path) -> str:
                 continue
             part = found.difference / found.peak if found.peak else 0.0
             lines.append(
-                f"- `{what}`: {found.equal} of {found.total} torques equal to the last bit; largest "
-                f"difference {found.difference:.2e} N m, {part:.1e} of the largest torque "
+                f"- `{what}`: {found.equal} of {found.total} torques equal to the last bit; "
+                f"largest difference {found.difference:.2e} N m, {part:.1e} of the largest torque "
                 f"({found.peak:.3g} N m), over {found.ticks} ticks."
             )
     return "\n".join(lines)
 
 
-def _single(law: Law) -> str:
-    spoiled = slowest_spoiled(law)
-    if spoiled == 0.0:
-        return "Without slow modes in it, this law may run in `float`."
-    verdict = "is **not advised**" if spoiled > _SPOILED else "may do"
-    return (
-        f"`float` {verdict} for this step and horizon: it changes the decay of the slowest mode by "
-        f"{100.0 * spoiled:.2g} % (its 24 bits hold 1 - p h; more than {100.0 * _SPOILED:.0f} % is "
-        "taken to be too much, which comes at about 600,000 steps of horizon). A fractional "
-        "integral of a long past suffers most, the more the nearer its order is to 1; int e, too, "
-        "stops growing by less than 6e-8 of itself a tick. A shorter horizon, or `double`, helps."
-    )
+def _single(law: Law, steps: int) -> str:
+    orders = np.asarray(getattr(law.controller, "integral_order", 1.0), dtype=float)
+    if not hasattr(law.controller, "integral_order"):
+        return ""
+    fractional = bool(((orders > 0.0) & (orders < 1.0)).any())
+    poor = steps > MOST_SINGLE_STEPS and fractional
+    rows = "\n".join(f"| {k:,} | {i:.0e} | {d:.0e} |" for k, i, d in SINGLE_ERRORS)
+    return _SINGLE.format(
+        verdict="is **not advised** here" if poor else "may do here", steps=f"{steps:,}",
+        most=f"{MOST_SINGLE_STEPS:,}", rows=rows,
+    )  # fmt: skip
 
 
 def _gains(law: Law) -> str:
@@ -129,15 +120,25 @@ def _gains(law: Law) -> str:
 
 _EXACT = """In `double`, with `-ffp-contract=off`, the torques are those of the simulation to the
 last bit: sums and products only, in the same order."""
-_CLOSE = """In `double` the torques are those of the simulation to within 1e-12 of the largest: sines
-and cosines, and Pinocchio's recursions against these kernels, differ in last bits."""
+_CLOSE = """In `double` the torques are those of the simulation to within 1e-12 of the largest:
+sines and cosines, and Pinocchio's recursions against these kernels, differ in last bits."""
+
+_SINGLE = """`float` {verdict}: the horizon is {steps} steps. What `float` costs a long memory, as a
+part of the largest value, orders 0.1 to 0.99, measured over
+
+| steps of horizon | I^lambda e | D^mu e |
+| --- | --- | --- |
+{rows}
+
+so it is not advised with lambda below 1 from {most} steps on: slow modes decay by less a tick than
+24 bits can say. D^mu e bears it at any order."""
 
 _README = """\
 # {name}, {n} joints, every {step} s
 
-Exported by fpid_pin {version} from `{made_by}`. C99, only `<math.h>`; no allocation, no globals but
-constants, no recursion, no arrays of variable length; every loop ends after a count that is fixed
-here. Sampling at any other period than {step} s is another controller: export it anew.
+Exported by fpid_pin {version} from `controller.toml`. C99, only `<math.h>`; no allocation, no
+globals but constants, no recursion, no arrays of variable length; every loop ends after a count
+that is fixed here. Sampling at any other period than {step} s is another controller: export it anew.
 
     cmake -B build && cmake --build build && ctest --test-dir build
 
@@ -147,15 +148,15 @@ or, without CMake,
     ./fpid_check vectors.bin
 
 `example.c` shows the calls: `fpid_reset(&state)`, then `fpid_step(&state, &input, &output)` once a
-tick. `fpid_step` returns `FPID_BAD_INPUT` and changes nothing where an input is NaN or infinite, and
-`FPID_BAD_TORQUE` where a torque is: stop the drives then. Fractional memories are fitted for
+tick. `fpid_step` returns `FPID_BAD_INPUT` and changes nothing where an input is NaN or infinite,
+and `FPID_BAD_TORQUE` where a torque is: stop the drives then. Fractional memories are fitted for
 {horizon} s; after that they forget too much, and `fpid_reset` begins again.
 
 ## Gains and state
 
 A state is a plain struct: {gains}
 may be read between two ticks, and gains written. A copy of the whole, kept in a file by this very
-build, goes on without a bump: `fpid_restore(&state, &copy)`; it refuses the state of another export.
+build, goes on without a bump: `fpid_restore(&state, &copy)`; it refuses another export's state.
 
 ## What it takes
 
@@ -163,7 +164,7 @@ build, goes on without a bump: `fpid_restore(&state, &copy)`; it refuses the sta
 | --- | --- | --- |
 {rows}
 
-At most {operations} additions, products, quotients and roots a tick, counted over the first vectors.
+At most {operations} additions, products, quotients and roots a tick, over the first vectors.
 
 ## How exact it is
 

@@ -1,6 +1,6 @@
-"""What the nominal model adds to the torque of one robot, without Pinocchio: for what leaves Python.
+"""What the nominal model adds to the torque of one robot: for what leaves Python.
 
-The same terms as `control.model_terms` asks Pinocchio for, from `rigid_body`; M and C q' + G are
+The terms that `control.model_terms` asks Pinocchio for, from `rigid_body`; M and C q' + G are
 worked out once a tick where they are those of the measured state. Arrays have a first axis of one
 run, as the kernels of supervisor and observer want it.
 """
