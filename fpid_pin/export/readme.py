@@ -14,8 +14,8 @@ from fpid_pin.export import build
 from fpid_pin.export.kinds import INT, Record
 from fpid_pin.export.parts import Law, Part
 
-#: Horizon, in steps, from which float32 spoils a fractional integral by more than 0.1 %: its 24 bits
-#: hold 1 - p h of a slow mode, and sums that grow by less than 6e-8 of themselves stand still.
+#: Horizon, in steps, from which float32 spoils a fractional integral by more than 0.1 %: its 24
+#: bits hold 1 - p h of a slow mode, and sums that grow by less than 6e-8 of themselves stand still.
 MOST_SINGLE_STEPS = 500_000
 #: Measured over the horizon, orders 0.1 to 0.99 (benchmarks/exported_float.py): steps, error of
 #: I^lambda e and of D^mu e, parts of the largest.
@@ -47,10 +47,11 @@ def readme(
 ) -> str:
     """Return the README; where there is a compiler, with what it says."""
     rows = [f"| {what} | {double} | {single} |" for what, double, single in _table(law, folder)]
+    single = _single(law, round(horizon / step))
     return _README.format(
         version=__version__, name=type(law.controller).__name__, n=law.n, step=f"{step:g}",
         horizon=f"{horizon:g}", rows="\n".join(rows), operations=operations,
-        exactness=_EXACT if exact else _CLOSE, proof=_proof(folder), single=_single(law, round(horizon / step)),
+        exactness=_EXACT if exact else _CLOSE, proof=_proof(folder), single=single,
         gains=_gains(law),
     )  # fmt: skip
 
@@ -138,7 +139,8 @@ _README = """\
 
 Exported by fpid_pin {version} from `controller.toml`. C99, only `<math.h>`; no allocation, no
 globals but constants, no recursion, no arrays of variable length; every loop ends after a count
-that is fixed here. Sampling at any other period than {step} s is another controller: export it anew.
+that is fixed here. Sampling at any other period than {step} s is another controller: export it
+anew.
 
     cmake -B build && cmake --build build && ctest --test-dir build
 

@@ -8,7 +8,7 @@ from fpid_pin.export.c_source import CSource
 from fpid_pin.export.folder import write_sources
 from fpid_pin.export.parts import law_of
 
-HORIZON = 60.0
+HORIZON = 20.0
 
 
 def guarded_panda():
@@ -51,11 +51,21 @@ def random_law(seed):
     return controller, arm, float(rng.choice([5e-4, 1e-3, 4e-3]))
 
 
-def write(controller, arm, step, ticks, folder):
+def simulated(controller):
+    """Return what the paper's whole experiment gave a controller, and what it answered."""
+    run = fp.simulate(fp.paper_experiment(), controller)
+    _, _, a_ref = run.experiment.reference.sample(run.t)
+    a_ref = np.broadcast_to(a_ref, run.q.shape)
+    inputs = np.stack([run.q, run.v, run.q_ref, run.v_ref, a_ref], axis=1)
+    return vectors.Vectors(inputs, run.torque)
+
+
+def write(controller, arm, step, ticks, folder, found=None):
     """Write what is compiled, and the vectors, without the README that measures them."""
     folder.mkdir()
     write_sources(CSource(law_of(controller, arm, step, HORIZON), step), folder)
-    inputs = vectors.signals(arm, step, ticks)
-    found = vectors.answers(controller, arm, step, HORIZON, inputs)
+    if found is None:
+        inputs = vectors.signals(arm, step, ticks)
+        found = vectors.answers(controller, arm, step, HORIZON, inputs)
     found.write(folder / "vectors.bin")
     return found
