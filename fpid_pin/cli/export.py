@@ -27,7 +27,7 @@ def run_export(path: Path, out: Path, name: str | None, horizon: float, ticks: i
     toml = f"# Exported: controller {chosen!r}.\n{config.text}"
     folder = export_c(
         config.controllers[chosen], experiment.arm, experiment.step, out,
-        horizon=horizon, ticks=ticks, toml=toml,
+        horizon=horizon, ticks=ticks, experiment=experiment, toml=toml,
     )  # fmt: skip
     Console().print(f"{folder}: fpid.h, fpid.c, fpid_parameters.c, example, check, README.md",
                     soft_wrap=True)  # fmt: skip

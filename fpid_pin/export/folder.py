@@ -21,6 +21,7 @@ from fpid_pin.files import hidden_beside
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
     from fpid_pin.control import Controller
+    from fpid_pin.simulation import Experiment
 
 #: Ticks over which operations are counted, line by line, in Python.
 _COUNTED = 20
@@ -34,6 +35,7 @@ def export_c(
     *,
     horizon: float = 3600.0,
     ticks: int = 2000,
+    experiment: Experiment | None = None,
     toml: str | None = None,
 ) -> Path:
     """Write a controller as C99: the kernels that simulate, printed, with a proof that they are.
@@ -52,7 +54,10 @@ def export_c(
     horizon
         Longest time that it will run [s]; fractional memories are fitted for it.
     ticks
-        Length of ``vectors.bin``.
+        Length of ``vectors.bin``, at most.
+    experiment
+        What ``vectors.bin`` is recorded in; None: motions within the joints' limits, and errors
+        from none to half a radian, whatever the controller answers.
     toml
         The configuration that made it; None: one is written from `controller` and `arm`.
 
@@ -78,10 +83,17 @@ def export_c(
     ticks = checks.integer("ticks", ticks, low=1)
     law = law_of(controller, arm, step, horizon)
     source = CSource(law, step)
-    inputs = vectors.signals(arm, step, min(ticks, round(horizon / step)))
+    ticks = min(ticks, round(horizon / step))
+    if experiment is None:
+        inputs = vectors.signals(arm, step, ticks)
+    else:
+        inputs = vectors.simulated(experiment, controller, ticks)
     proof = vectors.answers(controller, arm, step, horizon, inputs)
     if not np.isfinite(proof.torque).all():
-        raise ExportError(f"{type(controller).__name__}: its torques do not stay finite")
+        raise ExportError(
+            f"{type(controller).__name__}: its torques do not stay finite where they have no "
+            "effect: give an experiment to record vectors in"
+        )
     made_by = toml if toml is not None else _toml(controller, arm, step, horizon)
     temporary = hidden_beside(path, ".part")
     try:

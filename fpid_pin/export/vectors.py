@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import struct
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -9,8 +10,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import FileFormatError
+from fpid_pin.exceptions import ExportError, FileFormatError
 from fpid_pin.export.parts import INPUTS
+from fpid_pin.simulation import Experiment, simulate
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -80,6 +82,22 @@ def signals(arm: Arm, step: float, ticks: int) -> FloatArray:
     noise = rng.normal(scale=1e-4, size=(2, ticks, arm.n))
     q, v = arm.home + q_ref - error + noise[0], v_ref - rate + 10.0 * noise[1]
     return np.stack([q, v, arm.home + q_ref, v_ref, a_ref], axis=1)
+
+
+def simulated(experiment: Experiment, controller: Controller, ticks: int) -> FloatArray:
+    """Return what a controller is given in an experiment, (ticks, 5, n).
+
+    Raises
+    ------
+    ExportError
+        The run does not last so long.
+    """
+    duration = min(ticks * experiment.step, experiment.duration)
+    run = simulate(dataclasses.replace(experiment, duration=duration), controller)
+    if not run.outcome.completed:
+        raise ExportError(f"experiment: expected a run to make vectors of, got one {run.outcome}")
+    a_ref = np.broadcast_to(experiment.reference.sample(run.t)[2], run.q.shape)
+    return np.stack([run.q, run.v, run.q_ref, run.v_ref, a_ref], axis=1)
 
 
 def answers(

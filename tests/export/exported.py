@@ -53,11 +53,9 @@ def random_law(seed):
 
 def simulated(controller):
     """Return what the paper's whole experiment gave a controller, and what it answered."""
-    run = fp.simulate(fp.paper_experiment(), controller)
-    _, _, a_ref = run.experiment.reference.sample(run.t)
-    a_ref = np.broadcast_to(a_ref, run.q.shape)
-    inputs = np.stack([run.q, run.v, run.q_ref, run.v_ref, a_ref], axis=1)
-    return vectors.Vectors(inputs, run.torque)
+    experiment = fp.paper_experiment()
+    inputs = vectors.simulated(experiment, controller, 20_000)
+    return vectors.Vectors(inputs, fp.simulate(experiment, controller).torque)
 
 
 def write(controller, arm, step, ticks, folder, found=None):
