@@ -149,6 +149,20 @@ def live(
     )  # fmt: skip
 
 
+@app.command()
+def export(
+    config: ConfigFile,
+    out: Annotated[Path, typer.Option("--out", help="A new folder.")],
+    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    horizon: Annotated[float, typer.Option(help="Longest time that it will run [s].")] = 3600.0,
+    ticks: Annotated[int, typer.Option(help="Length of its test vectors.")] = 2000,
+) -> None:
+    """Write a controller as C99 for a robot, with test vectors that prove it."""
+    from fpid_pin.cli.export import run_export
+
+    run_export(config, out, controller, horizon, ticks)
+
+
 def _plain_warning(
     message: Warning | str, category: type[Warning], filename: str, lineno: int,
     file: object = None, line: str | None = None,

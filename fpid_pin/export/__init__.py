@@ -2,4 +2,6 @@
 
 from __future__ import annotations
 
-__all__: list[str] = []
+from fpid_pin.export.folder import export_c
+
+__all__ = ["export_c"]
