@@ -39,8 +39,8 @@ POINTS = 48
 MOST_DELAY = 63
 #: What a record is called where its array is not named after it.
 _RECORDS = {"robots": "robot", "joints": "joint", "ops": "operator", "poles": "pole",
-            "modes": "mode", "bodies": "body", "frames": "frame", "plants": "plant",
-            "sensors": "sensor", "sums": "sum"}  # fmt: skip
+            "modes": "mode", "bodies": "body", "nominal": "body", "there": "frame",
+            "frames": "frame", "plants": "plant", "sensors": "sensor", "sums": "sum"}  # fmt: skip
 #: Rows of white noise at a time, as `simulation.sensors` draws them.
 NOISE_ROWS = 256
 
@@ -150,12 +150,27 @@ class Engine:
             "values": np.zeros((b, 1)), "ends": np.zeros(1, dtype=np.int64),
             "sums": np.zeros((1, n), SUM), "error": np.zeros((b, 1, n)),
             "valid": np.zeros(1, dtype=np.int64),
+            **self._assistance(frames, mass),
+        }  # fmt: skip
+
+    def _assistance(self, frames: Any, mass: Any) -> dict[str, Any]:
+        """Return what the nominal model's part of a tick needs: see `kernels.model`."""
+        from fpid_pin.kernels.model import ASKED, ROWS
+
+        arm = self._experiment.arm
+        return {
+            "asked": np.zeros(1, ASKED), "nominal": bodies_of(arm.model),
+            "pull": np.array(arm.model.gravity.linear), "there": np.zeros_like(frames),
+            "nominal_mass": np.zeros_like(mass), "factored": np.zeros_like(mass),
+            "assistance": np.zeros((ROWS, 1, arm.n)),
         }  # fmt: skip
 
     def _print(self) -> str:
-        from fpid_pin.kernels.flight import fly
+        from fpid_pin.kernels.flight import fly, steps
         from fpid_pin.kernels.metrics import tally
-        from fpid_pin.kernels.motion import arrive
+        from fpid_pin.kernels.model import assisted
+        from fpid_pin.kernels.motion import arrive, drive
+        from fpid_pin.kernels.sensors import measure
 
         scalars: dict[str, Kind] = {"real": REAL, "int": INT, "bool": BOOL}
 
@@ -172,8 +187,22 @@ class Engine:
             ),
         )
         program.add(arrive, kinds("alive plants x references int seen"))
+        # Where the model assists, a tick's parts one by one.
+        asked = Record.of("asked", self.arrays["asked"].dtype)
+        program.add(measure, kinds("alive sensors x int history noise int seen"))
+        assist = kinds(
+            "alive robots joints ops poles modes table nominal pull there nominal_mass factored "
+            "assistance seen torque"
+        )
+        program.add(assisted, [assist[0], asked, *assist[1:]])
+        program.add(drive, kinds("alive plants torque x forces int rows tau"))
+        program.add(
+            steps,
+            kinds("alive model bodies gravity frames mass x tau a bool dry stuck force room real"),
+        )
         program.add(tally, kinds("sums error error valid int int int real"))
-        return f"{HELPERS}{program.text}return {{fly, arrive, tally}};\n"
+        names = "fly, arrive, tally, measure, assisted, drive, steps"
+        return f"{HELPERS}{program.text}return {{{names}}};\n"
 
     # ------------------------------------------------------------------ for the page
 

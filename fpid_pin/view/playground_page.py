@@ -24,6 +24,7 @@ from fpid_pin.view.camera import stage
 from fpid_pin.view.page import SEALED, asset, licences, meshcat_file
 from fpid_pin.view.playground_engine import Engine, require_playable
 from fpid_pin.view.playground_presets import presets
+from fpid_pin.view.playground_supervisor import supervision, supervisor_of
 from fpid_pin.view.scene import Buffers, arm_scene, to_script_json
 
 #: Points of a curve: two for each of so many spans of time.
@@ -69,8 +70,7 @@ def playground(
     experiment
         Where the sliders begin.
     controllers
-        One or several `AdaptiveFpid` of one design with shared poles; a choice on the page. The
-        supervisor and what else the nominal model adds stay out of it, and the page says so.
+        One or several `AdaptiveFpid` of one design with shared poles; a choice on the page.
     path
         The file; it appears whole or not at all. None: for a notebook, nothing is written.
     title
@@ -111,6 +111,7 @@ def playground_html(
     engine = Engine(experiment, laws, steps)
     starts = [settings.start_settings(experiment, c, k) for k, c in enumerate(laws)]
     shown = engine.table() | settings.outside(experiment) | {"shown": SHOWN}
+    shown["supervision"] = [supervision(experiment, c) for c in laws]
     title = title or f"{experiment.arm.name}, adaptive fractional PID"
     return _PAGE.format(
         policy=SEALED,
@@ -163,9 +164,7 @@ def _page(
     e: Experiment, laws: list[AdaptiveFpid], starts: list[dict[str, Any]], steps: list[float],
     title: str,
 ) -> dict[str, Any]:  # fmt: skip
-    notes = []
-    if any(law.supervisor is not None for law in laws):
-        notes.append("The supervisor is left out on this page, and in its TOML.")
+    notes: list[str] = []
     with warnings.catch_warnings():
         # What the description has to say about limits it said when it was made.
         warnings.simplefilter("ignore", FpidWarning)
@@ -179,11 +178,14 @@ def _page(
         "names": [law.name or f"adaptive FPID {k + 1}" for k, law in enumerate(laws)],
         "starts": starts,
         "steps": steps,
-        "groups": settings.control_groups(e, starts),
-        "presets": presets(e, starts[0], steps, [float(x) for x in peak]),
+        "groups": settings.control_groups(e, laws, starts),
+        "presets": presets(
+            e, starts[0], steps, [float(x) for x in peak],
+            supervisor_of(e, laws[0]).reference_bound,
+        ),
         "toml": settings.toml_tables(e, laws),
         "notes": notes,
-    }
+    }  # fmt: skip
 
 
 _PAGE = """<!DOCTYPE html>

@@ -12,8 +12,9 @@ from fpid_pin.simulation.paper import PUBLISHED_ORDERS
 
 
 def presets(
-    e: Experiment, start: dict[str, Any], steps: Sequence[float], peak: Sequence[float]
-) -> list[dict[str, Any]]:
+    e: Experiment, start: dict[str, Any], steps: Sequence[float], peak: Sequence[float],
+    bound: float,
+) -> list[dict[str, Any]]:  # fmt: skip
     """Return the presets of a page: name, text, settings now and pinned.
 
     Parameters
@@ -22,6 +23,8 @@ def presets(
         The experiment, the settings of its first controller, and the steps on offer [s].
     peak
         Largest torque of the described run, (n,) [N m]: loads and limits are sized by it.
+    bound
+        sup ||[q_d, q'_d]|| of the reference: a supervisor's set is sized by it.
     """
     n = e.arm.n
     whole = {"integral_order": [1.0] * n, "derivative_order": [1.0] * n}
@@ -35,6 +38,8 @@ def presets(
     slow = max(steps)
     late = next((h for h in steps if h >= 10.0 * e.step), slow)
     drift = {"learning_rate": 4.0, "velocity_noise": 0.05}
+    push = {"disturbance": [_round(0.8 * u) for u in peak], "disturbance_frequency": 3.0}
+    close = _round(bound * 1.3 + 0.3)
     stiff = {
         "viscous_friction": [_round(0.5 * u) for u in peak],
         "dry_friction": [_round(0.15 * u) for u in peak],
@@ -90,6 +95,12 @@ def presets(
             {"order_learning_rate": 0.01 if n == 2 else 0.001}, {},
         ),
     ]  # fmt: skip
+    found.append(preset(
+        "The supervisor",
+        "A load beyond what the gains can carry. The supervisor steps in where the error would "
+        "leave its set: Mₓ says how large that is. Dashed: without it.",
+        {**push, "supervised": True, "m_x": close}, {**push, "supervised": False},
+    ))  # fmt: skip
     if n == 2:
         found.insert(2, preset(
             "The published orders, read twice",

@@ -18,6 +18,7 @@ from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import plant_of
 from fpid_pin.view.playground_engine import MOST_DELAY, encoded
+from fpid_pin.view.playground_supervisor import supervisor_of
 
 #: Steps that a page offers [s].
 STEPS = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2)
@@ -72,6 +73,8 @@ def start_settings(experiment: Experiment, controller: AdaptiveFpid, index: int)
         "k1": each("k1", controller.k1),
         "sigma": 0.0 if guard is None else guard.sigma,
         "dead_zone": 0.0 if guard is None else guard.dead_zone,
+        "supervised": controller.supervisor is not None,
+        "m_x": supervisor_of(e, controller).m_x,
         "payload": 0.0,
         "viscous_friction": plant.viscous_friction.tolist(),
         "dry_friction": plant.dry_friction.tolist(),
@@ -141,7 +144,7 @@ def toml_tables(e: Experiment, controllers: Sequence[AdaptiveFpid]) -> dict[str,
     laws = []
     for controller in controllers:
         law = to_dict(controller)
-        law.pop("supervisor", None)
+        law["supervisor"] = to_dict(supervisor_of(e, controller))
         law["scale"] = controller.scale_on(e.arm).tolist()
         law["name"] = controller.name or "adaptive FPID"
         laws.append(law)
@@ -171,6 +174,11 @@ def _sayable(value: Any) -> Any:
     return value
 
 
+def tidy(x: float) -> float:
+    """Return a number of three digits."""
+    return float(f"{x:.3g}")
+
+
 def control(
     key: str, label: str, low: float, high: float, *, unit: str = "", scale: str = "linear",
     step: float = 0.0, joints: str = "", note: str = "", least: float = 0.0,
@@ -192,7 +200,9 @@ def control(
     }  # fmt: skip
 
 
-def control_groups(e: Experiment, starts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+def control_groups(
+    e: Experiment, laws: Sequence[AdaptiveFpid], starts: Sequence[dict[str, Any]]
+) -> list[dict[str, Any]]:
     """Return the sliders, grouped; bounds come from the description."""
     start = starts[0]
 
@@ -220,6 +230,13 @@ def control_groups(e: Experiment, starts: Sequence[dict[str, Any]]) -> list[dict
             ("kd", "Kd", "derivative gain at the start"),
         )
     ]
+    bound = max(supervisor_of(e, c).reference_bound for c in laws)
+    watch = [
+        control("supervised", "supervisor", 0, 1, scale="switch",
+                note="keeps the error inside a set, with the nominal model's help"),
+        control("m_x", "Mₓ", tidy(bound + 0.05), tidy(4.0 * bound + 5.0), scale="log",
+                note="radius that no joint's [q, q′] may leave"),
+    ]  # fmt: skip
     learning = [
         control("learning_rate", "γ", 0, 100, scale="log0", least=0.01, unit="× described",
                 note="learning rate of the gains"),
@@ -268,6 +285,7 @@ def control_groups(e: Experiment, starts: Sequence[dict[str, Any]]) -> list[dict
     ]  # fmt: skip
     groups = (
         ("Orders", orders), ("Gains at the start", gains), ("Learning", learning),
-        ("Robot", robot), ("Motion and disturbance", outside_), ("Sensors and clock", sensors),
+        ("Supervisor", watch), ("Robot", robot), ("Motion and disturbance", outside_),
+        ("Sensors and clock", sensors),
     )  # fmt: skip
     return [{"name": name, "controls": controls} for name, controls in groups]

@@ -262,7 +262,8 @@ PAGE.names.forEach((name, k) => law.append(make("option", {value: k}, name)));
 element("laws").hidden = PAGE.names.length < 2;
 law.addEventListener("change", () => {
   const start = fresh(Number(law.value)), mine = ["integral_order", "derivative_order", "kp", "ki",
-    "kd", "learning_rate", "order_learning_rate", "k0", "k1", "sigma", "dead_zone", "controller"];
+    "kd", "learning_rate", "order_learning_rate", "k0", "k1", "sigma", "dead_zone", "supervised", "m_x",
+    "controller"];
   model.change(Object.fromEntries(mine.map((key) => [key, start[key]])), true);
 });
 

@@ -8,7 +8,6 @@ const make = (tag, attributes = {}, ...children) => {
   node.append(...children);
   return node;
 };
-const tidy = (x, digits = 3) => Number(x.toPrecision(digits));
 
 // How far along its range a value is, 0 to 1, and back.
 function scaleOf(control, key, j) {

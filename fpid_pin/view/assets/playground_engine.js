@@ -87,6 +87,60 @@ function setLaw(S) {
   if (guard) write("robots", 0, {guarded: 1});
 }
 
+// The supervisor's constants, as `control.supervisor` has them, for this M_x and step.
+function setSupervisor(S) {
+  const start = E.supervision[S.controller], fields = Object.keys(E.fields.robots);
+  for (const name of ["p11", "p12", "p22", "k0", "k1", "layer", "lookahead", "target", "trigger",
+    "l1", "l2", "own_gravity"]) if (fields.includes(name)) write("robots", 0, {[name]: 0});
+  write("robots", 0, {threshold: Infinity});
+  M.fill(0, AT.asked, AT.asked + Object.keys(E.fields.asked).length);
+  for (let j = 0; j < N; j++) write("joints", j, {bound: 0});
+  if (!S.supervised) return;
+  const size = S.m_x - start.reference_bound, most = start.half_smallest * (size * size);
+  const [p11, p12, p22] = start.p, paper = start.kind === "paper";
+  write("robots", 0, {p11, p12, p22, k0: start.k0, k1: start.k1});
+  if (paper) {
+    write("robots", 0, {threshold: most, layer: start.layer, own_gravity: start.own_gravity ? 1 : 0});
+  } else {
+    write("robots", 0, {lookahead: Math.max(start.lookahead, S.step), target: start.target * most,
+      trigger: start.trigger * most});
+  }
+  if (start.observer > 0) {
+    const pole = Math.exp(-start.observer * S.step);
+    write("robots", 0, {l1: 1 - pole * pole, l2: ((1 - pole) * (1 - pole)) / S.step});
+    write("robots", 0, {observing: start.observing});
+    start.predicted.forEach((a, j) => write("joints", j, {predicted: S.step * a}));
+    write("asked", 0, {observes: 1});
+  }
+  write("asked", 0, paper ? {paper: 1} : {sampled: 1});
+  for (let j = 0; j < N; j++) write("joints", j, {bound: start.bound[j]});
+}
+
+// Ticks of a law that the model assists: `kernels.flight` part by part. Row -1: none is lost.
+function flyAssisted(S, X, rubs, senses, first, count) {
+  const {joints, robots} = E.fields, from = KEPT.map((name) => joints[name]);
+  const wide = Object.keys(joints).length;
+  for (let k = 0; k < count; k++) {
+    if (senses) {
+      K.measure(AT.alive, AT.sensors, X, first + k, AT.history, AT.noise, (first + k) % 256, AT.seen);
+    }
+    K.assisted(AT.alive, AT.asked, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table,
+      AT.nominal, AT.pull, AT.there, AT.nominal_mass, AT.factored, AT.assistance, AT.seen, AT.torque);
+    const lost = K.drive(AT.alive, AT.plants, AT.torque, X, AT.forces, k, AT.rows, AT.tau);
+    M[AT.values + k] = M[AT.robots + robots.value];
+    for (let i = 0; i < from.length; i++) {
+      for (let j = 0; j < N; j++) {
+        M[AT.kept + (i * B + k) * N + j] = M[AT.joints + j * wide + from[i]];
+      }
+    }
+    if (lost) return k;
+    K.steps(AT.alive, AT.model, AT.bodies, AT.gravity, AT.frames, AT.mass, X, AT.tau, AT.a, rubs,
+      AT.dry, AT.stuck, AT.force, AT.room, S.step);
+    if (K.arrive(AT.alive, AT.plants, X, AT.references, (k + 1) % B, AT.seen)) return k + 1;
+  }
+  return -1;
+}
+
 function setPlant(S) {
   const fields = Object.keys(E.fields.bodies).length;
   for (let i = 0; i < N; i++) {
@@ -165,6 +219,7 @@ function simulate(S) {
   const one = STEPS.find((each) => each.step === S.step);
   M.set(START);
   setLaw(S);
+  setSupervisor(S);
   setOperators(S, one);
   setPlant(S);
   const senses = S.position_noise > 0 || S.velocity_noise > 0 || S.delay > 0 || S.differentiated
@@ -185,7 +240,8 @@ function simulate(S) {
     sample(first);
     if (noisy && first % 256 === 0) for (let i = 0; i < 512 * N; i++) M[AT.noise + i] = draw(i);
     K.arrive(AT.alive, AT.plants, X, AT.references, 0, AT.seen);
-    K.fly(AT.alive, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table, AT.model, AT.bodies,
+    if (S.supervised) M[AT.ends] = flyAssisted(S, X, rubs, senses, first, count);
+    else K.fly(AT.alive, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table, AT.model, AT.bodies,
       AT.gravity, AT.frames, AT.mass, rubs, AT.dry, AT.stuck, AT.force, AT.room, S.step, AT.plants,
       X, AT.seen, AT.torque, AT.tau, AT.a, AT.references, AT.forces, AT.rows, senses, AT.sensors,
       AT.history, AT.noise, first, true, AT.kept, AT.values, 0, count, AT.ends);

@@ -1,6 +1,7 @@
 "use strict";
 // Settings: one table of numbers that the sliders move, a link carries and TOML spells out.
 const NONE = 1e300;
+const tidy = (x, digits = 3) => Number(x.toPrecision(digits));
 const clone = (thing) => JSON.parse(JSON.stringify(thing));
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 const fresh = (controller = 0) => clone(PAGE.starts[controller]);
@@ -27,6 +28,9 @@ function refusal(key, value) {
     return `step: expected one of ${PAGE.steps.join(", ")} s`;
   }
   if (key === "controller" && !(value in PAGE.starts)) return "controller: there is no such one";
+  if (key === "m_x" && !(value > CONTROL.m_x.low - 0.05)) {
+    return `m_x: expected more than ${tidy(CONTROL.m_x.low - 0.05)}, the reference's own size`;
+  }
   if (key === "delay" && (value > 63 || value % 1)) return "delay: expected 0 to 63 samples";
   if (key === "effort_limit" && all.some((x) => x <= 0)) return "effort_limit: expected more than 0";
   return null;
@@ -108,6 +112,10 @@ function toToml(settings) {
   if (law.safeguards || S.sigma > 0 || S.dead_zone > 0) {
     law.safeguards = {...law.safeguards, sigma: S.sigma, dead_zone: S.dead_zone};
   }
+  if (S.supervised) {
+    law.supervisor.m_x = S.m_x;
+    if (law.supervisor.lookahead) law.supervisor.lookahead = Math.max(law.supervisor.lookahead, S.step);
+  } else delete law.supervisor;
   const arm = base.arm, plant = base.plant;
   const limited = !same(S.effort_limit, start.effort_limit);
   if (S.knows_limit && (limited || !start.knows_limit)) {
