@@ -181,7 +181,7 @@ def _page(
         "groups": settings.control_groups(e, laws, starts),
         "presets": presets(
             e, starts[0], steps, [float(x) for x in peak],
-            supervisor_of(e, laws[0]).reference_bound,
+            supervisor_of(e, laws[0]).reference_bound, supervisor_of(e, laws[0]).kind,
         ),
         "toml": settings.toml_tables(e, laws),
         "notes": notes,

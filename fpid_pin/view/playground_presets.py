@@ -13,7 +13,7 @@ from fpid_pin.simulation.paper import PUBLISHED_ORDERS
 
 def presets(
     e: Experiment, start: dict[str, Any], steps: Sequence[float], peak: Sequence[float],
-    bound: float,
+    bound: float, kind: str,
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Return the presets of a page: name, text, settings now and pinned.
 
@@ -23,8 +23,8 @@ def presets(
         The experiment, the settings of its first controller, and the steps on offer [s].
     peak
         Largest torque of the described run, (n,) [N m]: loads and limits are sized by it.
-    bound
-        sup ||[q_d, q'_d]|| of the reference: a supervisor's set is sized by it.
+    bound, kind
+        sup ||[q_d, q'_d]|| of the reference, by which the supervisor's set is sized; its kind.
     """
     n = e.arm.n
     whole = {"integral_order": [1.0] * n, "derivative_order": [1.0] * n}
@@ -97,8 +97,11 @@ def presets(
     ]  # fmt: skip
     found.append(preset(
         "The supervisor",
-        "A load beyond what the gains can carry. The supervisor steps in where the error would "
-        "leave its set: Mₓ says how large that is. Dashed: without it.",
+        "The paper's supervisor under a hard load: its sign, held for a whole step, makes the "
+        "torque chatter, and gains stand still while it acts. Dashed: without it. Raise Mₓ."
+        if kind == "paper"
+        else "A hard load. The supervisor steps in where the error would leave its set: Mₓ says how "
+        "large that is. Dashed: without it.",
         {**push, "supervised": True, "m_x": close}, {**push, "supervised": False},
     ))  # fmt: skip
     if n == 2:

@@ -369,7 +369,7 @@ def test_presets_fit_any_arm():
     arm = fp.Arm.planar(lengths=(1.0, 0.8, 0.5), masses=(1.0, 1.0, 0.5))
     job = fp.Experiment(arm, fp.references.Sinusoid(0.4))
     start = start_settings(job, fp.suggest_gains(arm, bandwidth=5.0), 0)
-    for preset in presets(job, start, steps_of(job), [20.0, 8.0, 2.0], 1.0):
+    for preset in presets(job, start, steps_of(job), [20.0, 8.0, 2.0], 1.0, "sampled"):
         for some in (preset["now"], preset["pinned"] or {}):
             for key, value in some.items():
                 assert type(value) is type(start[key])

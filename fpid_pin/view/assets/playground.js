@@ -216,6 +216,8 @@ function give(text, what) {
   element("save").hidden = what !== "TOML";
   element("copied").textContent = "";
   element("giving").showModal();
+  element("given").setSelectionRange(0, 0);
+  element("given").scrollTop = 0;
 }
 element("copy").addEventListener("click", async () => {
   const text = element("given");
