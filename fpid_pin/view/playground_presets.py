@@ -100,8 +100,8 @@ def presets(
         "The paper's supervisor under a hard load: its sign, held for a whole step, makes the "
         "torque chatter, and gains stand still while it acts. Dashed: without it. Raise Mₓ."
         if kind == "paper"
-        else "A hard load. The supervisor steps in where the error would leave its set: Mₓ says how "
-        "large that is. Dashed: without it.",
+        else "A hard load. The supervisor steps in where the error would leave its set: Mₓ says "
+        "how large that is. Dashed: without it.",
         {**push, "supervised": True, "m_x": close}, {**push, "supervised": False},
     ))  # fmt: skip
     if n == 2:
