@@ -29,12 +29,14 @@ def demo_config() -> Config:
 
 def run_demo(out: Path) -> None:
     """Run section 5.1 with fractional (two readings) and integer orders."""
+    from fpid_pin.cli.playground import make
     from fpid_pin.view import figures
 
     config = demo_config()
     with output_folder(out) as folder:
         entries = simulate_all(config)
         write(folder, config, entries, figures([entry.run for entry in entries]))
+        make(config, folder / "playground.html")
     show(entries, config.title, out)
 
 

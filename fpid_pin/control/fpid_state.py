@@ -86,6 +86,11 @@ class FpidState(State):
         """The records that a tick runs on, or None where the model adds to them."""
         return self._records if self._model is None else None
 
+    @property
+    def records(self) -> tuple[Any, ...]:
+        """The records that a tick of the law runs on: robots, joints, ops, poles, modes, table."""
+        return self._records
+
     def signals(self) -> Mapping[str, FloatArray]:
         """Return views of kp, ki, kd, u_fpid, u_s and s, (runs, n), and of lyapunov, (runs,).
 
