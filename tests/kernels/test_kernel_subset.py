@@ -13,11 +13,11 @@ KERNELS = Path(fpid_pin.__file__).parent / "kernels"
 SCALAR = {
     ast.FunctionDef, ast.arguments, ast.arg, ast.Expr, ast.Constant, ast.Return, ast.Assign,
     ast.AugAssign, ast.If, ast.IfExp, ast.For, ast.While, ast.Continue, ast.Name, ast.Attribute,
-    ast.Subscript, ast.Tuple, ast.Call, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare,
+    ast.Subscript, ast.Slice, ast.Tuple, ast.Call, ast.BinOp, ast.UnaryOp, ast.BoolOp, ast.Compare,
     ast.Load, ast.Store, ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Mod, ast.USub, ast.Not, ast.And,
     ast.Or, ast.Eq, ast.NotEq, ast.Lt, ast.LtE, ast.Gt, ast.GtE,
 }  # fmt: skip
-CALLS = {"range", "min", "max", "abs"}
+CALLS = {"range", "min", "max", "abs", "int"}
 MATH = {"sqrt", "sin", "cos", "floor", "isfinite"}
 
 
