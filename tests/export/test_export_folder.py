@@ -123,9 +123,9 @@ def test_operations_are_those_of_the_equations(tmp_path):
 @pytest.mark.usefixtures("gcc")
 def test_a_law_of_ones_own_that_is_a_kernel_is_exported(tmp_path):
     arm = ARM.with_limits(effort=8.0)
-    folder = fp.export_c(SmoothPd(kp=30.0, kd=(6.0, 3.0)), arm, 1e-3, tmp_path / "c", ticks=500)
+    folder = fp.export_c(SmoothPd(kp=30.0, kd=(6.0, 3.0)), arm, 1e-3, tmp_path / "c", ticks=900)
     found = build.compare(build.compile_check(folder, tmp_path / "p"), folder / "vectors.bin")
-    assert found.equal == found.total == 1000
+    assert found.equal == found.total == 1800
     assert found.peak == 8.0
 
 
@@ -188,7 +188,7 @@ def test_a_restart_from_a_saved_state_has_no_bump(tmp_path):
     assert len(lines) == 102
     assert {line.split()[0] for line in lines[:100]} == {"0"}
     assert lines[100] == "bad 1 7 0", "state and output are as before"
-    assert lines[101].startswith("2 nan"), "a torque that is none is told"
+    assert lines[101].startswith(("2 nan", "2 -nan")), "a torque that is none is told"
     assert run("other", "-", tmp_path / "state").returncode == 1, "another export's state"
 
 
@@ -215,7 +215,7 @@ def many(n):
         refused("expected at most 32 joints, got 33", law(), many(33)),
         refused("expected one with modes", law(design=fp.fractional.L1()), error=fp.FpidError),
         refused("expected a controller", 3, error=fp.FpidError),
-        refused("step: expected", law(), error=fp.FpidError, horizon=1e-4),
+        refused("horizon: expected more than one step", law(), error=fp.FpidError, horizon=1e-4),
         refused(
             "give an experiment", law(observer=50.0, supervisor=fp.Supervisor(
                 1.02, 1.0, kind="paper", disturbance_bound=0.5)), horizon=10.0,
@@ -291,8 +291,8 @@ def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     assert main(command) == 2
     assert "expected a new folder" in capsys.readouterr().err
     assert main(["export", str(config), "--out", str(tmp_path / "d")]) == 2
-    assert "one of mine, pid" in capsys.readouterr().err
+    assert "one of mine, PID" in capsys.readouterr().err
     assert main([*command[:3], "none", "--out", str(tmp_path / "d")]) == 2
     assert "--controller" in capsys.readouterr().err
-    assert main([*command[:3], "pid", "--out", str(tmp_path / "d")]) == 2
+    assert main([*command[:3], "PID", "--out", str(tmp_path / "d")]) == 2
     assert "missing is its `kernel`" in capsys.readouterr().err
