@@ -24,26 +24,19 @@ sources = [Path(__file__).parent / "shim.c", folder / "fpid.c", folder / "fpid_p
 command = ["cc", "-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", f"-I{folder}"]
 subprocess.run([*command, *map(str, sources), "-o", str(folder / "fpid.so"), "-lm"], check=True)
 library = ctypes.CDLL(str(folder / "fpid.so"))
-pointer = ctypes.POINTER(ctypes.c_double)
-
-
-def pointer_to(array):
-    return array.ctypes.data_as(pointer)
-
-
-arm, h = experiment.arm, experiment.step
-q, v, torque = run.q[0].copy(), run.v[0].copy(), np.zeros(arm.n)
-a_ref = experiment.reference.sample(run.t)[2]
-push = experiment.plant.disturbance.sample(run.t)
-furthest = 0.0
 library.begin()
-for k in range(len(run.t) - 1):
-    given = np.concatenate([q, v, run.q_ref[k], run.v_ref[k], a_ref[k]])
-    if library.tick(pointer_to(given), pointer_to(torque)) != 0:
-        raise SystemExit("the controller stopped")
-    # Semi-implicit Euler, as in the simulation.
-    v += h * arm.forward_dynamics(q, v, torque + push[k])
-    q += h * v
-    furthest = max(furthest, np.abs(q - run.q[k + 1]).max())
 
-print(f"{folder.name}: largest difference of joint angles from the simulation {furthest:.1e} rad")
+
+class OnTheRobot(fp.Controller):
+    """The library as a law: what it is told goes through C, tick by tick."""
+
+    def torque(self, state, q, v, q_ref, v_ref, a_ref):
+        given, torque = np.concatenate([q, v, q_ref, v_ref, a_ref]).ravel(), np.zeros_like(q)
+        if library.tick(ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(torque.ctypes.data)):
+            raise RuntimeError("the controller stopped")
+        return torque
+
+
+driven = fp.simulate(experiment, OnTheRobot())
+furthest = np.abs(driven.q - run.q).max()
+print(f"{len(run.t)} ticks in C: joint angles differ from the simulation by {furthest:g} rad")

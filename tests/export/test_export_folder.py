@@ -1,7 +1,10 @@
 """`export_c`: what is in the folder, what it says, and what is refused."""
 
+import subprocess
+import sys
 import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -167,8 +170,6 @@ int main(int argc, char **argv) {
 
 @pytest.mark.usefixtures("gcc")
 def test_a_restart_from_a_saved_state_has_no_bump(tmp_path):
-    import subprocess
-
     for name, controller in (("one", law()), ("other", law(k1=3.0))):
         folder = fp.export_c(controller, ARM, 1e-3, tmp_path / name, ticks=5)
         (folder / "both.c").write_text(BOTH)
@@ -296,3 +297,13 @@ def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     assert "--controller" in capsys.readouterr().err
     assert main([*command[:3], "PID", "--out", str(tmp_path / "d")]) == 2
     assert "missing is its `kernel`" in capsys.readouterr().err
+
+
+@pytest.mark.usefixtures("gcc")
+def test_the_loop_closed_around_the_library_is_the_simulation(tmp_path):
+    script = Path(__file__).parents[2] / "examples" / "c_loop" / "close_the_loop.py"
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "differ from the simulation by 0 rad" in done.stdout
