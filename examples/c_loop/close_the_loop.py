@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import fpid_pin as fp
+from fpid_pin.simulation.simulator import horizon_of
 
 experiment = fp.paper_experiment(duration=5.0)
 controller = fp.paper_controller()
@@ -18,7 +19,7 @@ run = fp.simulate(experiment, controller)
 
 folder = fp.export_c(
     controller, experiment.arm, experiment.step, Path(tempfile.mkdtemp()) / "c",
-    experiment=experiment,
+    experiment=experiment, horizon=horizon_of(experiment.duration),
 )  # fmt: skip
 sources = [Path(__file__).parent / "shim.c", folder / "fpid.c", folder / "fpid_parameters.c"]
 command = ["cc", "-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", f"-I{folder}"]
