@@ -15,7 +15,7 @@ from fpid_pin.control import AdaptiveFpid, ComputedTorque, Controller
 from fpid_pin.control.fpid_state import FpidState
 from fpid_pin.control.state import KernelState
 from fpid_pin.exceptions import ExportError
-from fpid_pin.export.kinds import INT, REAL, Array, Extent, Kind, Number, Record
+from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Extent, Kind, Number, Record
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -161,7 +161,7 @@ def law_of(controller: Controller, arm: Arm, step: float, horizon: float) -> Law
 
 def _dtype(element: Number | Record) -> Any:
     if isinstance(element, Number):
-        return np.float64 if element == REAL else np.int64
+        return {REAL: np.float64, INT: np.int64, BOOL: np.bool_}[element]
     kinds = {REAL: np.float64, INT: np.int64}
     return np.dtype((np.record, [(name, kinds[kind]) for name, kind in element.fields]))
 
@@ -194,7 +194,7 @@ def _fpid(controller: AdaptiveFpid, arm: Arm, step: float, horizon: float) -> La
     robots, joints, ops, poles, modes, table = state.records
     n, count = "FPID_JOINTS", "FPID_MODES"
     parts = [
-        Part("alive", INT, (1,), np.ones(1, np.int64), True),
+        Part("alive", BOOL, (1,), np.ones(1, np.bool_), True),
         Part("robots", _record("robot", robots), (1,), robots, False),
         Part("joints", _record("joint", joints), (1, n), joints, False),
         Part("ops", _record("operator", ops), (1, n, 2), ops, False),

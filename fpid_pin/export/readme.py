@@ -11,7 +11,7 @@ import numpy as np
 from fpid_pin._version import __version__
 from fpid_pin.exceptions import ExportError
 from fpid_pin.export import build
-from fpid_pin.export.kinds import INT, Record
+from fpid_pin.export.kinds import INT, REAL, Record
 from fpid_pin.export.parts import Law, Part
 
 #: Horizon, in steps, from which float32 spoils a fractional integral by more than 0.1 %: its 24
@@ -30,7 +30,7 @@ def size_of(law: Law, part: Part, real: int) -> int:
         integers = sum(kind == INT for _, kind in part.element.fields)
         one = real * (len(part.element.fields) - integers) + 4 * integers
         one += -one % real
-    elif part.element == INT:
+    elif part.element != REAL:
         one = 4
     return one * law.size(part)
 

@@ -76,8 +76,7 @@ def signals(arm: Arm, step: float, ticks: int) -> FloatArray:
 
     q_ref, v_ref, a_ref = motion(0.25 * span, 0.3, 3.0)
     e, e_dot, _ = motion(np.full(arm.n, 0.5), 0.5, 9.0)
-    gate = 0.5 - 0.5 * np.cos(0.7 * t)
-    fade = 0.35 * np.sin(0.7 * t)
+    gate, fade = 0.5 - 0.5 * np.cos(2.0 * t), np.sin(2.0 * t)
     error, rate = gate * e, gate * e_dot + fade * e
     noise = rng.normal(scale=1e-4, size=(2, ticks, arm.n))
     q, v = arm.home + q_ref - error + noise[0], v_ref - rate + 10.0 * noise[1]

@@ -98,26 +98,25 @@ def sampled_torque(asked, alive, robots, joints, bodies, mass, factored, room, i
     """Add u_s of the sampled supervisor; `room` as `assist` fills it."""
     a, change, reserve, u_s, before = room[3], room[4], room[7], room[8], room[9]
     n = bodies.size
-    if not project(alive, robots, joints, inputs, a, change):
-        return False
-    for j in range(n):
-        reserve[0, j] = change[0, j]
-    solve(bodies, factored, reserve[0])
-    if not shorten(alive, robots, joints, reserve, change):
-        return False
-    for j in range(n):
-        before[0, j] = torque[0, j]
-    mass_times(bodies, mass, change[0], u_s[0])
-    push(alive, robots, joints, u_s, torque)
-    cut = False
-    for j in range(n):
-        cut = cut or joints[0, j].cut != 0.0
-    if asked.observes and cut:
-        # Saturation left less of it.
+    acts = project(alive, robots, joints, inputs, a, change)
+    if acts:
         for j in range(n):
-            change[0, j] = torque[0, j] - before[0, j]
-        solve(bodies, factored, change[0])
-    return True
+            reserve[0, j] = change[0, j]
+        solve(bodies, factored, reserve[0])
+        acts = shorten(alive, robots, joints, reserve, change)
+    if acts:
+        for j in range(n):
+            before[0, j] = torque[0, j]
+        mass_times(bodies, mass, change[0], u_s[0])
+        push(alive, robots, joints, u_s, torque)
+        cut = False
+        for j in range(n):
+            cut = cut or joints[0, j].cut != 0.0
+        if asked.observes and cut:
+            # Saturation left less of it.
+            for j in range(n):
+                change[0, j] = torque[0, j] - before[0, j]
+            solve(bodies, factored, change[0])
 
 
 @kernel
