@@ -79,8 +79,9 @@ def test_a_tick_is_the_one_with_pinocchio(name, limit, monkeypatch):
     arm = ARM if limit is None else ARM.with_limits(effort=limit)
     monkeypatch.setitem(globals(), "ARM", arm.with_friction(viscous=0.3))
     t = STEP * np.arange(60)[:, np.newaxis] * np.array([1.0, 1.3])
-    # From a small error to one that a supervisor acts on, and back.
+    # From no error to one that a supervisor acts on, and back.
     error = 0.5 * np.sin(20.0 * t) ** 2 * np.sin(31.0 * t)
+    error[:8] = 0.0
     rate = np.gradient(error, STEP, axis=0)
     q_ref, v_ref, a_ref = np.sin(t), np.cos(t), -np.sin(t)
     inputs = np.stack([q_ref - error, v_ref - rate, q_ref, v_ref, a_ref], axis=1)
