@@ -95,7 +95,7 @@ def export_c(
             "effect: give an experiment to record vectors in"
         )
     made_by = toml if toml is not None else _toml(controller, arm, step, horizon)
-    temporary = hidden_beside(path, ".part")
+    temporary = hidden_beside(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary.mkdir()

@@ -12,7 +12,7 @@ from fpid_pin.kernels.law import fpids
 from fpid_pin.kernels.layout import layout
 from fpid_pin.kernels.limits import saturate
 from fpid_pin.kernels.observer import compensate, correct, predict
-from fpid_pin.kernels.rigid_body import factor, ground, solve, terms
+from fpid_pin.kernels.rigid_body import factor_tree, ground, solve_tree, terms
 from fpid_pin.kernels.supervisor import project, push, shorten, supervise, weigh
 
 #: What is asked of the model: feedforward; that an observer runs, and that what it finds is
@@ -51,7 +51,7 @@ def factored_mass(bodies, mass, factored):
     for i in range(bodies.size):
         for k in range(i + 1):
             factored[i, k] = mass[i, k]
-    factor(bodies, factored)
+    factor_tree(bodies, factored)
 
 
 @kernel
@@ -68,7 +68,7 @@ def accelerate(bodies, factored, joints, torque, v_hat, bias, a):
     """Write what the model makes of a torque, (n,): M^-1 (u - F_v v^ - C v^ - G)."""
     for j in range(bodies.size):
         a[j] = torque[j] - joints[j].viscous * v_hat[j] - bias[j]
-    solve(bodies, factored, a)
+    solve_tree(bodies, factored, a)
 
 
 @kernel
@@ -89,7 +89,7 @@ def paper_torque(
     mass_times(bodies, mass, demand[0], m_demand[0])
     mass_times(bodies, mass, inputs[4, 0], feedforward[0])
     factored_mass(bodies, mass, factored)
-    solve(bodies, factored, b[0])
+    solve_tree(bodies, factored, b[0])
     supervise(alive, robots, joints, g, c, m_demand, feedforward, b, torque)
 
 
@@ -102,7 +102,7 @@ def sampled_torque(asked, alive, robots, joints, bodies, mass, factored, room, i
     if acts:
         for j in range(n):
             reserve[0, j] = change[0, j]
-        solve(bodies, factored, reserve[0])
+        solve_tree(bodies, factored, reserve[0])
         acts = shorten(alive, robots, joints, reserve, change)
     if acts:
         for j in range(n):
@@ -116,7 +116,7 @@ def sampled_torque(asked, alive, robots, joints, bodies, mass, factored, room, i
             # Saturation left less of it.
             for j in range(n):
                 change[0, j] = torque[0, j] - before[0, j]
-            solve(bodies, factored, change[0])
+            solve_tree(bodies, factored, change[0])
 
 
 @kernel

@@ -130,7 +130,9 @@ class Engine:
         robots, joints, ops, poles, modes, _ = law
         x = np.zeros((2, 1, n))
         euler = CompiledEuler([plant], e.step, x)
-        model, bodies, gravity, frames, mass, _, dry, stuck, force, room = euler.records
+        (
+            model, bodies, gravity, frames, mass, _, dry, stuck, force, room, response, matrix, _,
+        ) = euler.records  # fmt: skip
         # Without friction's part of the rotor inertias: it depends on step and slider.
         bodies = bodies_of(plant.arm.model)[np.newaxis]
         plants = np.zeros((1, n), motion.PLANT)
@@ -141,7 +143,8 @@ class Engine:
             "alive": np.ones(1, dtype=np.bool_), "robots": robots, "joints": joints, "ops": ops,
             "poles": poles, "modes": modes, "table": np.zeros((NODES, 3 + modes.shape[-1])),
             "model": model, "bodies": bodies, "gravity": gravity, "frames": frames, "mass": mass,
-            "dry": dry, "stuck": stuck, "force": force, "room": room, "plants": plants, "x": x,
+            "dry": dry, "stuck": stuck, "force": force, "room": room, "response": response,
+            "matrix": matrix, "plants": plants, "x": x,
             "seen": np.zeros((5, 1, n)), "torque": np.zeros((1, n)), "tau": np.zeros((1, n)),
             "a": np.zeros((1, n)), "references": np.zeros((3, b, 1, n)),
             "forces": np.zeros((b, 1, n)), "rows": np.zeros((3, b, 1, n)), "sensors": sensors,
@@ -182,7 +185,8 @@ class Engine:
             fly,
             kinds(
                 "alive robots joints ops poles modes table model bodies gravity frames mass bool "
-                "dry stuck force room real plants x seen torque tau a references forces rows bool "
+                "dry stuck force room response matrix real "
+                "plants x seen torque tau a references forces rows bool "
                 "sensors history noise int bool kept values int int ends"
             ),
         )
@@ -198,7 +202,10 @@ class Engine:
         program.add(drive, kinds("alive plants torque x forces int rows tau"))
         program.add(
             steps,
-            kinds("alive model bodies gravity frames mass x tau a bool dry stuck force room real"),
+            kinds(
+                "alive model bodies gravity frames mass bool dry stuck force room response matrix "
+                "real x tau a"
+            ),
         )
         program.add(tally, kinds("sums error error valid int int int real"))
         names = "fly, arrive, tally, measure, assisted, drive, steps"

@@ -33,7 +33,7 @@ def test_mass_and_inverse_dynamics_are_pinocchios(name):
         assert np.allclose(out, arm.mass_matrix(q) @ a, rtol=1e-11, atol=1e-12)
         kept = mass.copy()
         model.factored_mass(bodies, mass, factored)
-        rigid_body.solve(bodies, factored, out)
+        rigid_body.solve_tree(bodies, factored, out)
         assert np.allclose(out, a, rtol=1e-9, atol=1e-10)
         assert np.array_equal(mass, kept)
 

@@ -134,8 +134,8 @@ function flyAssisted(S, X, rubs, senses, first, count) {
       }
     }
     if (lost) return k;
-    K.steps(AT.alive, AT.model, AT.bodies, AT.gravity, AT.frames, AT.mass, X, AT.tau, AT.a, rubs,
-      AT.dry, AT.stuck, AT.force, AT.room, S.step);
+    K.steps(AT.alive, AT.model, AT.bodies, AT.gravity, AT.frames, AT.mass, rubs, AT.dry, AT.stuck,
+      AT.force, AT.room, AT.response, AT.matrix, S.step, X, AT.tau, AT.a);
     if (K.arrive(AT.alive, AT.plants, X, AT.references, (k + 1) % B, AT.seen)) return k + 1;
   }
   return -1;
@@ -242,9 +242,9 @@ function simulate(S) {
     K.arrive(AT.alive, AT.plants, X, AT.references, 0, AT.seen);
     if (S.supervised) M[AT.ends] = flyAssisted(S, X, rubs, senses, first, count);
     else K.fly(AT.alive, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table, AT.model, AT.bodies,
-      AT.gravity, AT.frames, AT.mass, rubs, AT.dry, AT.stuck, AT.force, AT.room, S.step, AT.plants,
-      X, AT.seen, AT.torque, AT.tau, AT.a, AT.references, AT.forces, AT.rows, senses, AT.sensors,
-      AT.history, AT.noise, first, true, AT.kept, AT.values, 0, count, AT.ends);
+      AT.gravity, AT.frames, AT.mass, rubs, AT.dry, AT.stuck, AT.force, AT.room, AT.response,
+      AT.matrix, S.step, AT.plants, X, AT.seen, AT.torque, AT.tau, AT.a, AT.references, AT.forces,
+      AT.rows, senses, AT.sensors, AT.history, AT.noise, first, true, AT.kept, AT.values, 0, count, AT.ends);
     const lost = M[AT.ends], good = lost >= 0 ? lost : count;
     const copy = (name, at) => out[name].set(M.subarray(at, at + count * N), first * N);
     SIGNALS.forEach((name, i) => copy(name, AT.rows + i * B * N));
