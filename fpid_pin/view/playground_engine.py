@@ -141,7 +141,7 @@ class Engine:
         sensors = SensorState([e.sensors], [e.seed], n, e.step)._joints
         return {
             "alive": np.ones(1, dtype=np.bool_), "robots": robots, "joints": joints, "ops": ops,
-            "poles": poles, "modes": modes, "table": np.zeros((NODES, 3 + modes.shape[-1])),
+            "poles": poles, "modes": modes, "table": np.zeros((3 + modes.shape[-1], NODES)),
             "model": model, "bodies": bodies, "gravity": gravity, "frames": frames, "mass": mass,
             "dry": dry, "stuck": stuck, "force": force, "room": room, "response": response,
             "matrix": matrix, "plants": plants, "x": x,

@@ -55,7 +55,8 @@ function setOperators(S, one) {
   }
   if (S.order_learning_rate > 0) {
     for (let a = 0; a < E.nodes; a++) {
-      M.set(weightsAt(one, a / (E.nodes - 1)), AT.table + a * WIDTH);
+      const w = weightsAt(one, a / (E.nodes - 1));
+      for (let i = 0; i < WIDTH; i++) M[AT.table + i * E.nodes + a] = w[i];
     }
   }
 }
