@@ -260,9 +260,9 @@ class Engine:
         exact = modes_of(design, known, step=h, horizon=horizon)
         return {
             "poles": encoded(poles.ravel()),
-            "weights": encoded(modes.table().ravel()),
+            "weights": encoded(modes.table().T.ravel()),
             "known": encoded(known),
-            "exact": encoded(exact.table().ravel()),
+            "exact": encoded(exact.table().T.ravel()),
         }
 
     def _payload(self) -> FloatArray:
