@@ -114,6 +114,18 @@ def view(
 
 
 @app.command()
+def playground(
+    config: ConfigFile,
+    html: Annotated[Path, typer.Option(help="The page to write.")] = Path("playground.html"),
+    controller: Annotated[str | None, typer.Option(help="Which controller; none: all.")] = None,
+) -> None:
+    """Write one page with sliders that simulates again as they move; it needs no network."""
+    from fpid_pin.cli.playground import run_playground
+
+    run_playground(config, html, controller)
+
+
+@app.command()
 def live(
     config: ConfigFile,
     controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
@@ -131,3 +143,17 @@ def live(
         config, controller=controller, duration=duration, fps=fps, browser=browser, port=port,
         joint=joint, push=push,
     )  # fmt: skip
+
+
+@app.command()
+def export(
+    config: ConfigFile,
+    out: Annotated[Path, typer.Option("--out", help="A new folder.")],
+    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    horizon: Annotated[float, typer.Option(help="Longest time that it will run [s].")] = 3600.0,
+    ticks: Annotated[int, typer.Option(help="Length of its test vectors.")] = 2000,
+) -> None:
+    """Write a controller as C99 for a robot, with test vectors that prove it."""
+    from fpid_pin.cli.export import run_export
+
+    run_export(config, out, controller, horizon, ticks)

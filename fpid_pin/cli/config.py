@@ -6,7 +6,7 @@
     [reference]      kind and its arguments
     [[disturbance]]  kind and its arguments; several add up
     [sensors]        arguments of Sensors
-    [simulation]     step, duration, integrator, seed, runaway_speed, q0, v0
+    [simulation]     step, duration, integrator, dynamics, seed, runaway_speed, q0, v0
     [[controller]]   kind, name and arguments of the controller
     [[condition]]    name, and plant, sensors, disturbance in place of those above
     [tune]           see fpid_pin.tuning
@@ -36,7 +36,9 @@ TABLES = (
     "format", "title", "arm", "plant", "reference", "disturbance", "sensors", "simulation",
     "controller", "condition", "tune",
 )  # fmt: skip
-SIMULATION_KEYS = ("step", "duration", "integrator", "seed", "runaway_speed", "q0", "v0")
+SIMULATION_KEYS = (
+    "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
+)  # fmt: skip
 CONDITION_KEYS = ("name", "plant", "sensors", "disturbance")
 
 

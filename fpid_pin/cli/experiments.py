@@ -29,12 +29,14 @@ def demo_config() -> Config:
 
 def run_demo(out: Path) -> None:
     """Run section 5.1 with fractional (two readings) and integer orders."""
+    from fpid_pin.cli.playground import make
     from fpid_pin.view import figures
 
     config = demo_config()
     with output_folder(out) as folder:
         entries = simulate_all(config)
         write(folder, config, entries, figures([entry.run for entry in entries]))
+        make(config, folder / "playground.html")
     show(entries, config.title, out)
 
 
@@ -71,6 +73,7 @@ def run_one(path: Path, out: Path, name: str | None) -> None:
 def run_comparison(path: Path, out: Path) -> None:
     """Run every controller under every condition."""
     from fpid_pin.view import plots
+    from fpid_pin.view.panels import has_orders
 
     config = load(path)
     names = file_names([[condition] for condition in config.conditions], prefix="comparison-")
@@ -80,6 +83,10 @@ def run_comparison(path: Path, out: Path) -> None:
         for name, condition in zip(names, config.conditions, strict=True):
             runs = [entry.run for entry in entries if entry.condition == condition]
             figures[name] = plots.comparison(runs)
+        moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
+        stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
+        for stem, entry in zip(stems, moving, strict=True):
+            figures[stem] = plots.gains(entry.run)
         write(folder, config, entries, figures)
     show(entries, config.title or path.stem, out)
 

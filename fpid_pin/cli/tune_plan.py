@@ -22,6 +22,7 @@ from fpid_pin.control import Controller
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.simulation import Experiment
+from fpid_pin.text import shown
 from fpid_pin.tuning import RobustCost, SearchSettings, Space
 from fpid_pin.tuning.robust import REDUCTIONS
 
@@ -116,7 +117,7 @@ def _cost(table: Mapping[str, Any]) -> Cost:
 def _space(table: Mapping[str, Any]) -> Space:
     genes = table.get("space", {})
     if not isinstance(genes, Mapping):
-        raise ArgumentError("space", "a table of parameters with bounds", repr(genes))
+        raise ArgumentError("space", "a table of parameters with bounds", shown(genes))
     return Space(**genes)
 
 

@@ -27,10 +27,11 @@ def faults(text):
 def test_the_demo_s_file_is_the_api_s_paper_experiment():
     config = demo_config()
     assert descriptions.to_dict(config.experiment) == descriptions.to_dict(fp.paper_experiment())
-    symbol, sign, integer = map(fp.paper_controller, ("symbol", "sign", "integer"))
-    design = fp.fractional.Crone(1e-2, 1e3, 5)
-    crone = dataclasses.replace(symbol, design=design, name="FPID, CRONE filter")
-    laws = (symbol, sign, crone, integer)
+    crone = dataclasses.replace(
+        fp.paper_controller(), design=fp.fractional.Crone(), name="FPID, CRONE filter"
+    )
+    laws = [fp.paper_controller(orders) for orders in ("symbol", "sign", "integer")]
+    laws.insert(2, crone)
     for controller, law in zip(config.controllers.values(), laws, strict=True):
         expected = descriptions.to_dict(law)
         actual = descriptions.to_dict(controller)

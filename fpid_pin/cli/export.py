@@ -1,0 +1,33 @@
+"""`export`: a controller of a configuration as C99."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from fpid_pin import checks
+from fpid_pin.cli.config import load
+from fpid_pin.exceptions import ArgumentError, ConfigError
+from fpid_pin.export import export_c
+
+
+def run_export(path: Path, out: Path, name: str | None, horizon: float, ticks: int) -> None:
+    """Write the folder, and say what is in it."""
+    from rich.console import Console
+
+    config = load(path)
+    if name is None and len(config.controllers) > 1:
+        listed = ", ".join(config.controllers)
+        raise ConfigError(f"{path}: expected --controller NAME, one of {listed}")
+    try:
+        chosen = name or next(iter(config.controllers))
+        chosen = checks.choice("--controller", chosen, config.controllers)
+    except ArgumentError as error:
+        raise ConfigError(f"{path}: {error}") from None
+    experiment = config.experiment
+    toml = f"# Exported: controller {chosen!r}.\n{config.text}"
+    folder = export_c(
+        config.controllers[chosen], experiment.arm, experiment.step, out,
+        horizon=horizon, ticks=ticks, experiment=experiment, toml=toml,
+    )  # fmt: skip
+    Console().print(f"{folder}: fpid.h, fpid.c, fpid_parameters.c, example, check, README.md",
+                    soft_wrap=True)  # fmt: skip
