@@ -79,6 +79,8 @@ COMMANDS = {
     "demo": ("demo", "--out", "disk/out"),
     "view": ("view", "run.npz", "--html", "disk/page.html"),
     "operators": ("operators", "--order", "0.5", "--plot", "disk/plot.png"),
+    "playground": ("playground", "short.toml", "--html", "disk/playground.html"),
+    "export": ("export", "short.toml", "--controller", "integer PID", "--out", "disk/c"),
 }
 
 
