@@ -32,7 +32,7 @@ LIST, TEXT = "members", "meta"
 #: A list longer than this [bytes] is none of ours.
 LONGEST_LIST = 1 << 20
 _MOST_DIMENSIONS, _LONGEST_NAME = 4, 100
-_DTYPE = re.compile(r"<f8|<i8|<U[1-9]\d{0,8}")
+_DTYPE = re.compile(r"<f8|<i8|<U[1-9]\d{0,7}")  # NumPy knows no longer texts
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _PIECE = 1 << 20
 _CUT = "something else or one that is cut short"

@@ -83,6 +83,11 @@ def load(path: str | Path) -> Config:
     return parse(read_text(path), str(path), path.parent)
 
 
+def line_of(name: str, fault: FpidError) -> str:
+    """Return a fault as a line, also where a key or a value has a line end in it."""
+    return f"{name}: {fault}".replace("\n", "\\n")
+
+
 def parse(text: str, name: str, folder: Path) -> Config:
     """Check a configuration's text; `folder` is where its relative paths start."""
     try:
@@ -92,7 +97,7 @@ def parse(text: str, name: str, folder: Path) -> Config:
     faults: list[FpidError] = []
     config = _Reader(table, folder, faults).read(name, text)
     if faults or config is None:
-        raise ConfigError("\n".join(f"{name}: {fault}" for fault in faults))
+        raise ConfigError("\n".join(line_of(name, fault) for fault in faults))
     return config
 
 
@@ -146,7 +151,8 @@ class _Reader:
 
     def _known(self, path: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> None:
         for key in table:
-            self._try("", lambda key=key: checks.choice(f"{path}.{key}".strip("."), key, keys))
+            named = f"{path}.{key}".strip(".") or '""'
+            self._try("", lambda key=key, named=named: checks.choice(named, key, keys))
 
     def _section(self, path: str, value: Any) -> Mapping[str, Any]:
         if isinstance(value, Mapping):

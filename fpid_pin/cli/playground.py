@@ -9,11 +9,13 @@ from fpid_pin import checks
 from fpid_pin.cli.config import Config, load
 from fpid_pin.control import AdaptiveFpid
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
+from fpid_pin.files import require_file
 from fpid_pin.view.playground_page import Playground, playground
 
 
 def run_playground(path: Path, html: Path, name: str | None) -> None:
     """Write the page of a configuration's controllers, or of one of them."""
+    require_file(html)
     config = load(path)
     if name is not None:
         try:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,7 +15,7 @@ from fpid_pin.export.c_source import CSource
 from fpid_pin.export.operations import operations
 from fpid_pin.export.parts import law_of
 from fpid_pin.export.readme import readme
-from fpid_pin.files import hidden_beside
+from fpid_pin.files import discard, hidden_beside, kind_of, make_folder, sweep, sync, sync_tree
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -77,7 +76,7 @@ def export_c(
         A design without modes.
     """
     path = Path(folder)
-    if path.exists():
+    if kind_of(path) is not None:
         raise ExportError(f"{path}: expected a new folder, got one that exists")
     step = checks.number("step", step, above=0.0)
     ticks = checks.integer("ticks", ticks, low=1)
@@ -97,7 +96,8 @@ def export_c(
     made_by = toml if toml is not None else _toml(controller, arm, step, horizon)
     temporary = hidden_beside(path)
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
+        sweep(path.parent)
         temporary.mkdir()
         write_sources(source, temporary)
         proof.write(temporary / "vectors.bin")
@@ -105,11 +105,13 @@ def export_c(
         count = operations(law, inputs[:_COUNTED])
         text = readme(law, temporary, step, horizon, count, source.exact)
         (temporary / "README.md").write_text(text, encoding="utf-8")
-        os.replace(temporary, path)
+        sync_tree(temporary)
+        os.rename(temporary, path)
+        sync(path.parent)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written ({error.strerror})") from None
     finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        discard(temporary)
     return path
 
 

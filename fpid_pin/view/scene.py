@@ -97,6 +97,9 @@ def replay_scene(
     for run, text in zip(runs, texts, strict=True):
         if len(run.t) == 0:
             raise ArgumentError("run", "at least one sample", f"none in {text!r}")
+        if not (np.isfinite(run.q).all() and np.isfinite(run.q_ref).all()):
+            # A file may say so; the engine ends a run before.
+            raise ArgumentError("run", "finite angles", f"NaN or inf in {text!r}")
     samples = [sample_run(run, fps) for run in runs]
     arms = [run.arm for run in runs]
     place = stage(arms, [np.concatenate([q, q_ref]) for _, q, q_ref, _ in samples])

@@ -52,13 +52,14 @@ class Overflowing(fp.Controller):
      Overflowing()],
 )  # fmt: skip
 @pytest.mark.parametrize("where", ["nominal limit", "plant's limit"])
-def test_an_overflow_behind_an_effort_limit_is_a_cause_and_not_a_run(law, where):
+@pytest.mark.parametrize("dynamics", ["pinocchio", "compiled"])
+def test_an_overflow_behind_an_effort_limit_is_a_cause_and_not_a_run(law, where, dynamics):
     arm = fp.Arm.two_link()
     limited = arm.with_limits(effort=(50.0, 50.0))
     plant = fp.Plant(effort_limit=50.0)
     experiment = fp.Experiment(
         limited if where == "nominal limit" else arm, fp.references.Hold(0.0), q0=(3.0, -3.0),
-        plant=None if where == "nominal limit" else plant, duration=0.1,
+        plant=None if where == "nominal limit" else plant, duration=0.1, dynamics=dynamics,
     )  # fmt: skip
     run = fp.simulate(experiment, law)
     assert str(run.outcome) == "diverged at 0 s, joint1: torque is not finite"
