@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 import fpid_pin as fp
-from fpid_pin.control.gains import suggest_gains
+from fpid_pin.control import adapt_orders, suggest_gains
 
 
 def ticks_of(loop: fp.control.Loop, arm: fp.Arm, count: int) -> np.ndarray:
@@ -61,6 +61,7 @@ def main() -> None:
             **one, safeguards=law.safeguards, supervisor=guards["sampled"]
         ),
         "with projection, no supervisor": law,
+        "the same, orders adapt": adapt_orders(law, arm),
         "adaptation only": fp.AdaptiveFpid(**one),
     }
     model, data = arm.model, arm.model.createData()
