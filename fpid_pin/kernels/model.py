@@ -64,7 +64,7 @@ def inverse_dynamics(bodies, frames, gravity, q, v, a, bias, mass, out):
 
 
 @kernel
-def accelerate(bodies, factored, joints, torque, v_hat, bias, a):
+def respond(bodies, factored, joints, torque, v_hat, bias, a):
     """Write what the model makes of a torque, (n,): M^-1 (u - F_v v^ - C v^ - G)."""
     for j in range(bodies.size):
         a[j] = torque[j] - joints[j].viscous * v_hat[j] - bias[j]
@@ -147,7 +147,7 @@ def assist(
         if asked.feedforward or asked.compensates:
             compensate(alive, joints, forward, lost, torque)
         if asked.sampled:
-            accelerate(bodies, factored, joints[0], torque[0], v_hat[0], bias[0], a[0])
+            respond(bodies, factored, joints[0], torque[0], v_hat[0], bias[0], a[0])
             sampled_torque(
                 asked, alive, robots, joints, bodies, mass, factored, room, inputs, torque
             )  # fmt: skip
@@ -158,7 +158,7 @@ def assist(
         )  # fmt: skip
     if asked.observes:
         if not asked.sampled:
-            accelerate(bodies, factored, joints[0], torque[0], v_hat[0], bias[0], a[0])
+            respond(bodies, factored, joints[0], torque[0], v_hat[0], bias[0], a[0])
         predict(robots, joints, a, change)
 
 

@@ -68,7 +68,8 @@ def moving(op, table, poles, modes, f, f_, rate, rate_, h):
     = 0 it tends to f - f(0), Caputo's limit, unless the modes hold f(0) from their start.
     """
     last = table.shape[1] - 1
-    a = min(max(int(math.floor(op.order * last)) - 1, 0), last - 3)
+    # Whole for the printed C as well, whose floor is not.
+    a = min(max(int(math.floor(op.order * last)) - 1, 0), last - 3)  # noqa: RUF046
     t = op.order * last - a  # 0 to 3; the nodes are at 0, 1, 2, 3
     m = (f - f_) / h - 0.5 * (rate + rate_)
     y0 = table[0, a] * rate + table[1, a] * rate_ + table[2, a] * m

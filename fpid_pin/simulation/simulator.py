@@ -25,7 +25,6 @@ from fpid_pin.simulation.sensors import SensorState
 #: durations then agree to the last bit as long as both last.
 HORIZONS = tuple(base * 10.0**decade for decade in range(7) for base in (20.0, 60.0))
 
-
 #: Signals of a law that a flight keeps, in the order of `kernels.flight`.
 KEPT = ("kp", "ki", "kd", "u_fpid", "u_s", "s", "integral_order", "derivative_order")
 
@@ -88,7 +87,6 @@ class Simulator:
         self.ends: list[Outcome | None] = [None] * runs
         self._alive = self._state.alive
         self._last = np.full(runs, np.iinfo(np.int64).max)  # rows that count
-
         # What the laws see; its first two rows are the state itself where no run has sensors.
         self._seen = np.zeros((5, runs, n))
         self.q_ref = self._seen[2]
@@ -99,7 +97,6 @@ class Simulator:
         self._x = self._seen[:2] if self._sensors is None else np.zeros((2, runs, n))
         self.q, self.v = self._x
         self.q[:], self.v[:] = ([getattr(e, name) for e in experiments] for name in ("q0", "v0"))
-
         self._plants = np.zeros((runs, n), motion.PLANT)
         self._plants["limit"] = [p.effort_limit for p in plants]
         self._plants["viscous"] = [p.viscous_friction for p in plants]

@@ -73,6 +73,8 @@ LAWS = {
 }
 
 
+# "With a reserve" is warned of: its step is too long for so large a disturbance.
+@pytest.mark.filterwarnings("ignore:supervisor.disturbance_bound")
 @pytest.mark.parametrize("limit", [None, 25.0])
 @pytest.mark.parametrize("name", LAWS)
 def test_a_tick_is_the_one_with_pinocchio(name, limit, monkeypatch):
