@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.exceptions import ArmError
-from fpid_pin.kernels import rigid_body
+from fpid_pin.kernels import friction, rigid_body
 
 pytestmark = pytest.mark.kernels
 
@@ -95,3 +95,32 @@ def test_a_joint_of_another_kind_is_named():
     model.appendBodyToJoint(added, pin.Inertia.Random(), pin.SE3.Identity())
     with pytest.raises(ArmError, match=r"revolute and prismatic joints, got ball \(Spherical\)"):
         bodies_of(model)
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.integers(1, 5), st.integers(0, 10**6))
+def test_dry_friction_of_one_robot_leaves_the_speeds_of_the_box_problem(n, seed):
+    """v = v_free - h M^-1 f with Pinocchio's M, whether joints slide on, turn round or stick."""
+    rng = np.random.default_rng(seed)
+    pin.seed(seed)
+    model, h = random_tree(rng, n), 1e-2
+    q, v_free, tau = rng.normal(size=(3, n)) * np.array([[1.0], [rng.choice([0.01, 3.0])], [1.0]])
+    m = pin.crba(model, model.createData(), q)
+    m = np.triu(m) + np.triu(m, 1).T
+    bodies, frames = bodies_of(model), np.zeros(n + 1, rigid_body.FRAME)
+    rigid_body.ground(frames, n, np.array(model.gravity.linear))
+    mass, a = np.zeros((n, n)), np.zeros(n)
+    rigid_body.forward_dynamics(bodies, frames, q, v_free, tau, mass, a)
+    dry = rng.uniform(0.0, 2.0, n) * rng.integers(0, 2, n)
+    v, stuck, force = v_free.copy(), rng.integers(0, 2, n).astype(bool), np.zeros(n)
+    friction.rub(
+        bodies, mass, dry, stuck, force, v, np.zeros((3, n)), np.zeros((n, n)), np.zeros((n, n)), h
+    )  # fmt: skip
+    free = v_free - h * np.linalg.solve(m, force)
+    size = (1e-12 + 1e-14 * np.linalg.cond(m)) * max(1.0, np.abs(v_free).max())
+    assert np.abs(v - np.where(stuck, 0.0, free)).max() < 100.0 * size
+    assert np.abs(free[stuck]).max(initial=0.0) < 100.0 * size
+    assert (np.abs(force) <= dry).all()
+    assert (force * v >= 0.0).all()
+    slides = ~stuck & (dry > 0.0) & (v != 0.0)
+    assert (force[slides] == (dry * np.sign(v))[slides]).all()
