@@ -82,7 +82,7 @@ def kind_of(path: Path) -> str | None:
     """Return what is at `path` ("a file", "a symlink", ...), not followed; None: nothing."""
     try:
         mode = os.lstat(path).st_mode
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     return _KINDS.get(stat.S_IFMT(mode), "something else")
 

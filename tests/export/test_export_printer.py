@@ -141,8 +141,9 @@ def test_the_text_is_the_equations():
     program.add(limits.clip, [REAL, REAL])
     assert program.text.endswith(
         "static real_t clip(real_t x, real_t limit)\n{\n"
-        "    if (x > limit) {\n        x = limit;\n    } else if (x < -limit) {\n"
-        "        x = -limit;\n    }\n    return x;\n}\n"
+        "    if (isfinite(x) != 0) {\n        if (x > limit) {\n            x = limit;\n"
+        "        } else if (x < -limit) {\n            x = -limit;\n        }\n    }\n"
+        "    return x;\n}\n"
     )
     pole, mode = Record.of("pole", operator.POLE), Record.of("mode", operator.MODE)
     kinds = [Record.of("operator", operator.OPERATOR), Array(pole, ("N",)), Array(mode, ("N",))]
