@@ -15,7 +15,7 @@ demo: $(RUN_STAMP)
 	$(BIN)/fpid-pin demo
 
 test: $(TEST_STAMP)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(TEST_STAMP)
 	$(BIN)/ruff check .
