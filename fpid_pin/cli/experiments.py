@@ -7,14 +7,13 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fpid_pin import checks
 from fpid_pin.cli import summary
+from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import Config, load, parse
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.summary import Entry
-from fpid_pin.exceptions import ArgumentError, ConfigError
 from fpid_pin.simulation import simulate
 
 if TYPE_CHECKING:
@@ -45,14 +44,7 @@ def run_one(path: Path, out: Path, name: str | None) -> None:
     from fpid_pin.view import plots
 
     config = load(path)
-    if name is None and len(config.controllers) > 1:
-        listed = ", ".join(config.controllers)
-        raise ConfigError(f"{path}: expected one controller, or --controller NAME, got {listed}")
-    try:
-        chosen = name or next(iter(config.controllers))
-        chosen = checks.choice("--controller", chosen, config.controllers)
-    except ArgumentError as error:
-        raise ConfigError(f"{path}: {error}") from None
+    chosen = pick(config, name)
     (file,) = file_names([[chosen]])
     with output_folder(out) as folder:
         controller = config.controllers[chosen]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from fpid_pin import checks
+from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import load
-from fpid_pin.exceptions import ArgumentError, ConfigError
 from fpid_pin.export import export_c
 
 
@@ -15,14 +14,7 @@ def run_export(path: Path, out: Path, name: str | None, horizon: float, ticks: i
     from rich.console import Console
 
     config = load(path)
-    if name is None and len(config.controllers) > 1:
-        listed = ", ".join(config.controllers)
-        raise ConfigError(f"{path}: expected --controller NAME, one of {listed}")
-    try:
-        chosen = name or next(iter(config.controllers))
-        chosen = checks.choice("--controller", chosen, config.controllers)
-    except ArgumentError as error:
-        raise ConfigError(f"{path}: {error}") from None
+    chosen = pick(config, name)
     experiment = config.experiment
     toml = f"# Exported: controller {chosen!r}.\n{config.text}"
     folder = export_c(

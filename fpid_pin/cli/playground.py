@@ -5,10 +5,10 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from fpid_pin import checks
+from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import Config, load
 from fpid_pin.control import AdaptiveFpid
-from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
+from fpid_pin.exceptions import ConfigError, FpidError
 from fpid_pin.files import require_file
 from fpid_pin.view.playground_page import Playground, playground
 
@@ -18,10 +18,7 @@ def run_playground(path: Path, html: Path, name: str | None) -> None:
     require_file(html)
     config = load(path)
     if name is not None:
-        try:
-            checks.choice("--controller", name, config.controllers)
-        except ArgumentError as error:
-            raise ConfigError(f"{path}: {error}") from None
+        pick(config, name)
     page, left = make(config, html, name)
     for line in left:
         sys.stderr.write(f"fpid-pin: left out: {line}\n")
