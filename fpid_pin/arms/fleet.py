@@ -22,7 +22,7 @@ FOREST_SIZE = 20
 
 
 class _Segment:
-    """Consecutive runs that one call of Pinocchio serves: its columns are as many as fill a forest."""
+    """Consecutive runs that one call of Pinocchio serves, its columns forests of equal size."""
 
     def __init__(self, start: int, stop: int, model: Any) -> None:
         self._rows = slice(start, stop)
