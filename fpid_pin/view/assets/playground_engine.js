@@ -239,7 +239,7 @@ function simulate(S) {
   for (let first = 0; first < rows; first += B) {
     const count = Math.min(B, rows - first);
     sample(first);
-    if (noisy && first % B === 0) for (let i = 0; i < 2 * B * N; i++) M[AT.noise + i] = draw(i);
+    if (noisy) for (let i = 0; i < 2 * B * N; i++) M[AT.noise + i] = draw(i);
     K.arrive(AT.alive, AT.plants, X, AT.references, 0, AT.seen);
     if (S.supervised) M[AT.ends] = flyAssisted(S, X, rubs, senses, first, count);
     else K.fly(AT.alive, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table, AT.model, AT.bodies,
