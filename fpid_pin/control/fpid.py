@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.control.disturbance import observer_gains
 from fpid_pin.control.model_terms import ModelTerms
 from fpid_pin.control.parameters import check_gains, check_scale, joint_scale
 from fpid_pin.control.safeguards import Safeguards
@@ -217,7 +218,7 @@ class FpidState(State):
             nodes = np.linspace(0.0, 1.0, NODES)
             table = modes_of(self._design, nodes, step=self.step, horizon=horizon).table()
         self._model = None
-        if first.supervisor is not None or first.feedforward or first.bandwidth:
+        if first.supervisor or first.feedforward or any(c.bandwidth for c in controllers):
             self._model = ModelTerms(controllers, arm, self.robots, self.joints)
         self._records = (self.robots, self.joints, self._ops, self._poles, self._modes, table)
         # A tick of nobody: what is yet to be compiled is so now, not in a robot's first period.
@@ -330,8 +331,7 @@ def _fill(robot: Any, joints: Any, controller: AdaptiveFpid, arm: Arm) -> None:
     joints["d_order_min"], joints["d_order_max"] = controller.derivative_order_bounds
     joints["viscous"] = arm.viscous_friction
     if controller.bandwidth:
-        pole = np.exp(-controller.bandwidth * robot["h"])
-        robot["l1"], robot["l2"] = 1.0 - pole**2, (1.0 - pole) ** 2 / robot["h"]
+        robot["l1"], robot["l2"] = observer_gains(controller.bandwidth, float(robot["h"]))
     if guard is not None:
         robot["guarded"] = True
         joints["sigma"], joints["nu"] = guard.sigma, guard.e_modification

@@ -42,8 +42,10 @@ class ModelTerms:
         self._observe: Any = observer
         self._supervise: Any = supervisor
         self._robots, self._joints = robots, joints
-        self._feedforward, self._compensates = first.feedforward, first.observer > 0.0
-        self._observes = first.bandwidth > 0.0
+        self._feedforward = first.feedforward
+        # A suggested observer may be none for some.
+        self._compensates = any(c.observer > 0.0 for c in controllers)
+        self._observes = any(c.bandwidth > 0.0 for c in controllers)
         self._kind = None if first.supervisor is None else first.supervisor.kind
         runs, n = joints.shape
         self._fleet = Fleet([arm], runs)

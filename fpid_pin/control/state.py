@@ -11,6 +11,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.arms.fleet import Fleet
 from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.control.disturbance import DisturbanceObserver
 from fpid_pin.control.parameters import number_fields, stack
 from fpid_pin.exceptions import SimulationError
 
@@ -82,6 +83,7 @@ class LawState(State):
         self._fleet = Fleet([arm], self.runs)
         self._last: tuple[FloatArray, FloatArray] | None = None
         self._int_e: FloatArray = np.zeros(shape)
+        self._observer: DisturbanceObserver | None = None
         self.law.begin(self)
 
     def tick(self, inputs: FloatArray) -> None:
@@ -111,6 +113,8 @@ class LawState(State):
         for array in (*self.memory.values(), *self.shown.values(), self._int_e):
             if isinstance(array, np.ndarray):
                 array[run] = 0.0
+        if self._observer is not None:
+            self._observer.retire(run)
 
     # ------------------------------------------------------------------ for the law
 
@@ -132,6 +136,31 @@ class LawState(State):
             self._int_e += growth
         self._last = (e.copy(), e_dot.copy())
         return self._int_e
+
+    def observe(self, bandwidth: FloatArray) -> None:
+        """Ask, in `Controller.begin`, for the disturbance observer that `AdaptiveFpid` has.
+
+        Parameters
+        ----------
+        bandwidth
+            [rad/s], (runs, n), one for all joints of a run; 0: none.
+
+        Raises
+        ------
+        ArgumentError
+            An observer faster than the sampling allows.
+        """
+        if bandwidth.any():
+            self._observer = DisturbanceObserver(self.arm, bandwidth[:, 0], self.step)
+
+    def disturbance(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the torque that acts and that the nominal model knows nothing of, once a tick.
+
+        (runs, n) [N m], as observed; 0 where `observe` was not asked for.
+        """
+        if self._observer is None:
+            return np.zeros_like(q)
+        return self._observer.observe(self.alive, q, v, self.torque)
 
     def gravity(self, q: FloatArray) -> FloatArray:
         """Return G(q) of the nominal model, (runs, n) [N m]."""

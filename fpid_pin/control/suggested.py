@@ -10,6 +10,7 @@ from fpid_pin import checks
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import suggest_gains
+from fpid_pin.control.observer_bandwidth import check_observer
 from fpid_pin.control.state import State
 from fpid_pin.descriptions import described
 
@@ -24,7 +25,7 @@ class SuggestedFpid(Controller):
 
     Parameters
     ----------
-    bandwidth, integral_order, derivative_order, adaptive
+    bandwidth, integral_order, derivative_order, adaptive, feedforward, observer
         See `suggest_gains`.
     name
         What tables and figures call it.
@@ -34,6 +35,8 @@ class SuggestedFpid(Controller):
     integral_order: float = 0.9
     derivative_order: float = 0.95
     adaptive: bool = True
+    feedforward: bool = False
+    observer: float | str = 0.0
     name: str = "FPID, suggested gains"
 
     def __post_init__(self) -> None:
@@ -42,19 +45,22 @@ class SuggestedFpid(Controller):
         for name in ("integral_order", "derivative_order"):
             value = checks.number(name, getattr(self, name), low=0.0, high=1.0)
             object.__setattr__(self, name, value)
-        checks.instance("adaptive", self.adaptive, bool, "true or false")
+        for name in ("adaptive", "feedforward"):
+            checks.instance(name, getattr(self, name), bool, "true or false")
+        object.__setattr__(self, "observer", check_observer(self.observer))
 
     def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> AdaptiveFpid:
         """Return the controller that this is on `arm`."""
         return suggest_gains(
             arm, self.bandwidth, integral_order=self.integral_order,
-            derivative_order=self.derivative_order, adaptive=self.adaptive, step=step,
-            horizon=horizon, name=self.name,
+            derivative_order=self.derivative_order, adaptive=self.adaptive,
+            feedforward=self.feedforward, observer=self.observer, step=step, horizon=horizon,
+            name=self.name,
         )  # fmt: skip
 
     def lockstep_key(self) -> Hashable:
-        """See `Controller.lockstep_key`."""
-        return (type(self),)
+        """See `Controller.lockstep_key`: with and without the model are different ticks."""
+        return (type(self), self.feedforward, bool(self.observer))
 
     @classmethod
     def start_many(

@@ -31,7 +31,8 @@ def correct(alive, robots, joints, v, v_hat, lost):
                     c.xi += s.l2 * miss
             v_hat[r, j] = c.v_hat
             lost[r, j] = c.xi
-        s.observing = 1
+        if alive[r]:
+            s.observing = 1
 
 
 @kernel
