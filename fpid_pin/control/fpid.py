@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,25 +12,18 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
-from fpid_pin.control.disturbance import observer_gains
-from fpid_pin.control.model_terms import ModelTerms
+from fpid_pin.control.fpid_state import FpidState
 from fpid_pin.control.parameters import check_gains, check_scale, joint_scale
 from fpid_pin.control.safeguards import Safeguards
-from fpid_pin.control.state import State
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.descriptions import described
-from fpid_pin.exceptions import DesignError
 from fpid_pin.fractional import Design, ExponentialSum
-from fpid_pin.fractional.design import modes_of
 from fpid_pin.fractional.modes import INITIALISATIONS
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
 REGRESSORS = ("law", "integer")
-#: Orders at which the table is laid out that orders which move are interpolated in: a cubic on
-#: this grid is within 1e-7 of the operator, as the operator of 24 modes is of the exact one.
-NODES = 201
 
 
 @described("adaptive_fpid")
@@ -71,9 +64,12 @@ class AdaptiveFpid(Controller):
     order_learning_rate
         Of the orders, gamma_o; 0: they stay. Scalar, (n,), or (2, n), a row each for lambda and
         mu: ``lambda' = -gamma_o S s Ki dI^lambda e/dlambda`` and likewise mu, the gradient that
-        moves the gains. Wants a design with shared poles.
+        moves the gains, its last factor one sample old. Wants a design with shared poles.
+        Safeguards' dead zone and leakage count for orders, too. `fpid_pin.control.adapt_orders`
+        has rates and bounds to begin with.
     integral_order_bounds, derivative_order_bounds
-        What orders that move stay within, in [0, 1].
+        What orders that move stay within, in [0, 1], from their start. Should mu fall to 0, its
+        term is Caputo's limit e - e(0).
     feedforward
         Whether the nominal model's torque for the reference, M q''_d + C q'_d + G + F_v q'_d, is
         added.
@@ -181,162 +177,25 @@ class AdaptiveFpid(Controller):
             found.append(np.broadcast_to(one, (rows, n)))
         return np.concatenate(found)
 
+    def order_bounds(self, n: int) -> FloatArray:
+        """Return the least and the largest orders of D^(1 - lambda), D^mu: (bound, n, 2).
+
+        Orders whose rate is 0 are bounded by [0, 1] alone.
+        """
+        low, high = self.integral_order_bounds
+        bounds = np.array([[1.0 - high, self.derivative_order_bounds[0]],
+                           [1.0 - low, self.derivative_order_bounds[1]]])  # fmt: skip
+        moves = self.rates(n)[3:].T > 0.0
+        return np.where(moves, bounds[:, np.newaxis], np.array([0.0, 1.0])[:, None, None])
+
     def orders(self, n: int) -> FloatArray:
-        """Return the orders of the derivatives that are taken, of int e and of e, (n, 2)."""
+        """Return the orders of the derivatives that are taken, of int e and of e, (n, 2).
+
+        Projection of those that move counts from the start.
+        """
         lam = checks.spread("integral_order", self.integral_order, n)
-        return np.stack([1.0 - lam, checks.spread("derivative_order", self.derivative_order, n)],
-                        axis=1)  # fmt: skip
-
-
-class FpidState(State):
-    """The records of `kernels.law` for all runs; Pinocchio helps where a supervisor acts."""
-
-    def __init__(
-        self, controllers: Sequence[AdaptiveFpid], arm: Arm, step: float, horizon: float
-    ) -> None:
-        super().__init__(len(controllers), arm, step)
-        # Imported late: it loads numba.
-        from fpid_pin.kernels import law
-
-        self._fpids = cast("Callable[..., bool]", law.fpids)
-        self.robots = np.zeros(self.runs, law.ROBOT)
-        self.joints = np.zeros(self.torque.shape, law.JOINT)
-        self.robots["h"], self.robots["threshold"] = self.step, np.inf
-        self.joints["limit"] = arm.effort_limit
-        for robot, joints, controller in zip(self.robots, self.joints, controllers, strict=True):
-            _fill(robot, joints, controller, arm)
-        self._design, self._horizon = controllers[0].design, horizon
-        self.orders = np.array([c.orders(self.n) for c in controllers])
-        modes = modes_of(self._design, self.orders, step=self.step, horizon=horizon)
-        self._ops, self._poles, self._modes = modes.records(controllers[0].initialisation)
-        self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
-        first = controllers[0]
-        self._moves = first.moves_orders
-        table = np.zeros((4, 3 + self._modes.shape[-1]))
-        if self._moves:
-            self._need_shared_poles()
-            nodes = np.linspace(0.0, 1.0, NODES)
-            table = modes_of(self._design, nodes, step=self.step, horizon=horizon).table()
-        self._model = None
-        if first.supervisor or first.feedforward or any(c.bandwidth for c in controllers):
-            self._model = ModelTerms(controllers, arm, self.robots, self.joints)
-        self._records = (self.robots, self.joints, self._ops, self._poles, self._modes, table)
-        # A tick of nobody: what is yet to be compiled is so now, not in a robot's first period.
-        nobody, inputs = np.zeros_like(self.alive), np.zeros((5, *self.torque.shape))
-        self._fpids(nobody, *self._records, inputs, self.torque)
-        if self._model is not None:
-            self._model.add(nobody, inputs, True, self.torque)
-
-    def tick(self, inputs: FloatArray) -> None:
-        """See `State.tick`."""
-        if self._ramp is not None:
-            self._climb()
-        acts = self._fpids(self.alive, *self._records, inputs, self.torque)
-        if self._model is not None:
-            self._model.add(self.alive, inputs, acts, self.torque)
-
-    def signals(self) -> Mapping[str, FloatArray]:
-        """Return views of kp, ki, kd, u_fpid, u_s and s, (runs, n), and of lyapunov, (runs,).
-
-        Where orders move, also of them; where the model adds to the torque, of what it adds.
-        """
-        views = {name: self.joints[name] for name in ("kp", "ki", "kd", "u_fpid", "u_s", "s")}
-        if self._model is not None and self._model.compensates:
-            views["u_model"] = self.joints["u_m"]
-        if self._moves:
-            views |= {"integral_order": self.joints["lam"], "derivative_order": self.joints["mu"]}
-        return views | {"lyapunov": self.robots["value"]}
-
-    def set_orders(
-        self,
-        integral_order: ArrayLike | None = None,
-        derivative_order: ArrayLike | None = None,
-        *,
-        ramp: float = 0.0,
-    ) -> None:
-        """Change lambda and mu while running, (n,) or (runs, n); None leaves as it is.
-
-        From now on (or, with a `ramp` [s], from its end) the terms are those of a law that had the
-        new orders from the start.
-
-        Raises
-        ------
-        DesignError
-            A design whose poles depend on the order: its modes mean nothing to another one.
-        """
-        new = self.orders.copy()
-        if integral_order is not None:
-            order = checks.floats("integral_order", integral_order, low=0.0, high=1.0)
-            new[..., 0] = 1.0 - order
-        if derivative_order is not None:
-            new[..., 1] = checks.floats("derivative_order", derivative_order, low=0.0, high=1.0)
-        self._need_shared_poles()
-        steps = round(checks.number("ramp", ramp, low=0.0) / self.step)
-        if steps:
-            self._ramp = (self.orders, new, 0, steps)
-        else:
-            self._ramp = None
-            self._use(new)
-
-    def _need_shared_poles(self) -> None:
-        if len(self._poles) > 1:
-            raise DesignError(
-                f"orders: expected a design with shared poles, got {type(self._design).__name__}"
-            )
-
-    def _climb(self) -> None:
-        """Move the orders by one step of their ramp."""
-        assert self._ramp is not None
-        first, last, done, steps = self._ramp
-        part = (done + 1) / steps
-        self._use(last if part >= 1.0 else first + part * (last - first))
-        self._ramp = None if part >= 1.0 else (first, last, done + 1, steps)
-
-    def _use(self, orders: FloatArray) -> None:
-        self.orders = orders
-        modes = modes_of(self._design, orders, step=self.step, horizon=self._horizon)
-        for name, value in modes.operator().items():
-            self._ops[name] = value
-        self._modes["weight"] = np.moveaxis(modes.weights, 0, -1)
-
-    def retire(self, run: int) -> None:
-        """See `State.retire`."""
-        super().retire(run)
-        self.joints[run] = 0.0
-        self.robots[run] = 0.0
-        self._modes["x"][run] = 0.0
-
-
-def _fill(robot: Any, joints: Any, controller: AdaptiveFpid, arm: Arm) -> None:
-    """Write a description into the records of one run."""
-    n = arm.n
-    joints["scale"] = controller.scale_on(arm)
-    for name in ("k0", "k1"):
-        joints[name] = checks.spread(name, getattr(controller, name), n)
-    guard = controller.safeguards
-    bounds = np.full((2, 3, n), [[[-np.inf]], [[np.inf]]]) if guard is None else guard.bounds(n)
-    rates = controller.rates(n)
-    for name, rate, low, high in zip(("kp", "ki", "kd"), rates, *bounds, strict=False):
-        # Projection counts from the start.
-        gain = np.clip(checks.spread(name, getattr(controller, name), n), low, high)
-        joints[name] = joints[f"{name}_0"] = gain
-        joints[f"{name}_min"], joints[f"{name}_max"] = low, high
-        joints[f"gamma_{name[1]}"] = rate
-    robot["printed"], robot["moves"] = controller.regressors == "integer", controller.moves_orders
-    joints["gamma_io"], joints["gamma_do"] = rates[3:]
-    joints["i_order_0"], joints["d_order_0"] = controller.orders(n).T
-    joints["lam"], joints["mu"] = 1.0 - joints["i_order_0"], joints["d_order_0"]
-    low, high = controller.integral_order_bounds
-    joints["i_order_min"], joints["i_order_max"] = 1.0 - high, 1.0 - low
-    joints["d_order_min"], joints["d_order_max"] = controller.derivative_order_bounds
-    joints["viscous"] = arm.viscous_friction
-    if controller.bandwidth:
-        robot["l1"], robot["l2"] = observer_gains(controller.bandwidth, float(robot["h"]))
-    if guard is not None:
-        robot["guarded"] = True
-        joints["sigma"], joints["nu"] = guard.sigma, guard.e_modification
-        joints["dead_zone"] = guard.dead_zone
-    if controller.supervisor is not None:
-        joints["bound"] = controller.supervisor.bound(n)
-        for name, value in controller.supervisor.record(float(robot["h"])).items():
-            robot[name] = value
+        mu = checks.spread("derivative_order", self.derivative_order, n)
+        if self.moves_orders:
+            # D^0 e is e, but the limit for mu that falls to 0 is e - e(0): the one to start from.
+            mu = np.maximum(mu, np.finfo(float).tiny)
+        return np.clip(np.stack([1.0 - lam, mu], axis=1), *self.order_bounds(n))

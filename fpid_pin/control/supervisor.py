@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +12,14 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
+from fpid_pin.exceptions import FpidWarning
+
+if TYPE_CHECKING:
+    from fpid_pin.arms import Arm
 
 KINDS = ("sampled", "paper")
+#: At how many poses, home and seeded ones, M^-1 is looked at for `Supervisor.warn`.
+POSES = 32
 
 
 def lyapunov_matrix(k0: float, k1: float, weight: ArrayLike | None = None) -> FloatArray:
@@ -58,15 +65,16 @@ class Supervisor:
     """Supervisory control: it keeps V = 1/2 sum_j E_j^T P E_j, and so the error, inside a set.
 
     ``"sampled"`` acts one step ahead. Over a step in which e'' is constant V is a quadratic in
-    e'', so {V <= V_T} is a ball in it, and u_s is the least torque whose next error lies there:
-    with T the look-ahead, sums over joints, z and r as in `kernels.supervisor.project`,
+    e'', so {V <= V_T} is a ball in it, and u_s makes the least change to e'' that ends there: with
+    T the look-ahead, sums over joints, z and r as in `kernels.supervisor.project`,
 
         u_s = M z/|z| clip(|z| + sum_j |M^-1 z/|z||_j d_u,j - r, 0, |z|)   where V >= V_on, else 0
 
-    If what the model lacks stays below `tolerance` over each step, the torque is unsaturated and
-    V(0) <= V_T, then V_(k+1) <= (1 - h/T) V_k + (h/T) V_T: the set is kept at every sample
-    (docs/supervisor.md has the proof). `quiet` is a setting that estimates what the model lacks,
-    in place of reserving for the worst. Gains and integrals go on while it acts.
+    Where accelerations of unknown cause are reserved for and at most `tolerance`, the torque is
+    unsaturated, V_on = 0 and V(0) <= V_T, V_(k+1) <= (1 - h/T) V_k + (h/T) V_T: the set is kept at
+    every sample. docs/supervisor.md has the proof, and what d_u costs that reserves for torques
+    along z only. `quiet` is a setting that estimates what the model lacks, in place of reserving
+    for the worst. Gains and integrals go on while it acts.
 
     ``"paper"`` is (20). Its guarantee, V' <= -1/2 sum E^T Q E, is one of continuous time: **in a
     sampled loop sgn is held a step too long, and it can make V worse than without** (2.9 V_M at
@@ -91,14 +99,14 @@ class Supervisor:
     boundary_layer
         Of (20): width (of w = M^-1 B^T P E) over which sgn becomes a ramp; 0 keeps sgn.
     kind
-        ``"sampled"`` or ``"paper"``.
+        ``"sampled"`` or ``"paper"``; ``variant`` in files, whose ``kind`` is the description's.
     lookahead
         T [s], at least the step; None: the step. Longer is gentler, and tolerates less.
     observer
-        Bandwidth [rad/s] of an estimate of what the model lacks; 0: none. It is the law's own
-        where that has one (`AdaptiveFpid.observer`).
+        Bandwidth [rad/s] of an estimate of what the model lacks, at most 1/step; 0: none. It is
+        the law's own where that has one (`AdaptiveFpid.observer`).
     target, trigger
-        V_T and V_on over V_M.
+        V_T and V_on over V_M. Noise wants a lower V_T: see docs/supervisor.md.
     """
 
     m_x: float
@@ -148,7 +156,8 @@ class Supervisor:
         """Return the setting that hardly shows: it looks 10 ms ahead and learns what to expect.
 
         Nothing is reserved for a worst case (d_u = 0): an observer of 100 rad/s estimates what
-        the model lacks. The set is aimed at 2 % within, from 0.9 V_M on.
+        the model lacks. The set is aimed at 2 % within, from 0.9 V_M on. `others` are further
+        arguments, also in place of these four.
         """
         setting = {"lookahead": 0.01, "observer": 100.0, "target": 0.98, "trigger": 0.9}
         return cls(m_x, reference_bound, **(setting | others))
@@ -172,15 +181,42 @@ class Supervisor:
         return total
 
     def tolerance(self, step: float) -> float:
-        """Return r_min [rad/s^2]: the set is kept if the model lacks no more acceleration.
+        """Return r_min [rad/s^2], the largest acceleration of unknown cause with a guarantee.
 
         ``r_min = (1/Pi) sqrt(2 V_T (2 p12 - (T - h) p11)/T)`` with
-        ``Pi = p22 + h p12 + h^2 p11/4``; 0 for a look-ahead so long that nothing is tolerated.
+        ``Pi = p22 + h p12 + h^2 p11/4``; 0 for a look-ahead so long that nothing is tolerated. It
+        is the smallest radius that the ball of `kernels.supervisor.project` has while V <= V_T.
+        docs/supervisor.md says what holds up to it, and what beyond. Of the sampled kind only, and
+        with V_on = 0: where it waits for V >= V_on, no step that starts below is looked after.
         """
         p, ahead = self.p, step if self.lookahead is None else self.lookahead
         room = 2.0 * p[0, 1] - (ahead - step) * p[0, 0]
         size = p[1, 1] + step * p[0, 1] + step**2 * p[0, 0] / 4.0
         return float(np.sqrt(max(2.0 * self.target * self.threshold * room / ahead, 0.0)) / size)
+
+    def warn(self, arm: Arm, step: float) -> None:
+        """Warn where d_u can accelerate the errors by more than `tolerance`, at some pose.
+
+        Compared is ``|M^-1| d_u``, which no ``|D| <= d_u`` exceeds. A supervisor of the other
+        kind, with an observer (which estimates what it does not know) or without d_u says nothing.
+        """
+        bound = checks.per_joint("supervisor.disturbance_bound", self.disturbance_bound, arm.n)
+        if self.kind != "sampled" or self.observer > 0.0 or not bound.any():
+            return
+        rng = np.random.default_rng(0)
+        low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
+        high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
+        poses = [arm.home, *rng.uniform(low, high, (POSES - 1, arm.n))]
+        inverses = np.abs(np.linalg.inv([arm.mass_matrix(q) for q in poses]))
+        largest, r_min = float(np.linalg.norm(inverses @ bound, axis=1).max()), self.tolerance(step)
+        if largest > r_min:
+            warnings.warn(
+                f"supervisor.disturbance_bound: expected |M^-1| d_u of at most r_min = {r_min:.4g} "
+                f"rad/s^2 at a step of {step:g} s, got {largest:.4g} rad/s^2: beyond, the set is "
+                "kept but for the excess in docs/supervisor.md",
+                FpidWarning,
+                stacklevel=2,
+            )
 
     def record(self, step: float) -> dict[str, float]:
         """Return the constants of `kernels.supervisor`, by name.

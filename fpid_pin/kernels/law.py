@@ -41,7 +41,9 @@ def leak(gain, initial, gamma, s, c):
 def bend(c, i_op, d_op, guarded, h):
     """Move a joint's orders by one step along the same gradient: alpha' = -gamma S s K dD/dalpha.
 
-    The integral term's alpha is 1 - lambda, so lambda goes the other way, as it should.
+    The integral term's alpha is 1 - lambda, so lambda goes the other way, as it should. The slope
+    is the one before that of S: a measured rate's noise is in S and in the slope of the same
+    sample, and the mean of their product would drive mu upwards.
     """
     s = c.s
     i_leak = 0.0
@@ -50,8 +52,8 @@ def bend(c, i_op, d_op, guarded, h):
         s -= clip(s, c.dead_zone)
         i_leak = leak(i_op.order, c.i_order_0, c.gamma_io, s, c)
         d_leak = leak(d_op.order, c.d_order_0, c.gamma_do, s, c)
-    i_order = i_op.order - h * c.gamma_io * s * c.scale * c.ki * i_op.slope - h * i_leak
-    d_order = d_op.order - h * c.gamma_do * s * c.scale * c.kd * d_op.slope - h * d_leak
+    i_order = i_op.order - h * c.gamma_io * s * c.scale * c.ki * i_op.slope_ - h * i_leak
+    d_order = d_op.order - h * c.gamma_do * s * c.scale * c.kd * d_op.slope_ - h * d_leak
     i_op.order = min(max(i_order, c.i_order_min), c.i_order_max)
     d_op.order = min(max(d_order, c.d_order_min), c.d_order_max)
     c.lam = 1.0 - i_op.order

@@ -112,7 +112,9 @@ def project(alive, robots, joints, inputs, acceleration, direction):
 
 @kernel
 def shorten(alive, robots, joints, reserve, direction):
-    """Scale the directions to the least change that ends in the ball, whatever |D| <= d_u does.
+    """Scale the directions to the least change that ends in the ball, whatever D does along z.
+
+    That is, |D| <= d_u; docs/supervisor.md says what it can do across.
 
     `reserve` is M^-1 of the directions. Returns whether any change is left.
     """

@@ -1,84 +1,107 @@
-"""The observer's kernels on a joint that is nothing but an inertia, against closed forms."""
+"""The observer against its closed form; what it adds to a torque."""
+
+from collections import deque
 
 import numpy as np
 import pytest
 
+from fpid_pin.kernels import law, observer
+
 pytestmark = pytest.mark.kernels
-
-STEP, OMEGA = 1e-3, 80.0
-POLE = np.exp(-OMEGA * STEP)
+H = 2e-3
 
 
-def records():
-    """Return the records of three runs: one observes, one has none, one has ended."""
-    from fpid_pin.kernels import law
-
-    robots, joints = np.zeros(3, law.ROBOT), np.zeros((3, 1), law.JOINT)
-    robots["h"] = STEP
-    robots["l1"], robots["l2"] = 1.0 - POLE**2, (1.0 - POLE) ** 2 / STEP
-    robots["l1"][1] = robots["l2"][1] = 0.0
+def records(omega, runs=1, n=2):
+    robots, joints = np.zeros(runs, law.ROBOT), np.zeros((runs, n), law.JOINT)
+    robots["h"] = H
+    pole = np.exp(-np.asarray(omega) * H)
+    robots["l1"], robots["l2"] = 1.0 - pole**2, (1.0 - pole) ** 2 / H
     joints["limit"] = np.inf
-    return robots, joints, np.array([True, True, False])
+    return robots, joints
 
 
-def test_what_accelerates_without_a_cause_is_found_by_its_closed_form():
-    from fpid_pin.kernels import observer
-
-    robots, joints, alive = records()
-    lost = 3.0  # [rad/s^2]
-    v, v_hat, xi, a, change = np.zeros((5, 3, 1))
-    for k in range(200):
-        v[:] = lost * STEP * k
+def observed(robots, joints, speeds, model, change=0.0):
+    """Return v^ and xi at samples of the speed, (K, runs, n), and of what the model makes of it."""
+    alive, shape = np.ones(len(robots), bool), joints.shape
+    v_hat, xi = np.zeros((2, *shape))
+    found = []
+    for v, a in zip(speeds, model, strict=True):
         observer.correct(alive, robots, joints, v, v_hat, xi)
-        part = 1.0 - POLE**k * (1.0 + (1.0 - POLE) * k)
-        assert xi[:, 0] == pytest.approx([lost * part, 0.0, 0.0], abs=1e-11)
-        assert v_hat[1] == v[1]
-        observer.predict(robots, joints, a, change)
-    assert v_hat[0] == pytest.approx(v[0], abs=1e-4)
-    assert robots["observing"].tolist() == [1, 1, 0]
-    assert xi[0, 0] == pytest.approx(lost, rel=1e-4)
+        observer.predict(robots, joints, a, np.broadcast_to(change, shape))
+        found.append((v_hat.copy(), xi.copy()))
+    return np.moveaxis(np.array(found), 1, 0)
 
 
-def test_a_tick_of_nobody_is_not_a_beginning():
-    # What the model makes of angles 0 must not be what the first measurement is compared with.
-    from fpid_pin.kernels import observer
+def test_both_poles_are_p_and_a_constant_unknown_acceleration_is_found():
+    """From xi = 0: xi_k - w = -w (1 + k (1 - p)) p^k and v - v^ = h w k p^(k + 1).
 
-    robots, joints, alive = records()
-    v, v_hat, xi, change = np.zeros((4, 3, 1))
-    observer.correct(np.zeros_like(alive), robots, joints, v, v_hat, xi)
-    observer.predict(robots, joints, np.full((3, 1), -9.81), change)
-    v[:] = 2.0
-    observer.correct(alive, robots, joints, v, v_hat, xi)
+    With a double pole they are (a + b k) p^k; the first two samples give a and b.
+    """
+    omega, w = np.array([20.0, 150.0]), np.array([[3.0, -7.0], [0.5, 40.0]])
+    robots, joints = records(omega, runs=2)
+    k = np.arange(200.0)
+    a = np.random.default_rng(0).normal(size=(200, 2, 2))  # what the model knows, and u_s adds
+    steps = H * (a + 0.25 + w)
+    speeds = np.cumsum(steps, axis=0) - steps + np.array([1.0, 2.0])
+    v_hat, xi = observed(robots, joints, speeds, a, change=0.25)
+    p, k = np.exp(-omega * H)[:, np.newaxis], k[:, np.newaxis, np.newaxis]
+    # Sums of 200 speeds of size 1, times (1 - p)^2/h = 36/s: rounding of 1e-12.
+    assert xi == pytest.approx(w - w * (1.0 + k * (1.0 - p)) * p**k, abs=1e-11)
+    assert speeds - v_hat == pytest.approx(H * w * k * p ** (k + 1.0), abs=1e-13)
+    assert xi[-1, 1] == pytest.approx(w[1], rel=1e-9)
+    assert v_hat[-1, 1] == pytest.approx(speeds[-1, 1], rel=1e-9)
+
+
+def test_it_begins_at_the_first_sample_of_a_run_that_lives():
+    robots, joints = records(100.0, runs=2)
+    v, v_hat, xi = np.full((2, 2), 5.0), *np.zeros((2, 2, 2))
+    observer.correct(np.zeros(2, bool), robots, joints, v, v_hat, xi)  # a tick of nobody
+    observer.correct(np.array([True, False]), robots, joints, v, v_hat, xi)
+    assert v_hat.tolist() == [[5.0, 5.0], [0.0, 0.0]]
     assert (xi == 0.0).all()
-    assert v_hat[:2, 0].tolist() == [2.0, 2.0]
+    assert robots["observing"].tolist() == [1, 0]
 
 
-def test_the_prediction_is_a_step_of_the_model_and_of_all_that_is_added():
-    from fpid_pin.kernels import observer
-
-    robots, joints, _ = records()
-    joints["v_hat"], joints["xi"] = 1.0, 4.0
-    observer.predict(robots, joints, np.full((3, 1), 10.0), np.full((3, 1), -2.0))
-    assert joints["predicted"] == pytest.approx(np.full((3, 1), 1.0 + STEP * 12.0))
-
-
-def test_the_model_s_torque_is_added_cut_and_noted():
-    from fpid_pin.kernels import observer
-
-    _, joints, alive = records()
-    joints["u_fpid"], joints["limit"] = 4.0, [[10.0], [3.0], [10.0]]
-    torque = np.full((3, 1), 7.0)
-    observer.compensate(alive, joints, np.full((3, 1), 5.0), np.full((3, 1), 3.5), torque)
-    assert torque[:, 0].tolist() == [5.5, 3.0, 7.0]
-    assert joints["u_m"][:, 0].tolist() == [1.5, 1.5, 0.0]
-    assert joints["cut"][:, 0].tolist() == [0.0, 2.5, 0.0]
+def test_without_a_bandwidth_the_speed_is_what_is_measured():
+    robots, joints = records(0.0)
+    speeds = np.random.default_rng(1).normal(size=(5, 1, 2))
+    v_hat, xi = observed(robots, joints, speeds, np.ones((5, 1, 2)))
+    assert (v_hat == speeds).all()
+    assert (xi == 0.0).all()
 
 
-def test_what_moves_the_model_is_the_torque_less_its_viscous_friction():
-    from fpid_pin.kernels import observer
+@pytest.mark.parametrize(("bandwidth", "stable"), [(1.0, True), (2.0, False)])
+def test_at_1_over_h_what_is_cancelled_bears_two_samples_of_delay_and_at_2_over_h_not(
+    bandwidth, stable
+):
+    """An acceleration w that the joint has, less xi of two samples ago; the model expects xi."""
+    robots, joints = records(bandwidth / H, n=1)
+    v, v_hat, xi, late = np.zeros((4, 1, 1))
+    alive, past = np.array([True]), deque([0.0, 0.0, 0.0], maxlen=3)
+    for _ in range(300):
+        observer.correct(alive, robots, joints, v, v_hat, xi)
+        past.append(xi[0, 0])
+        observer.predict(robots, joints, -xi, late)
+        v = v + H * (1.0 - past[0])
+    assert (abs(xi[0, 0] - 1.0) < 0.01) == stable
+    assert (abs(xi[0, 0]) > 1e3) != stable
 
-    _, joints, _ = records()
-    joints["viscous"] = 0.5
-    tau = np.zeros((3, 1))
-    observer.brake(joints, np.full((3, 1), 2.0), np.full((3, 1), 3.0), tau)
-    assert (tau == 0.5).all()
+
+def test_what_the_model_adds_is_feedforward_less_what_disturbs():
+    _, joints = records(0.0, runs=2)
+    joints["u_fpid"], joints["limit"] = 1.0, 4.0
+    torque = np.full((2, 2), 9.0)
+    alive = np.array([True, False])
+    feedforward, disturbance = np.array([[3.0, 3.0]] * 2), np.array([[1.0, -2.0]] * 2)
+    observer.compensate(alive, joints, feedforward, disturbance, torque)
+    assert joints["u_m"].tolist() == [[2.0, 5.0], [0.0, 0.0]]
+    assert torque.tolist() == [[3.0, 4.0], [9.0, 9.0]]
+    assert joints["cut"].tolist() == [[0.0, 2.0], [0.0, 0.0]]
+
+
+def test_friction_brakes_by_the_speed_that_is_estimated():
+    _, joints = records(0.0)
+    joints["viscous"] = [0.5, 2.0]
+    tau = np.zeros((1, 2))
+    observer.brake(joints, np.array([[1.0, 1.0]]), np.array([[2.0, -3.0]]), tau)
+    assert tau.tolist() == [[0.0, 7.0]]
