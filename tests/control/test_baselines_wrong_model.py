@@ -153,7 +153,7 @@ def test_a_run_file_holds_them(tmp_path):
         (lambda: fp.PdGravity(1.0, 1.0, observer=-1.0), "observer: expected a number >= 0, got -1"),
         (
             lambda: fp.ComputedTorque(observer=3e3).start(ARM, step=1e-3),
-            r"observer: expected at most 2 over the step \(2000 rad/s\), got 3000 rad/s",
+            r"observer: expected at most 1/step \(1000 rad/s\), got 3000 rad/s",
         ),
     ],
 )

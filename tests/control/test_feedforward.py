@@ -101,7 +101,7 @@ def test_a_constant_torque_is_found_by_its_closed_form_and_cancelled():
 def test_a_true_arm_that_is_too_light_is_where_the_closed_form_puts_it():
     # An arm of beta times the model's mobility: z^2 - (1 + p^2 - beta (1 - p)^2) z + p^2 = 0,
     # which leaves the unit circle at beta = 2 (1 + p^2)/(1 - p)^2.
-    omega = 2.0 / STEP
+    omega = 1.0 / STEP
     p = np.exp(-omega * STEP)
     edge = 2.0 * (1.0 + p**2) / (1.0 - p) ** 2
     law = fp.AdaptiveFpid(kp=0.0, ki=0.0, kd=0.0, learning_rate=0.0, observer=omega)
@@ -279,7 +279,7 @@ def test_bad_arguments_give_one_clear_line(changes, message):
 
 def test_an_observer_faster_than_the_sampling_is_refused():
     law = dataclasses.replace(LAW, observer=2500.0)
-    message = r"observer: expected at most 2 over the step \(2000 rad/s\), got 2500 rad/s"
+    message = r"observer: expected at most 1/step \(1000 rad/s\), got 2500 rad/s"
     with pytest.raises(ArgumentError, match=message):
         law.start(ROD, step=1e-3)
-    law.start(ROD, step=5e-4)
+    law.start(ROD, step=4e-4)

@@ -8,9 +8,10 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin import descriptions
+from fpid_pin.cli.config import parse
 from fpid_pin.control import observer_bandwidth, suggest_observer
 from fpid_pin.disturbances import Pulse
-from fpid_pin.exceptions import ArgumentError, FpidWarning
+from fpid_pin.exceptions import ArgumentError, ConfigError, FpidWarning
 from fpid_pin.references import Hold, Sinusoid
 
 STEP = 1e-3
@@ -70,11 +71,11 @@ def test_the_edge_of_stability_is_the_simulation_s(late, ratio):
     law = fp.AdaptiveFpid(
         kp=100.0, ki=200.0, kd=20.0, derivative_order=0.95, learning_rate=0.0, scale="inertia"
     )
-    laws = observer_bandwidth._laws(arm, law, STEP)
-    loop = observer_bandwidth._Loop(arm, laws, arm.home, ratio, STEP, late)
+    system = observer_bandwidth._law(arm, law, STEP)
+    loop = observer_bandwidth._Loop(arm, system, arm.home, ratio, STEP, late)
     assert loop.stable(0.0)
-    edge = observer_bandwidth._largest(loop, 2.0 / STEP)
-    assert 30.0 < edge < 1500.0
+    edge = observer_bandwidth._largest(loop, 1.0 / STEP)
+    assert 30.0 < edge < 900.0
     experiment = fp.Experiment(
         arm, Hold(arm.home), v0=np.full(2, 1e-6), plant=fp.Plant(arm=true), duration=2.0,
         sensors=fp.Sensors(delay=late),
@@ -116,6 +117,39 @@ def test_it_comes_with_the_gains():
     run, same = fp.simulate(experiment, described), fp.simulate(experiment, law)
     assert (run.torque == same.torque).all()
     assert (run.u_model == same.u_model).all()
+
+
+def test_a_file_may_ask_for_it_and_give_it_to_the_rivals(tmp_path):
+    text = """
+    format = 1
+    arm = {kind = "two_link"}
+    reference = {kind = "sinusoid", amplitude = [0.3, 0.3]}
+    [[controller]]
+    kind = "suggested_fpid"
+    observer = "suggested"
+    feedforward = true
+    [[controller]]
+    kind = "computed_torque"
+    ki = 30
+    observer = 40
+    [[controller]]
+    kind = "pd_gravity"
+    kp = 100
+    kd = [20, 10]
+    ki = [30, 20]
+    observer = 40
+    [[controller]]
+    kind = "sliding_mode"
+    slope = 10
+    gain = 20
+    observer = 40
+    """
+    ours, *rivals = parse(text, "own.toml", tmp_path).controllers.values()
+    assert (ours.observer, ours.feedforward) == ("suggested", True)
+    assert [law.observer for law in rivals] == [40.0, 40.0, 40.0]
+    assert (float(rivals[0].ki), rivals[1].ki.tolist()) == (30.0, [30.0, 20.0])
+    with pytest.raises(ConfigError, match=r"controller\.0\.observer: .*suggested"):
+        parse(text.replace('"suggested"\n', '"quick"\n', 1), "own.toml", tmp_path)
 
 
 def test_suggested_and_plain_laws_share_a_call_and_keep_their_bits():
