@@ -234,6 +234,8 @@ def many(n):
     [
         refused("Numpy: expected a law that is a kernel.*missing is its `kernel`", Numpy()),
         refused("Pid: expected a law", fp.Pid(kp=1.0, ki=1.0, kd=1.0)),
+        refused("ComputedTorque: .* got ki = 3.0, observer = 0 rad/s", fp.ComputedTorque(ki=3.0)),
+        refused("got ki = 0.0, observer = 60 rad/s", fp.ComputedTorque(observer=60.0)),
         refused(r"test_export_folder.py:\d+: squares: cannot be printed: .*\*\* 3", Unprintable()),
         refused("expected at most 32 joints, got 33", law(), many(33)),
         refused("expected one with modes", law(design=fp.fractional.L1()), error=fp.FpidError),
