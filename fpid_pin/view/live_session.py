@@ -24,6 +24,8 @@ from fpid_pin.view.scene import live_scene
 
 HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"
 _PUSH_TIME = 0.2
+# Keys obeyed between two frames; a held key comes at some 30 Hz.
+_KEYS = 16
 # The reference is looked at this far ahead to place the camera, s.
 _PREVIEW = 20.0
 
@@ -76,10 +78,10 @@ class _Hands:
         self.pushes: list[tuple[float, str, float]] = []
 
     def take(self, keys: str) -> bool:
-        """Obey keys; False for the one that ends the session."""
-        for key in keys:
-            if key == "q":
-                return False
+        """Obey keys, the first few; False for the one that ends the session, wherever it is."""
+        if "q" in keys:
+            return False
+        for key in keys[:_KEYS]:
             if key.isdecimal() and 1 <= int(key) <= self._arm.n:
                 self._joint = int(key) - 1
                 self.say(f"joint {self._arm.joint_names[self._joint]}")
