@@ -169,9 +169,8 @@ def live(
     if view:
         motion = experiment.motion(np.linspace(0.0, _PREVIEW, 200))[0]
         motion = np.concatenate([np.asarray(experiment.q0).reshape(1, -1), motion])
-        scene = live_scene([arm], [""], stage([arm], [motion]))
-        title = getattr(controller, "name", "") or "live"
-        scene["runs"][0]["caption"] = title
+        title = str(getattr(controller, "name", "") or "live")
+        scene = live_scene([arm], [title], stage([arm], [motion]))
         link = LiveLink(render(scene, title), port=port, announce=announce)
 
     def tick() -> bool:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import base64
+import hashlib
+from collections.abc import Mapping, Sequence
 from functools import cache
 from html import escape
 from importlib import resources, util
@@ -10,14 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from fpid_pin.exceptions import FpidError
+from fpid_pin.text import cut, visible
 from fpid_pin.view.scene import to_script_json
 
-# Nothing may be fetched: whatever a run's file says, the page cannot call home.
+# Nothing may be fetched, and nothing runs but the scripts that are named by their hashes: whatever a
+# run's file says, the page neither calls home nor does what the file wants.
 _SEALED = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; "
     "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'"
 )
-_LIVE = _SEALED + "; connect-src ws://127.0.0.1:* ws://localhost:*"
+_LIVE = "; connect-src ws://127.0.0.1:* ws://localhost:*"
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -41,10 +45,7 @@ _PAGE = """<!DOCTYPE html>
 <div id="clock"><button id="play" type="button" >Pause</button>
 <input id="seek" type="range" min="0" max="1" step="any" value="0" aria-label="time">
 <output id="time">t = 0.00 s</output></div>
-<script>{meshcat}</script>
-<script>const SCENE = {scene};</script>
-<script>{bodies}</script>
-<script>{replay}</script>
+{scripts}
 </body>
 </html>
 """
@@ -92,13 +93,33 @@ def render(scene: Mapping[str, Any], title: str) -> str:
     title
         Plain text.
     """
+    scripts = [
+        _meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
+        f"const SCENE = {to_script_json(scene)};",
+        _asset("bodies.js"),
+        _asset("replay.js"),
+    ]
     return _PAGE.format(
-        policy=_LIVE if scene["live"] else _SEALED,
-        title=escape(title),
+        policy=policy(scripts) + (_LIVE if scene["live"] else ""),
+        title=escape(cut(visible(title))),
         style=_asset("replay.css"),
         licences=licences(scene["credits"]),
-        meshcat=_meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
-        scene=to_script_json(scene),
-        bodies=_asset("bodies.js"),
-        replay=_asset("replay.js"),
+        scripts="\n".join(f"<script>{script}</script>" for script in scripts),
     )
+
+
+def policy(scripts: Sequence[str]) -> str:
+    """Return the content security policy of a page in which these scripts run, and no others."""
+    hashes = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
+    return _SEALED.format(scripts=hashes or "'none'")
+
+
+def policy_of(page: str) -> str:
+    """Return the policy of a page that `render` made: a page that embeds it needs the same."""
+    return page.partition('http-equiv="Content-Security-Policy" content="')[2].partition('"')[0]
+
+
+def _digest(script: str) -> str:
+    # A browser makes all ends of lines alike before it looks.
+    text = script.replace("\r\n", "\n").replace("\r", "\n")
+    return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

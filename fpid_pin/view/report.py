@@ -16,6 +16,8 @@ from fpid_pin.costs import Metrics
 from fpid_pin.files import replacing
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.export import as_runs, replay_html
+from fpid_pin.text import visible
+from fpid_pin.view.page import policy, policy_of
 from fpid_pin.view.panels import names_of
 from fpid_pin.view.paper_figures import figures as standard_figures
 from fpid_pin.view.scene import captions_of
@@ -31,10 +33,6 @@ Table = Sequence[Sequence[object]] | Sequence[Mapping[str, object]]
 #: More arms than these side by side cannot be told apart on a screen.
 MOST_IN_REPLAY = 6
 
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'"
-)
 _UNITS = {
     "ise": "rad² s", "iae": "rad s", "itae": "rad s²", "rms": "rad", "rms_tail": "rad",
     "energy": "(N m)² s", "total_variation": "N m", "peak_torque": "N m",
@@ -96,10 +94,12 @@ def report_html(
     names = captions_of(several, captions)
     drawn = standard_figures(several) if figures is None else figures
     shown = {"Figures of merit": metrics_table(several, names)} if tables is None else tables
-    parts = [_outcomes(several, names)]
+    parts, allowed = [_outcomes(several, names)], policy(())
     if embed_replay:
         first = slice(MOST_IN_REPLAY)
         page = replay_html(several[first], captions=names[first], title=title)
+        # What is embedded is bound by this page's policy, too.
+        allowed = policy_of(page)
         heading = "Replay"
         if len(several) > MOST_IN_REPLAY:
             heading += f" of the first {MOST_IN_REPLAY} runs"
@@ -110,9 +110,9 @@ def report_html(
         cells = "".join(_figure(name, figure) for name, figure in drawn.items())
         parts.append(_section("Figures", f'<div class="figures">{cells}</div>'))
     if config_text:
-        parts.append(_section("Configuration", f"<pre>{escape(config_text)}</pre>"))
+        parts.append(_section("Configuration", f"<pre>{_text(config_text)}</pre>"))
     parts.append(_section("Versions", _table(_versions(several, names))))
-    text = _page(title, parts)
+    text = _page(title, parts, allowed)
     path = Path(path)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -146,7 +146,11 @@ def _cell(value: object) -> str:
         return "yes" if value else "no"
     if isinstance(value, (float, np.floating)):
         return f"{value:.4g}"
-    return escape(str(value))
+    return _text(str(value))
+
+
+def _text(text: str) -> str:
+    return escape(visible(text, keep="\n\t"))
 
 
 def _rows(table: Table) -> list[list[object]]:
@@ -174,7 +178,7 @@ def _table(table: Table) -> str:
 
 
 def _figure(name: str, figure: Figure) -> str:
-    caption = escape(_CAPTIONS.get(name, name))
+    caption = _text(_CAPTIONS.get(name, name))
     width, height = figure.get_size_inches()
     kind = ' class="broad"' if width > 8.0 and width > 1.3 * height else ""
     svg = inline_svg(figure, name)
@@ -191,13 +195,13 @@ def inline_svg(figure: Figure, name: str) -> str:
     text = re.sub(r'\bid="', f'id="{prefix}', text)
     text = re.sub(r'href="#', f'href="#{prefix}', text)
     text = text.replace("url(#", f"url(#{prefix}")
-    return text.replace("<svg ", f'<svg role="img" aria-label="{escape(name)}" ', 1)
+    return text.replace("<svg ", f'<svg role="img" aria-label="{_text(name)}" ', 1)
 
 
 def _outcomes(runs: Sequence[Run], captions: Sequence[str]) -> str:
     return "".join(
         f'<p class="{"about" if run.outcome.completed else "ended"}">'
-        f"{escape(caption)}: {escape(str(run.outcome))}</p>"
+        f"{_text(caption)}: {_text(str(run.outcome))}</p>"
         for run, caption in zip(runs, captions, strict=True)
     )
 
@@ -207,10 +211,10 @@ def _anchor(heading: str) -> str:
 
 
 def _section(heading: str, content: str) -> str:
-    return f'<section id="{_anchor(heading)}"><h2>{escape(heading)}</h2>{content}</section>'
+    return f'<section id="{_anchor(heading)}"><h2>{_text(heading)}</h2>{content}</section>'
 
 
-def _page(title: str, parts: Sequence[str]) -> str:
+def _page(title: str, parts: Sequence[str], allowed: str) -> str:
     style = (resources.files("fpid_pin.view") / "assets" / "report.css").read_text("utf-8")
     links = "".join(
         f'<a href="#{anchor}">{heading}</a>'
@@ -219,10 +223,10 @@ def _page(title: str, parts: Sequence[str]) -> str:
     )
     return (
         '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
+        f'<meta http-equiv="Content-Security-Policy" content="{allowed}">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<meta name="color-scheme" content="light dark">'
-        f'<title>{escape(title)}</title><link rel="icon" href="data:,"><style>{style}</style>'
-        f"</head><body><main><h1>{escape(title)}</h1>{parts[0]}<nav>{links}</nav>"
+        f'<title>{_text(title)}</title><link rel="icon" href="data:,"><style>{style}</style>'
+        f"</head><body><main><h1>{_text(title)}</h1>{parts[0]}<nav>{links}</nav>"
         f"{''.join(parts[1:])}</main></body></html>\n"
     )
