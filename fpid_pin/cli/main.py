@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from fpid_pin.exceptions import FpidError, FpidWarning
+from fpid_pin.text import cut, visible
 
 app = typer.Typer(
     help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
@@ -90,11 +91,10 @@ def operators(
 @app.command()
 def arms() -> None:
     """List the arms that work by name, with their limits and friction."""
-    from rich.console import Console
-
     from fpid_pin.cli.arms import arms_table
+    from fpid_pin.cli.screen import screen
 
-    Console().print(arms_table())
+    screen().print(arms_table())
 
 
 @app.command()
@@ -142,7 +142,7 @@ def _plain_warning(
     file: object = None, line: str | None = None,
 ) -> None:  # fmt: skip
     text = str(message) if issubclass(category, FpidWarning) else f"{category.__name__}: {message}"
-    sys.stderr.write(f"fpid-pin: warning: {text}\n")
+    sys.stderr.write(f"fpid-pin: warning: {visible(text)}\n")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -152,7 +152,7 @@ def main(arguments: list[str] | None = None) -> int:
         status = app(args=arguments, standalone_mode=False)
     except FpidError as error:
         for text in str(error).splitlines():
-            sys.stderr.write(f"fpid-pin: {text}\n")
+            sys.stderr.write(f"fpid-pin: {visible(text)}\n")
         return 2
     except typer.Exit as leave:
         return int(leave.exit_code)
@@ -164,7 +164,7 @@ def main(arguments: list[str] | None = None) -> int:
         show = getattr(error, "format_message", None)
         if show is None:
             raise
-        sys.stderr.write(f"fpid-pin: {show()}\n")
+        sys.stderr.write(f"fpid-pin: {cut(visible(show()))}\n")
         return 2
     # Typer turns Ctrl-C into a status of its own, which it returns.
     return status if isinstance(status, int) else 0

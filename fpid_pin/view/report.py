@@ -15,8 +15,8 @@ import numpy as np
 from fpid_pin.costs import Metrics
 from fpid_pin.files import replacing
 from fpid_pin.simulation.run import Run
-from fpid_pin.view.export import as_runs, replay_html
 from fpid_pin.text import visible
+from fpid_pin.view.export import as_runs, replay_html
 from fpid_pin.view.page import policy, policy_of
 from fpid_pin.view.panels import names_of
 from fpid_pin.view.paper_figures import figures as standard_figures
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 #: numbers are set to four significant digits.
 Table = Sequence[Sequence[object]] | Sequence[Mapping[str, object]]
 
+# What a configuration's text is laid out by.
+_LINES = "\n\t"
 #: More arms than these side by side cannot be told apart on a screen.
 MOST_IN_REPLAY = 6
 
@@ -110,7 +112,7 @@ def report_html(
         cells = "".join(_figure(name, figure) for name, figure in drawn.items())
         parts.append(_section("Figures", f'<div class="figures">{cells}</div>'))
     if config_text:
-        parts.append(_section("Configuration", f"<pre>{_text(config_text)}</pre>"))
+        parts.append(_section("Configuration", f"<pre>{_text(config_text, keep=_LINES)}</pre>"))
     parts.append(_section("Versions", _table(_versions(several, names))))
     text = _page(title, parts, allowed)
     path = Path(path)
@@ -149,8 +151,8 @@ def _cell(value: object) -> str:
     return _text(str(value))
 
 
-def _text(text: str) -> str:
-    return escape(visible(text, keep="\n\t"))
+def _text(text: str, keep: str = "") -> str:
+    return escape(visible(text, keep))
 
 
 def _rows(table: Table) -> list[list[object]]:
