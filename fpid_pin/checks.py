@@ -16,6 +16,9 @@ from fpid_pin.text import cut, shown
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+#: Sampling periods that a simulation can have [s], and the most rows: whole numbers are exact.
+STEPS = (1e-9, 10.0)
+MOST_ROWS = 1 << 53
 #: Characters of a wrong choice: the nearest right one is to be read after it.
 _SHORT = 40
 
@@ -211,10 +214,14 @@ def sample_count(duration: float, step: float) -> int:
     Raises
     ------
     ArgumentError
-        When `step` is not positive or `duration` is shorter than one step.
+        When `step` is not within `STEPS`, or `duration` is shorter than one step or longer than
+        `MOST_ROWS`.
     """
-    step = number("step", step, above=0.0)
+    number("step", step, above=0.0)
+    step = number("step", step, low=STEPS[0], high=STEPS[1])
     duration = number("duration", duration, above=0.0)
     if duration < step * (1.0 - 1e-9):
         raise ArgumentError("duration", f"at least one step ({step:g} s)", f"{duration:g} s")
+    if duration > step * MOST_ROWS:
+        raise ArgumentError("duration", f"at most {MOST_ROWS:.2g} steps ({step:g} s)", duration)
     return math.floor(duration / step + 0.5) + 1

@@ -13,6 +13,7 @@ __all__ = [
     "ArmError",
     "ConfigError",
     "DesignError",
+    "ExportError",
     "FileFormatError",
     "FpidError",
     "FpidWarning",
@@ -64,6 +65,10 @@ class ArmError(FpidError):
 
 class DesignError(FpidError):
     """A fractional operator cannot be designed as asked for."""
+
+
+class ExportError(FpidError):
+    """A controller cannot leave Python: what is missing, or which line cannot be printed."""
 
 
 class FileFormatError(FpidError):

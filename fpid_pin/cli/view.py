@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fpid_pin.cli.screen import say, screen
+from fpid_pin.files import require_file
 from fpid_pin.simulation import Run
 
 if TYPE_CHECKING:
@@ -45,6 +46,8 @@ def run_view(
     from fpid_pin.view import export_html, play
 
     console = console or screen()
+    if html is not None:
+        require_file(html)
     runs = [Run.load(file) for file in files]
     given = list(captions) or None
     if html is not None:

@@ -54,6 +54,19 @@ class LinearSystem:
         modes = driven / (points - np.diag(self.a)[core:, np.newaxis])
         return np.asarray(self.c[:, :core] @ inner + self.c[:, core:] @ modes + self.d)
 
+    def observed(self) -> LinearSystem:
+        """Return the system without the states that no output depends on."""
+        seen = (self.c != 0.0).any(axis=0)
+        while (through := seen | (self.a[seen] != 0.0).any(axis=0)).sum() > seen.sum():
+            seen = through
+        a, b, c = self.a[np.ix_(seen, seen)], self.b[seen], self.c[:, seen]
+        return LinearSystem(a, b, c, self.d)
+
+    def closed(self, law: LinearSystem) -> FloatArray:
+        """Return the state matrix of this arm under a law, which sees e = -q and e' = -q'."""
+        top = np.hstack([self.a - self.b @ law.d, self.b @ law.c])
+        return np.vstack([top, np.hstack([-law.b, law.a])])
+
 
 def frequencies(step: float, lowest: float = 1e-2) -> FloatArray:
     """Return angular frequencies [rad/s] from `lowest` to Nyquist's, evenly spread over decades."""
@@ -111,12 +124,6 @@ def operators(
         at += rule.decay.size
     a, c = np.concatenate(following), np.array(outputs)
     return LinearSystem(a[:, :states], a[:, states:], c[:, :states], c[:, states:], core=3)
-
-
-def joint_law(terms: LinearSystem, gains: FloatArray) -> LinearSystem:
-    """Weigh the terms of `operators` by Kp, Ki and Kd, (3,), their scale included: eq. (10)."""
-    row = gains[np.newaxis]
-    return LinearSystem(terms.a, terms.b, row @ terms.c, row @ terms.d, terms.core)
 
 
 def linear_arm(arm: Arm, q: FloatArray, *, step: float, method: str) -> LinearSystem:

@@ -2,51 +2,51 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.baselines import Pid
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.frozen import gain_table, terms_of, without_memory
 from fpid_pin.control.gains import gain_ceilings
-from fpid_pin.control.parameters import joint_scale
 from fpid_pin.control.sampled import (
     ComplexArray,
     LinearSystem,
     crossings,
     frequencies,
-    joint_law,
     linear_arm,
-    operators,
 )
 from fpid_pin.control.suggested import SuggestedFpid
-from fpid_pin.fractional import Design, ExponentialSum
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
-Indices = NDArray[np.intp]
+#: Share of the largest one that a pole must have in what a push leaves behind, to dominate.
+SHARE = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class StabilityReport:
-    """Margins of each joint's loop, the others closed, (n,) each.
+    """Margins of a loop: of each joint alone, the others as they are, (n,), and of all at once.
 
     Attributes
     ----------
     joint_names
         In the order of the arrays.
     stable
-        Whether the whole loop is: every pole inside the unit circle.
+        Whether every pole that the torque depends on is inside the unit circle.
     pole_radius
-        Largest modulus of its poles in z.
-    decay_rate
-        That of its slowest motion [1/s]; negative: growth.
+        Largest modulus of those poles in z.
+    dominant_pole
+        The pole in s [1/s] that is left longest of a push: the slowest of those that make up at
+        least a tenth of the largest part of the angles' response to a torque. A fractional law's
+        slow modes, down to one over the horizon, weigh far less.
     gain_margin, gain_reduction
         Factors by which the joint's torque may be raised, or lowered, before the loop breaks;
         inf and 0 where it never does.
@@ -56,6 +56,9 @@ class StabilityReport:
         The further dead time that the joint bears [s].
     crossover
         Where the smallest phase margin is [rad/s]; NaN where there is none.
+    common_gain_margin, common_gain_reduction, common_delay_margin
+        The same where all joints' torques are raised, lowered or late together, as by a slow
+        computer: less than any one joint bears.
     kd_ceiling, kd_limit
         Half of the sampled-data bound on Kd, and the bound (see `gain_ceilings`); NaN for laws
         without a Kd of their own.
@@ -66,19 +69,22 @@ class StabilityReport:
     joint_names: tuple[str, ...]
     stable: bool
     pole_radius: float
-    decay_rate: float
+    dominant_pole: complex
     gain_margin: FloatArray
     gain_reduction: FloatArray
     phase_margin: FloatArray
     delay_margin: FloatArray
     crossover: FloatArray
+    common_gain_margin: float
+    common_gain_reduction: float
+    common_delay_margin: float
     kd_ceiling: FloatArray
     kd_limit: FloatArray
     method: str
 
     def rows(self) -> list[dict[str, object]]:
-        """Return one table row a joint, labelled with units."""
-        return [
+        """Return one table row a joint, labelled with units, and one for all at once."""
+        rows: list[dict[str, object]] = [
             {
                 "joint": joint,
                 "gain margin": self.gain_margin[j],
@@ -91,9 +97,20 @@ class StabilityReport:
             }
             for j, joint in enumerate(self.joint_names)
         ]
+        together = {
+            "joint": "all at once",
+            "gain margin": self.common_gain_margin,
+            "gain reduction": self.common_gain_reduction,
+            "delay margin [ms]": 1e3 * self.common_delay_margin,
+        }
+        return [*rows, together]
 
     def __str__(self) -> str:
-        lines = [f"{'stable' if self.stable else 'UNSTABLE'} at home ({self.method})"]
+        s = self.dominant_pole
+        lines = [
+            f"{'stable' if self.stable else 'UNSTABLE'} at home ({self.method}), "
+            f"dominant pole {s.real:.3g} ± {abs(s.imag):.3g}j 1/s"
+        ]
         for row in self.rows():
             cells = [f"{k} {v:.3g}" for k, v in row.items() if isinstance(v, float)]
             lines.append(f"  {row['joint']}: " + ", ".join(cells))
@@ -117,7 +134,7 @@ def stability_report(
         The nominal arm, which is also taken for the plant.
     controller
         Adaptive laws count with fixed parameters: adaptation is slow beside the loop. Torque
-        limits and dry friction are left out.
+        limits and dry friction are left out, and so is a supervisor: it is silent at rest.
     step, horizon
         [s].
     gains
@@ -129,34 +146,40 @@ def stability_report(
     Raises
     ------
     ArgumentError
-        A fractional design that keeps the past instead of modes.
+        A fractional design that keeps the past instead of modes, or a law whose torque jumps at
+        home: sgn without a boundary layer.
 
     Notes
     -----
     Breaking the loop at the torque of joint j, the others closed, leaves
-    ``L_j = 1/[(I + L)^-1]_jj - 1`` with L the n-joint loop.
+    ``L_j = 1/[(I + L)^-1]_jj - 1`` with L the n-joint loop. A gain or delay common to all joints
+    multiplies the eigenvalues of L, so each of those is a loop like one joint's (generalised
+    Nyquist criterion: MacFarlane and Postlethwaite, International Journal of Control 25, 1977).
     """
     step = checks.number("step", step, above=0.0)
     if isinstance(controller, SuggestedFpid):
         controller = controller.on(arm, step=step)
     n = arm.n
-    law = _law(arm, controller, step, horizon, gains)
-    plant = linear_arm(arm, arm.home, step=step, method=method)
-    poles = np.linalg.eigvals(_closed(plant, law))
-    radius = float(np.abs(poles).max())
-
     omega = frequencies(step)
     z = np.exp(1j * omega * step)
-    path = np.zeros((len(z), n, 2 * n), dtype=np.complex128)
-    for part in law:
-        path[:, part.outputs[:, np.newaxis], part.inputs] = part.response(z)
+    plant = linear_arm(arm, arm.home, step=step, method=method)
+    if isinstance(controller, (AdaptiveFpid, Pid)):
+        table = gain_table(arm, controller, gains)
+        terms = terms_of(controller, n, step=step, horizon=horizon)
+        law = terms.weighed(table)
+        seen = np.einsum("tj,kjti->jki", table, terms.response(z))
+        path = np.zeros((len(z), n, 2 * n), dtype=np.complex128)
+        for j in range(n):
+            path[:, j, [j, n + j]] = seen[j]
+    else:
+        law = without_memory(arm, controller, step)
+        path = law.response(z)
+    radius, dominant = _poles(plant, law.observed(), step)
     loop = path @ plant.response(z)
     sensitivity = np.linalg.inv(np.eye(n) + loop)
-    margins = [
-        _margins(omega, np.asarray(1.0 / sensitivity[:, j, j] - 1.0, np.complex128))
-        for j in range(n)
-    ]
-    gain, reduction, phase, delay, crossover = np.array(margins).T
+    own = np.asarray(1.0 / np.diagonal(sensitivity, axis1=1, axis2=2) - 1.0, np.complex128)
+    alone = np.array([_margins(omega, locus) for locus in own.T]).T
+    together = np.array([_margins(omega, locus) for locus in _loci(loop)]).T
     ceiling, limit = np.full(n, np.nan), np.full(n, np.nan)
     if isinstance(controller, AdaptiveFpid):
         found = gain_ceilings(arm, controller, step=step, horizon=horizon)
@@ -165,112 +188,45 @@ def stability_report(
         joint_names=arm.joint_names,
         stable=radius < 1.0,
         pole_radius=radius,
-        decay_rate=float(-np.log(radius) / step),
-        gain_margin=gain,
-        gain_reduction=reduction,
-        phase_margin=phase,
-        delay_margin=delay,
-        crossover=crossover,
+        dominant_pole=dominant,
+        gain_margin=alone[0],
+        gain_reduction=alone[1],
+        phase_margin=alone[2],
+        delay_margin=alone[3],
+        crossover=alone[4],
+        common_gain_margin=float(together[0].min()),
+        common_gain_reduction=float(together[1].max()),
+        common_delay_margin=float(together[3].min()),
         kd_ceiling=ceiling,
         kd_limit=limit,
         method=method,
     )
 
 
-@dataclass(eq=False)
-class _Part:
-    """A part of a law: the joints whose torque it makes and which of [e, e'] it sees."""
-
-    system: LinearSystem
-    outputs: Indices
-    inputs: Indices
-    # Responses of the terms that several joints share, by identity, and this joint's gains.
-    terms: LinearSystem | None = None
-    gains: FloatArray | None = None
-    shared: dict[int, ComplexArray] = field(default_factory=dict)
-
-    def response(self, z: ComplexArray) -> ComplexArray:
-        if self.terms is None or self.gains is None:
-            return self.system.response(z)
-        key = id(self.terms)
-        if key not in self.shared:
-            self.shared[key] = self.terms.response(z)
-        return np.asarray(np.einsum("t,kti->ki", self.gains, self.shared[key])[:, np.newaxis])
+def _poles(plant: LinearSystem, law: LinearSystem, step: float) -> tuple[float, complex]:
+    """Return the largest modulus of the closed loop's poles (z), and the dominant one (s)."""
+    n = plant.b.shape[1]
+    poles, right = np.linalg.eig(plant.closed(law))
+    left = np.linalg.inv(right)
+    push = np.vstack([plant.b, np.zeros((len(law.a), n))])
+    share = np.linalg.norm(right[:n], axis=0) * np.linalg.norm(left @ push, axis=1)
+    modulus = np.abs(poles)
+    slowest = np.argmax(np.where((share >= SHARE * share.max()) | (modulus >= 1.0), modulus, 0.0))
+    pole = np.log(complex(poles[slowest])) / step
+    return float(modulus.max()), complex(pole.real, abs(pole.imag))
 
 
-def _law(
-    arm: Arm,
-    controller: Controller,
-    step: float,
-    horizon: float,
-    gains: tuple[ArrayLike, ArrayLike, ArrayLike] | None,
-) -> list[_Part]:
-    n = arm.n
-    if not isinstance(controller, (AdaptiveFpid, Pid)):
-        return [_Part(_static(arm, controller, step), np.arange(n), np.arange(2 * n))]
-    chosen = (controller.kp, controller.ki, controller.kd) if gains is None else gains
-    if len(chosen) != 3:
-        raise checks.ArgumentError("gains", "Kp, Ki and Kd", f"{len(chosen)} of them")
-    table = np.array([checks.per_joint(f"gains.{k}", x, n, low=0.0) for k, x in enumerate(chosen)])
-    table *= joint_scale(controller.scale, arm)
-    orders = np.ones((2, n))
-    design: Design = ExponentialSum(modes=24)
-    if isinstance(controller, AdaptiveFpid):
-        design = controller.design
-        orders[0] = checks.per_joint("integral_order", controller.integral_order, n)
-        orders[1] = checks.per_joint("derivative_order", controller.derivative_order, n)
-    known: dict[tuple[float, float], LinearSystem] = {}
-    shared: dict[int, ComplexArray] = {}
-    law = []
-    for j in range(n):
-        pair = (float(orders[0, j]), float(orders[1, j]))
-        if pair not in known:
-            known[pair] = operators(pair, design, step=step, horizon=horizon)
-        terms, column = known[pair], table[:, j]
-        sees = np.array([j, n + j])
-        law.append(_Part(joint_law(terms, column), np.array([j]), sees, terms, column, shared))
-    return law
+def _loci(loop: ComplexArray) -> ComplexArray:
+    """Return the eigenvalues of a loop as continuous curves, (n, K), from its values, (K, n, n)."""
+    from scipy.optimize import linear_sum_assignment
 
-
-def _static(arm: Arm, controller: Controller, step: float) -> LinearSystem:
-    """Linearise the first tick of a law without memory about home, by central differences."""
-    n, width = arm.n, 1e-6
-    free = arm.with_limits(effort=np.zeros(n))
-    still, home = np.zeros(n), np.asarray(arm.home)
-    slope = np.empty((n, 2 * n))
-    for column in range(2 * n):
-        shift = np.zeros(2 * n)
-        shift[column] = width
-        ends = []
-        for sign in (1.0, -1.0):
-            loop = controller.start(free, step=step)
-            q, v = home + sign * shift[:n], sign * shift[n:]
-            ends.append(loop.torque(q, v, home, still, still))
-        slope[:, column] = (ends[0] - ends[1]) / (2.0 * width)
-    empty = np.zeros((0, 0))
-    # The systems of a law see e and e', which fall as q and q' rise.
-    return LinearSystem(empty, np.zeros((0, 2 * n)), np.zeros((n, 0)), -slope)
-
-
-def _closed(plant: LinearSystem, law: list[_Part]) -> FloatArray:
-    """Return the closed loop's state matrix."""
-    states = len(plant.a)
-    whole = states + sum(len(part.system.a) for part in law)
-    matrix = np.zeros((whole, whole))
-    matrix[:states, :states] = plant.a
-    at = states
-    for part in law:
-        system = part.system
-        pick = np.zeros((len(part.inputs), states))
-        pick[np.arange(len(part.inputs)), part.inputs] = -1.0  # e = -q, e' = -q'
-        drive = plant.b[:, part.outputs]
-        rows = slice(at, at + len(system.a))
-        matrix[:states, :states] += drive @ system.d @ pick
-        matrix[:states, rows] = drive @ system.c
-        matrix[rows, :states] = system.b @ pick
-        matrix[rows, rows] = system.a
-        at = rows.stop
-    return matrix
+    loci = np.linalg.eigvals(loop)
+    for k in range(1, len(loci)):
+        # Each curve goes on where it moves least, as a part of its size, all considered together.
+        here, last = loci[k], loci[k - 1][:, np.newaxis]
+        moved = np.abs(here - last) / (np.abs(here) + np.abs(last) + 1e-300)
+        loci[k] = here[linear_sum_assignment(moved)[1]]
+    return np.asarray(loci.T)
 
 
 def _margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, ...]:

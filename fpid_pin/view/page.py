@@ -2,62 +2,29 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from html import escape
-from importlib import resources, util
+from importlib import util
 from pathlib import Path
 from typing import Any
 
 from fpid_pin.exceptions import FpidError
 from fpid_pin.text import cut, visible
+from fpid_pin.view.document import asset, document
 from fpid_pin.view.scene import to_script_json
 
-# Nothing may be fetched, and nothing runs but the scripts that are named by their hashes: whatever a
-# run's file says, the page neither calls home nor does what the file wants.
-_SEALED = (
-    "default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; "
-    "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'"
-)
-_LIVE = "; connect-src ws://127.0.0.1:* ws://localhost:*"
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{title}</title>
-<link rel="icon" href="data:,">
-<style>{style}</style>
-<!--
-{licences}
--->
-</head>
-<body>
-<div id="meshcat-pane"></div>
+_BODY = """<div id="meshcat-pane"></div>
 <details id="panel" open><summary>{title}</summary><div id="runs"></div>
 <p id="legend"></p></details>
 <div id="message" role="alert" hidden></div>
 <div id="clock"><button id="play" type="button" >Pause</button>
 <input id="seek" type="range" min="0" max="1" step="any" value="0" aria-label="time">
-<output id="time">t = 0.00 s</output></div>
-{scripts}
-</body>
-</html>
-"""
+<output id="time">t = 0.00 s</output></div>"""
 
 
 @cache
-def _asset(name: str) -> str:
-    return (resources.files("fpid_pin.view") / "assets" / name).read_text(encoding="utf-8")
-
-
-@cache
-def _meshcat_file(name: str) -> str:
+def meshcat_file(name: str) -> str:
     """Read a file of meshcat's viewer without importing meshcat, which starts much else."""
     spec = util.find_spec("meshcat")
     if spec is None or spec.origin is None:
@@ -70,17 +37,16 @@ def _meshcat_file(name: str) -> str:
 
 
 def licences(credits: list[str]) -> str:
-    """Return who made what is embedded in a page, fit for an HTML comment."""
-    text = "\n".join(
+    """Return who made what is embedded in a page."""
+    return "\n".join(
         [
             "This page embeds MeshCat (github.com/meshcat-dev/meshcat):",
-            _meshcat_file("LICENSE"),
+            meshcat_file("LICENSE"),
             "and, within it,",
-            _meshcat_file("dist/main.min.js.LICENSE.txt"),
+            meshcat_file("dist/main.min.js.LICENSE.txt"),
             *(f"Robot description: {credit}" for credit in credits),
         ]
     )
-    return text.replace("--", "- -").replace(">", "")
 
 
 def render(scene: Mapping[str, Any], title: str) -> str:
@@ -93,33 +59,16 @@ def render(scene: Mapping[str, Any], title: str) -> str:
     title
         Plain text.
     """
-    scripts = [
-        _meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
-        f"const SCENE = {to_script_json(scene)};",
-        _asset("bodies.js"),
-        _asset("replay.js"),
-    ]
-    return _PAGE.format(
-        policy=policy(scripts) + (_LIVE if scene["live"] else ""),
-        title=escape(cut(visible(title))),
-        style=_asset("replay.css"),
-        licences=licences(scene["credits"]),
-        scripts="\n".join(f"<script>{script}</script>" for script in scripts),
+    return document(
+        title,
+        style=asset("replay.css"),
+        body=_BODY.format(title=escape(cut(visible(title)))),
+        scripts=[
+            meshcat_file("dist/main.min.js"),
+            f"const SCENE = {to_script_json(scene)};",
+            asset("bodies.js"),
+            asset("replay.js"),
+        ],
+        comment=licences(scene["credits"]),
+        live=scene["live"],
     )
-
-
-def policy(scripts: Sequence[str]) -> str:
-    """Return the content security policy of a page in which these scripts run, and no others."""
-    hashes = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
-    return _SEALED.format(scripts=hashes or "'none'")
-
-
-def policy_of(page: str) -> str:
-    """Return the policy of a page that `render` made: a page that embeds it needs the same."""
-    return page.partition('http-equiv="Content-Security-Policy" content="')[2].partition('"')[0]
-
-
-def _digest(script: str) -> str:
-    # A browser makes all ends of lines alike before it looks.
-    text = script.replace("\r\n", "\n").replace("\r", "\n")
-    return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")

@@ -57,13 +57,70 @@ def test_margins_of_pd_on_a_unit_inertia_are_the_closed_forms(method):
     assert report.crossover[0] == pytest.approx(crossover, rel=1e-3)
     assert report.phase_margin[0] == pytest.approx(phase, abs=2e-3)
     assert report.delay_margin[0] == pytest.approx(phase / crossover, rel=5e-3)
-    assert not report.stable  # int e is a state that nothing uses: it stays where it is
-    assert report.pole_radius == pytest.approx(1.0, abs=1e-9)
+    # s^2 + kd s + kp, and z is the step's exponential of s.
+    pole = -kd / 2.0 + 1j * np.sqrt(kp - kd**2 / 4.0)
+    assert report.dominant_pole == pytest.approx(pole, rel=5e-3)
+    assert report.pole_radius == pytest.approx(np.exp(pole.real * step), rel=1e-5)
 
 
 def test_the_gain_margin_of_a_rate_loop_is_two_over_the_step():
     report = stability_report(ONE, Pid(0.0, 0.0, 50.0), step=1e-3)
     assert report.gain_margin[0] == pytest.approx(2000.0 / 50.0, rel=1e-6)
+    assert not report.stable  # nothing holds the angle
+
+
+def test_terms_without_a_gain_have_no_poles():
+    arm = fp.Arm.two_link()
+    law = fp.AdaptiveFpid(100.0, 0.0, 20.0, integral_order=0.9, derivative_order=0.8)
+    report = stability_report(arm, Pid(100.0, 0.0, 20.0))
+    assert report.stable
+    assert str(report).startswith("stable at home")
+    assert stability_report(arm, law).stable
+    # The integral counts as soon as it has a gain, however small.
+    slow = stability_report(arm, Pid(100.0, 1e-3, 20.0))
+    assert report.pole_radius < 1.0 - 1e-3 < slow.pole_radius < 1.0
+
+
+def test_the_dominant_pole_is_that_of_the_motion_and_not_of_the_horizon():
+    arm = fp.Arm.two_link()
+    law = fp.AdaptiveFpid(
+        kp=400.0, ki=900.0, kd=90.0, integral_order=0.9, derivative_order=0.9, learning_rate=0.0
+    )
+    found = [stability_report(arm, law, horizon=T).dominant_pole for T in (20.0, 3600.0)]
+    assert found[0] == pytest.approx(found[1], rel=0.02)
+    assert found[0].real < -1.0 < -1.0 / 20.0
+
+
+@pytest.mark.parametrize(
+    ("kp", "ki", "kd", "pole"),
+    # (s + 1)(s^2 + 6 s + 25); then an integral so slow that a push leaves 1/1000 of it.
+    [(31.0, 25.0, 7.0, -1.0), (25.0, 0.25, 6.0, -3.0 + 4.0j)],
+)
+def test_the_dominant_pole_has_a_tenth_of_what_a_push_leaves(kp, ki, kd, pole):
+    report = stability_report(ONE, Pid(kp, ki, kd), step=1e-4)
+    assert report.dominant_pole == pytest.approx(pole, rel=3e-3)
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5"])
+def test_joints_bear_less_together_than_alone(name):
+    arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
+    law = fp.AdaptiveFpid(
+        kp=100.0, ki=250.0, kd=22.0, integral_order=0.9, derivative_order=0.95,
+        learning_rate=0.0, scale="inertia",
+    )  # fmt: skip
+    report = stability_report(arm, law)
+    assert report.common_delay_margin < report.delay_margin.min()
+    assert report.common_gain_margin < report.gain_margin.min()
+    assert report.common_gain_reduction > report.gain_reduction.max()
+    still = arm.with_limits(effort=0.0).with_gravity(0.0)
+    report = stability_report(still, law)
+    samples = int(report.common_delay_margin / 1e-3)
+    ends = [shaken(still, law, sensors=fp.Sensors(delay=k)) for k in (samples, samples + 1)]
+    assert ends[0] < 1.0 < ends[1]
+    factor = report.common_gain_margin
+    for by in (0.97, 1.03):
+        more = tuple(factor * by * np.full(arm.n, k) for k in (100.0, 250.0, 22.0))
+        assert stability_report(still, law, gains=more).stable == (by < 1.0)
 
 
 def shaken(arm, law, **others):
@@ -143,7 +200,7 @@ def test_crossings_are_interpolated():
 def test_laws_that_work_are_stable_and_have_room(law):
     report = stability_report(fp.Arm.two_link(), law)
     assert report.stable
-    assert report.decay_rate > 0.0
+    assert report.dominant_pole.real < 0.0
     assert (report.gain_margin > 2.0).all()
     assert (report.phase_margin > np.radians(30.0)).all()
     assert (report.delay_margin > 5e-3).all()
@@ -168,6 +225,8 @@ def test_adapted_gains_can_be_asked_about():
 
 
 def test_what_cannot_be_linearised_is_refused():
+    with pytest.raises(ArgumentError, match="smooth about home, got a jump in SlidingMode"):
+        stability_report(ONE, SlidingMode(slope=10.0, gain=5.0, boundary_layer=0.0))
     law = dataclasses.replace(LAW, design=GrunwaldLetnikov())
     with pytest.raises(ArgumentError, match="design: expected one with modes, got GrunwaldLetn"):
         stability_report(ONE, law)

@@ -1,0 +1,128 @@
+"""A law whose gains stand still, linearised about rest: what stability is judged by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.baselines import Pid
+from fpid_pin.control.controller import Controller
+from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.parameters import joint_scale
+from fpid_pin.control.sampled import ComplexArray, LinearSystem, operators
+from fpid_pin.fractional import Design, ExponentialSum
+
+if TYPE_CHECKING:
+    from fpid_pin.arms import Arm
+
+
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """The terms e, I^lambda e and D^mu e of all joints, before gains weigh them.
+
+    Attributes
+    ----------
+    joints
+        One system a joint, from its (e, e'); joints of equal orders share one.
+    """
+
+    joints: tuple[LinearSystem, ...]
+
+    @cached_property
+    def together(self) -> LinearSystem:
+        """All joints' terms, (3 n), joint by joint, as one system from [e, e'], (2 n)."""
+        from scipy.linalg import block_diag
+
+        n = len(self.joints)
+        # Joint by joint the inputs come as e_0, e'_0, e_1, ...
+        order = np.arange(2 * n).reshape(n, 2).T.reshape(-1)
+        a, b, c, d = (block_diag(*(getattr(s, k) for s in self.joints)) for k in "abcd")
+        return LinearSystem(a, b[:, order], c, d[:, order])
+
+    def weighed(self, gains: FloatArray) -> LinearSystem:
+        """Return the law (10) with Kp, Ki and Kd, (3, n), their scale included: (2 n) to (n)."""
+        n, whole = len(self.joints), self.together
+        row = gains.T[:, np.newaxis]
+        c, d = (np.reshape(x, (n, 3, -1)) for x in (whole.c, whole.d))
+        return LinearSystem(whole.a, whole.b, (row @ c)[:, 0], (row @ d)[:, 0])
+
+    def response(self, z: ComplexArray) -> ComplexArray:
+        """Return the terms at points z, (K,), as (K, n, 3, 2)."""
+        known = {id(system): system for system in self.joints}
+        found = {key: system.response(z) for key, system in known.items()}
+        return np.stack([found[id(system)] for system in self.joints], axis=1)
+
+
+def terms_of(
+    controller: Controller, n: int, *, step: float, horizon: float, design: Design | None = None
+) -> Terms:
+    """Return the terms of an FPID, or of a PID, on n joints.
+
+    Parameters
+    ----------
+    controller
+        An `AdaptiveFpid` or a `Pid`.
+    n
+        Number of joints.
+    step, horizon
+        [s].
+    design
+        In place of the controller's own.
+    """
+    orders: FloatArray = np.ones((n, 2))
+    own: Design = ExponentialSum(modes=24)
+    if isinstance(controller, AdaptiveFpid):
+        orders, own = controller.orders(n), controller.design
+        orders = np.stack([1.0 - orders[:, 0], orders[:, 1]], axis=1)
+    known: dict[tuple[float, ...], LinearSystem] = {}
+    for pair in map(tuple, orders.tolist()):
+        if pair not in known:
+            known[pair] = operators(pair, design or own, step=step, horizon=horizon)
+    return Terms(tuple(known[pair] for pair in map(tuple, orders.tolist())))
+
+
+def gain_table(
+    arm: Arm, controller: AdaptiveFpid | Pid, gains: tuple[ArrayLike, ...] | None = None
+) -> FloatArray:
+    """Return Kp, Ki and Kd, the controller's or those given, times the scale, (3, n)."""
+    chosen = (controller.kp, controller.ki, controller.kd) if gains is None else gains
+    if len(chosen) != 3:
+        raise checks.ArgumentError("gains", "Kp, Ki and Kd", f"{len(chosen)} of them")
+    table = [checks.per_joint(f"gains.{k}", x, arm.n, low=0.0) for k, x in enumerate(chosen)]
+    return np.array(table) * joint_scale(controller.scale, arm)
+
+
+def without_memory(arm: Arm, controller: Controller, step: float) -> LinearSystem:
+    """Linearise the first tick of a law without memory about home, by central differences.
+
+    Raises
+    ------
+    ArgumentError
+        The torque jumps there, as sgn without a boundary layer does: half as wide a difference
+        gives another slope.
+    """
+    n = arm.n
+    free = arm.with_limits(effort=np.zeros(n))
+    still, home = np.zeros(n), np.asarray(arm.home)
+
+    def torque(shift: FloatArray) -> FloatArray:
+        loop = controller.start(free, step=step)
+        return loop.torque(home + shift[:n], shift[n:], home, still, still)
+
+    def slopes(width: float) -> FloatArray:
+        ends = [(torque(shift), torque(-shift)) for shift in width * np.eye(2 * n)]
+        return np.stack([(up - down) / (2.0 * width) for up, down in ends], axis=1)
+
+    slope = slopes(1e-6)
+    if not np.allclose(slope, slopes(5e-7), rtol=1e-3, atol=1e-3 * np.abs(slope).max()):
+        got = f"a jump in {type(controller).__name__}"
+        raise checks.ArgumentError("controller", "a law that is smooth about home", got)
+    empty = np.zeros((0, 0))
+    # The systems of a law see e and e', which fall as q and q' rise.
+    return LinearSystem(empty, np.zeros((0, 2 * n)), np.zeros((n, 0)), -slope)
