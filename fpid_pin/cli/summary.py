@@ -124,11 +124,14 @@ def markdown(rows: Sequence[Row]) -> str:
 
 def in_markdown(text: str) -> str:
     """Return text that Markdown takes for text: one line, no mark-up, link or end of a cell."""
-    return _MARKS.sub(r"\\\g<0>", visible(text))
+    # Spaces before it would make code of it.
+    return _LEADS.sub(r"\1\\\2", _MARKS.sub(r"\\\g<0>", visible(text).strip()))
 
 
-# What Markdown may take for its own; an underscore within a word it leaves alone.
-_MARKS = re.compile(r"[\\`*\[\]<>|&~$]|(?<!\w)_|_(?!\w)|^[#+-](?=\s)")
+# What Markdown may take for its own; an underscore within a word it leaves alone. At the start of
+# a line these make lists, rules and headings.
+_MARKS = re.compile(r"[\\`*\[\]<>|&~$#]|(?<![^\W_])_|_(?![^\W_])")
+_LEADS = re.compile(r"^(\d*)([-+.)])(?=[\s-]|$)")
 
 
 def comma_separated(rows: Sequence[Row]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import re
 from collections.abc import Sequence
 from functools import cache
 from html import escape
@@ -19,6 +20,9 @@ _POLICY = (
     "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'"
 )
 _LIVE = "; connect-src ws://127.0.0.1:* ws://localhost:*"
+
+# What ends a script's element, or keeps its end from being one; both stand in texts alone.
+_ENDS = re.compile(r"<(/script|!--)", re.IGNORECASE)
 
 _DOCUMENT = """<!DOCTYPE html>
 <html lang="en">
@@ -83,7 +87,7 @@ def document(
 
 def closed(script: str) -> str:
     """Return a script in which no text ends the element that it stands in."""
-    return script.replace("</script", "<\\/script")
+    return _ENDS.sub(r"<\\\1", script)
 
 
 def _policy(scripts: Sequence[str]) -> str:

@@ -119,6 +119,33 @@ def test_what_no_parser_bears_is_one_line_that_names_the_key(text, message):
     assert re.match(message, line), line
 
 
+LARGE = "['x'" + ", 'x'" * 99_999 + "]"
+
+
+@pytest.mark.parametrize("key", ["format", "title", "plant", "simulation", "tune"])
+def test_a_large_value_is_quoted_in_part(key):
+    text = re.sub(rf"^({key}|format) = .*$", "", TEXT, flags=re.M)
+    text = re.sub(rf"^\[{key}\].*?(?=^\[)", "", text, flags=re.M | re.S)
+    text = text if key == "format" else f"format = 1\n{text}"
+    (line,) = faults(f"{key} = {LARGE}\n{text}")
+    assert re.match(rf"{key}: expected .*, got \['x', 'x', .*\.\.\. \(500000 characters\)$", line)
+    assert len(line) <= 200
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [("\nkey{k} = 1", "key0: expected one of .*"), ("[[condition]]\n", "condition.0.name: .*")],
+)
+def test_of_very_many_faults_the_first_are_told_and_in_linear_time(fault, message):
+    """Each was compared with all before it."""
+    many = "".join(fault.format(k=k) for k in range(20_000))
+    text = f"{TEXT}\n{many}" if "[[" in fault else f"{many}\n{TEXT}"
+    lines = faults(text)
+    assert re.match(message, lines[0])
+    assert len(lines) == 41
+    assert lines[-1] == "faults: expected none, got 20000"
+
+
 CONDITIONS = """
 [[condition]]
 name = "nominal"
