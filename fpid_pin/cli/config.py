@@ -86,24 +86,19 @@ def load(path: str | Path) -> Config:
     return parse(read_text(path), str(path), path.parent)
 
 
-def line_of(name: str, fault: FpidError) -> str:
-    """Return a fault as a line, also where a key or a value has a line end in it."""
-    return f"{name}: {fault}".replace("\n", "\\n")
-
-
 def parse(text: str, name: str, folder: Path) -> Config:
     """Check a configuration's text; `folder` is where its relative paths start."""
     try:
         table = parse_table(text)
     except FpidError as error:
-        raise ConfigError(f"{name}: {error}") from None
+        raise ConfigError.of(name, [error]) from None
     faults: list[FpidError] = []
     config = _Reader(table, folder, faults).read(name, text)
     if faults or config is None:
         # Conditions share what is wrong with the nominal experiment.
-        lines = list(dict.fromkeys(line_of(name, fault) for fault in faults))
-        more = [f"{name}: faults: expected none, got {len(lines)}"] if lines[MOST_FAULTS:] else []
-        raise ConfigError("\n".join(lines[:MOST_FAULTS] + more))
+        told = list(dict.fromkeys(map(str, faults)))
+        more = [f"faults: expected none, got {len(told)}"] if told[MOST_FAULTS:] else []
+        raise ConfigError.of(name, told[:MOST_FAULTS] + more)
     return config
 
 
@@ -115,8 +110,10 @@ class _Reader:
 
     def read(self, name: str, text: str) -> Config | None:
         table, faults = self._table, self._faults
-        if table.get("format") != FORMAT:
-            faults.append(ArgumentError("format", f"{FORMAT}", shown(table.get("format", "none"))))
+        number = table.get("format", "none")
+        # Of "true" and 1.0 Python says that they are 1.
+        if type(number) is not int or number != FORMAT:
+            faults.append(ArgumentError("format", f"{FORMAT}", shown(number)))
             return None
         self._known("", table, TABLES)
         for key in ("arm", "reference", "controller"):

@@ -58,7 +58,7 @@ def run_live(
         law = config.controllers[checks.choice("--controller", chosen, config.controllers)]
         wait = checks.number("--baseline", baseline, low=0.0)
     except ArgumentError as error:
-        raise ConfigError(f"{config_path}: {error}") from None
+        raise ConfigError.of(config_path, [error]) from None
 
     def tell(text: str) -> None:
         say(console, text)

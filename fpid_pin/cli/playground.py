@@ -47,5 +47,5 @@ def make(config: Config, html: Path, name: str | None = None) -> tuple[Playgroun
         except FpidError as error:
             left.append(f"{label}: {error}")
     if not kept:
-        raise ConfigError("\n".join(f"{config.path}: {line}" for line in left))
+        raise ConfigError.of(config.path, left)
     return playground(config.experiment, kept, html, title=config.title), left

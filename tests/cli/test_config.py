@@ -11,6 +11,7 @@ import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.cli.config import load, parse
 from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ConfigError
 
 TEXT = demo_config().text
@@ -67,6 +68,8 @@ def test_all_faults_are_reported_at_once_with_their_paths():
         ("duration = 20.0", "duration = 1e308", "simulation.duration: expected at most 9e"),
         ("format = 1", "format = 7", "format: expected 1, got 7"),
         ("format = 1", "", "format: expected 1, got 'none'"),
+        ("format = 1", "format = true", "format: expected 1, got True"),
+        ("format = 1", "format = 1.0", "format: expected 1, got 1.0"),
         ("step = 1e-3", "step = 0.0", "simulation.step: expected a number > 0, got 0"),
         ("duration = 20.0", "duration = 1e-5", "duration: expected at least one step"),
         ("duration = 20.0", "durations = 20.0", r"simulation.durations: .*did you mean duration\?"),
@@ -237,3 +240,13 @@ def test_a_recorded_reference_s_path_starts_at_the_configuration_s_folder(tmp_pa
     q, v, _ = config.experiment.motion(np.array([1.0]))
     assert np.allclose(q, np.sin(1.0), atol=1e-6)
     assert np.allclose(v, np.cos(1.0), atol=1e-3)
+
+
+@pytest.mark.parametrize("content", [None, "", "x", "\ufffe", TEXT, TEXT + '"a\\nb" = 1'])
+def test_a_path_with_a_line_end_in_it_makes_no_line(tmp_path, content, capsys):
+    path = tmp_path / "a\nb\x1b[2J.toml"
+    if content is not None:
+        path.write_text(content.replace('"integer PID"', r'"integer\nPID"'))
+    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"fpid-pin: {tmp_path}/a\\nb\\x1b[2J.toml: ")
