@@ -69,15 +69,17 @@ class LiveLink:
         assert self._process.stdout is not None
         self._out, self._in = self._process.stdin.fileno(), self._process.stdout.fileno()
         _unblock(self._in)
-        token = secrets.token_urlsafe(18)
+        token, once = secrets.token_urlsafe(18), secrets.token_urlsafe(18)
         try:
-            os.write(self._out, f"{token}\n".encode())
+            os.write(self._out, f"{token}\n{once}\n".encode())
             self.port = self._wait_for_port()
             self._send_whole(b"P", page.encode("utf-8"))
         except BaseException:
             self.close()
             raise
         self.url = f"http://127.0.0.1:{self.port}/{token}/"
+        # A browser's arguments are in the list of processes, which every user can read.
+        self._once = f"http://127.0.0.1:{self.port}/{once}/"
         _unblock(self._out)
         if self.port != asked:
             self._announce(f"port {asked} is in use; taking {self.port}")
@@ -158,7 +160,7 @@ class LiveLink:
         """Open the page in a browser, or say where it is."""
         if open_browser and can_open_browser():
             try:
-                opened = webbrowser.open(self.url, new=2)
+                opened = webbrowser.open(self._once, new=2)
             except webbrowser.Error:
                 opened = False
             if opened:

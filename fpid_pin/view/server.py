@@ -1,8 +1,9 @@
 """The live page's web server: a process of its own, on 127.0.0.1 alone, that ends with its parent.
 
 Run as a script by `fpid_pin.view.link`, so that neither its imports nor its work touch the process
-that controls. It reads a line with the token from its standard input, then messages: a length
-(4 bytes, big-endian), a kind (1 byte) and a body: ``P`` the page, ``F`` a frame for every viewer.
+that controls. It reads two lines from its standard input, the token and what is good for one
+redirection to it, then messages: a length (4 bytes, big-endian), a kind (1 byte) and a body: ``P``
+the page, ``F`` a frame for every viewer.
 It writes lines of JSON: ``{"port": 7000}`` once it listens, ``{"viewers": 1}`` and ``{"key": "+"}``
 as they happen. When its standard input ends, for whatever reason, so does it.
 
@@ -60,6 +61,8 @@ class State:
     page = b""
     port = 0
     token = b""
+    # What a browser is started with, in the sight of all; it is good for one answer.
+    once = b""
     viewers: ClassVar[set[Frames]] = set()
     # Connections in the order in which they came; True: has shown the token.
     streams: ClassVar[dict[tornado.iostream.IOStream, bool]] = {}
@@ -74,6 +77,14 @@ class State:
         """Whether a path begins with the token; how long this takes says nothing about it."""
         shown = "".join(path.split("/")[1:2]).encode("utf-8", "replace")
         return bool(cls.token) and hmac.compare_digest(shown, cls.token)
+
+    @classmethod
+    def spends(cls, path: str) -> bool:
+        """Whether a path is the one that is good for once, which it was with this."""
+        good = bool(cls.once) and hmac.compare_digest(path.encode("utf-8", "replace"), cls.once)
+        if good:
+            cls.once = b""
+        return good
 
     @classmethod
     def has_room(cls, stream: tornado.iostream.IOStream) -> bool:
@@ -126,7 +137,12 @@ class Gate(tornado.web.RequestHandler):
 
     def prepare(self) -> None:
         """Check host and token before anything else."""
-        if not State.local(self.request.host) or not State.admits(self.request.path):
+        if not State.local(self.request.host):
+            raise tornado.web.HTTPError(403)
+        if State.spends(self.request.path):
+            self.redirect(f"/{State.token.decode()}/")
+            raise tornado.web.Finish
+        if not State.admits(self.request.path):
             raise tornado.web.HTTPError(403)
         connection: Any = self.request.connection
         self.stream = connection.stream
@@ -255,15 +271,15 @@ async def obey() -> None:
         return
 
 
-def read_token() -> bytes:
-    """Read the first line of the input, and not a byte more: the rest is for the loop."""
+def read_line() -> bytes:
+    """Read a line of the input, and not a byte more: the rest is for the loop."""
     return b"".join(iter(lambda: os.read(0, 1).strip(), b""))
 
 
 async def serve(port: int) -> None:
     """Listen, and go on until the parent has had enough or is no more."""
     # Not an argument: those are in the list of processes, which every user can read.
-    State.token = read_token()
+    State.token, State.once = read_line(), b"/" + read_line() + b"/"
     application = tornado.web.Application(
         [(r"/[^/]*/", Page), (r"/[^/]*/frames", Frames)], default_handler_class=Nothing,
         websocket_max_message_size=MESSAGE, websocket_ping_interval=PING,

@@ -359,7 +359,7 @@ def impatient(page):
         url, port, pid = "http://127.0.0.1/token/", 0, process.pid
 
     try:
-        process.stdin.write(b"token\n" + len(page).to_bytes(4, "big") + b"P" + page)
+        process.stdin.write(b"token\nonce\n" + len(page).to_bytes(4, "big") + b"P" + page)
         process.stdin.flush()
         Address.port = json.loads(process.stdout.readline())["port"]
         yield Address, process

@@ -10,6 +10,7 @@ import sys
 import termios
 import threading
 import time
+import urllib.error
 import urllib.request
 from contextlib import contextmanager, suppress
 
@@ -183,9 +184,10 @@ def test_a_server_gone_mad_does_not_keep_the_loop_from_its_work():
     """Keys come as fast as a pipe takes them; it once read until there were none."""
     readable, writable = os.pipe()
     os.set_blocking(readable, False)
-    stop, limit = threading.Event(), time.monotonic() + 0.5
+    stop = threading.Event()
 
     def flood():
+        limit = time.monotonic() + 5.0
         while not stop.is_set() and time.monotonic() < limit:
             os.write(writable, b'{"key": "+"}\n' * 4096)
 
@@ -255,6 +257,25 @@ def test_a_dead_server_ends_play_with_a_line_and_the_link_without_one(wave):
 
     with pytest.raises(FpidError, match="its server was ended from outside"):
         play(wave, open_browser=False, announce=kill)
+
+
+def test_a_browser_is_started_with_an_address_that_is_good_for_once(monkeypatch):
+    """Its arguments are in the list of processes; the token was there while the browser ran."""
+    started, said = [], []
+    monkeypatch.setenv("BROWSER", "one")
+    monkeypatch.setattr("webbrowser.open", lambda url, new: started.append(url) or True)
+    with LiveLink("page", announce=said.append) as link:
+        link.show(open_browser=True)
+        (address,) = started
+        assert link.url.split("/")[3] not in address
+        assert said == [f"live view on {link.url}"]
+        with urllib.request.urlopen(address, timeout=10.0) as answer:
+            assert (answer.url, answer.read()) == (link.url, b"page")
+        for late in (address, address.rstrip("/"), f"{address}frames"):
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                urllib.request.urlopen(late, timeout=10.0)
+        with urllib.request.urlopen(link.url, timeout=10.0) as answer:
+            assert answer.read() == b"page"
 
 
 def test_no_display_is_said_and_the_address_given(monkeypatch):
