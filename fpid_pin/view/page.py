@@ -20,7 +20,8 @@ _BODY = """<div id="meshcat-pane"></div>
 <div id="message" role="alert" hidden></div>
 <div id="clock"><button id="play" type="button" >Pause</button>
 <input id="seek" type="range" min="0" max="1" step="any" value="0" aria-label="time">
-<output id="time">t = 0.00 s</output></div>"""
+<output id="time">t = 0.00 s</output></div>
+<script type="application/json" id="scene">{scene}</script>"""
 
 
 @cache
@@ -62,10 +63,10 @@ def render(scene: Mapping[str, Any], title: str) -> str:
     return document(
         title,
         style=asset("replay.css"),
-        body=_BODY.format(title=escape(cut(visible(title)))),
+        body=_BODY.format(title=escape(cut(visible(title))), scene=to_script_json(scene)),
         scripts=[
             meshcat_file("dist/main.min.js"),
-            f"const SCENE = {to_script_json(scene)};",
+            asset("scene.js"),
             asset("bodies.js"),
             asset("replay.js"),
         ],
