@@ -106,7 +106,7 @@ def test_a_page_has_the_elements_that_it_has_with_harmless_names(tmp_path, tally
         return path.read_text("utf-8"), replay_html([run], captions=[name], title=name)
 
     expected = [structure(page) for page in pages("x")]
-    for name in few(full, 25):
+    for name in few(full, 15):
         if not name.strip():
             continue
         for kind, page, sound in zip(("report", "replay"), pages(name), expected, strict=True):
@@ -119,13 +119,13 @@ def test_a_playground_has_the_elements_that_it_has_with_harmless_names(tally, fu
         return playground_html(fp.paper_experiment(duration=0.02), law_called(name), title=name)
 
     expected = structure(page("x"))
-    for name in few(full, 8)[: 60 if full else 8]:
+    for name in few(full, 4)[: 60 if full else 4]:
         same = structure(page(name or "x")) == expected
         tally("names in a playground", "" if same else f"{name!r} makes elements")
 
 
 def test_an_svg_is_well_formed_and_has_nothing_but_drawing_in_it(run, tally, full):
-    for name in few(full, 8)[: 150 if full else 8]:
+    for name in few(full, 4)[: 150 if full else 4]:
         figure = plots.comparison([run_called(name), run])
         tree = xml.fromstring(figure_bytes(figure, "svg"))
         fault = ""
@@ -216,7 +216,7 @@ def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, 
 @pytest.mark.browser
 def test_no_name_runs_in_a_browser(browser, tmp_path, tally, full):
     chance = random.Random(7)
-    for k in range(40 if full else 3):
+    for k in range(40 if full else 1):
         name = " ".join(chance.sample([p for p in PIECES if "hacked" in p or len(p) > 2], 6))
         run = run_called(name)
         path = tmp_path / f"{k}.html"
