@@ -15,7 +15,8 @@ def run_export(path: Path, out: Path, name: str | None, horizon: float, ticks: i
     config = load(path)
     chosen = pick(config, name)
     experiment = config.experiment
-    toml = f"# Exported: controller {chosen!r}.\n{config.text}"
+    options = f"--horizon {horizon:g} --ticks {ticks}"
+    toml = f"# Exported: controller {chosen!r}, {options}.\n{config.text}"
     folder = export_c(
         config.controllers[chosen], experiment.arm, experiment.step, out,
         horizon=horizon, ticks=ticks, experiment=experiment, toml=toml,
