@@ -77,7 +77,7 @@ def document(
     kept = comment.replace("--", "- -").replace(">", "")
     return _DOCUMENT.format(
         policy=policy,
-        title=escape(cut(visible(title))),
+        title=as_text(cut(title)),
         style=style,
         comment=f"<!--\n{kept}\n-->\n" if kept else "",
         body=body,
