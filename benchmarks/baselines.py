@@ -25,6 +25,7 @@ from contestants import FAMILIES, Family
 from converging import LONGEST, PATIENCE, SHORTEST, SIZE, SPREAD, Track, converge, load
 from protocol import Job, excess, jobs
 from verdict import Trial, written
+from verdict_picture import draw
 
 import fpid_pin as fp
 from fpid_pin import descriptions
@@ -60,6 +61,11 @@ class Searches:
         """Return the finished searches of a family, or None."""
         tracks = load(self.path(name), self.fingerprint(name))
         return tracks if tracks and all(track.done for track in tracks) else None
+
+    def generation(self, name: str) -> int:
+        """Return how far an unfinished search has come, its longest track."""
+        tracks = load(self.path(name), self.fingerprint(name)) or []
+        return max((len(track.history) for track in tracks), default=0)
 
     def fresh(self, family: Family) -> list[Track]:
         """Return two searches a seed: one from nothing, one from the best law known to be in it."""
@@ -169,12 +175,14 @@ def main() -> None:
         return
     found = {name: searches.load(name) for name in options.families}
     ready = {name: tracks for name, tracks in found.items() if tracks is not None}
+    unfinished = {name: searches.generation(name) for name in found if name not in ready}
     trials = {}
     for name in ready:
         trials[name] = searches.trial(name)
         print(f"{options.arm}: tried {name}", flush=True)
     path = Path(__file__).parent / "results" / f"baselines-{options.arm}.md"
-    path.write_text(written(searches.job, ready, trials), encoding="utf-8")
+    path.write_text(written(searches.job, ready, trials, unfinished), encoding="utf-8")
+    draw(trials, path.with_suffix(".png"), options.arm)
     print(path.read_text(encoding="utf-8"))
 
 
