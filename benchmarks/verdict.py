@@ -129,8 +129,9 @@ def nested(found: Mapping[str, list[Track]]) -> list[str]:
                 text += "; **worse somewhere: the optimiser failed**"
             if failed:
                 text += (
-                    f"; searched from nothing it was worse in {failed} of {len(less)} seeds: a "
-                    "failure of the optimiser, made good by the start from the smaller family"
+                    f"; searched from nothing it was worse in {failed} of {len(less)} seeds, up to "
+                    f"x {max(alone / less):.3f}: a failure of the optimiser, made good by the "
+                    "start from the smaller family"
                 )
             lines.append(text + ".")
     return [*lines, ""]
@@ -207,10 +208,9 @@ def written(
         "## The searches",
         "",
         *(
-            f"- **{name} is left out: not converged**, stopped in generation {count}."
+            f"**{name} is left out: not converged**, stopped in generation {count}.\n"
             for name, count in unfinished.items()
         ),
-        "",
         *training(found),
         *nested(found),
         "Parameters, median over seeds (least, most):",
