@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from contestants import FAMILIES
+from contestants import AT, FAMILIES
 from converging import GAIN, LONGEST, PATIENCE, SIZE, Track
 from protocol import HELD_OUT, STEP, TRAINING, Job
 
@@ -89,7 +89,7 @@ def training(found: Mapping[str, list[Track]]) -> list[str]:
     """Return what the searches came to, and how far they still moved at the end."""
     head = [
         "controller", "numbers", "cost [mrad]: median (least, most)", "candidates a search",
-        "cost at half of them", "worse of two searches / better", "cut short",
+        "cost at half of them", "worst of three searches / best", "cut short",
     ]  # fmt: skip
     rows = []
     for name, tracks in found.items():
@@ -197,11 +197,12 @@ def written(
         f"# {job.name}",
         "",
         f"Printed by `benchmarks/baselines.py report {job.name}`. Five seeds, each with {TRAINING} "
-        f"training arms of its own and two searches (CMA-ES, {SIZE} candidates a generation, until "
-        f"{PATIENCE} generations gain less than {100 * GAIN:g} %, at most {LONGEST}); {HELD_OUT} "
-        f"held-out arms; {1e3 * STEP:g} ms. Model errors: payload to {job.payload:g} kg, masses "
-        f"20 %, friction, a push to {job.push:g} N m, a sample of delay. Cost: RMS error over all "
-        f"joints in the last half, the torque varying by at most {1e-3 * job.quiet:g} kN m/s.",
+        f"training arms of its own and three searches (CMA-ES, {SIZE} candidates a generation, "
+        f"until {PATIENCE} generations gain less than {100 * GAIN:g} %, at most {LONGEST}); "
+        f"{HELD_OUT} held-out arms; {1e3 * STEP:g} ms. Model errors: payload to {job.payload:g} kg, "
+        f"masses 20 %, friction, a push to {job.push:g} N m, a sample of delay. Cost: RMS error over "
+        "all joints in the last half, the torque varying by at most "
+        f"{1e-3 * job.quiet:g} kN m/s.",
         "",
         f"![Tail errors](baselines-{job.name}.png)",
         "",
@@ -213,7 +214,8 @@ def written(
         ),
         *training(found),
         *nested(found),
-        "Parameters, median over seeds (least, most):",
+        "Parameters, median over seeds (least, most); Ki and Kd as their terms weigh at "
+        f"{AT:g} rad/s:",
         "",
         *parameters(found),
         "## Tail RMS error [mrad]",
