@@ -200,8 +200,8 @@ def written(
         f"training arms of its own and three searches (CMA-ES, {SIZE} candidates a generation, "
         f"until {PATIENCE} generations gain less than {100 * GAIN:g} %, at most {LONGEST}); "
         f"{HELD_OUT} held-out arms; {1e3 * STEP:g} ms. Model errors: payload to {job.payload:g} "
-        f"kg, masses 20 %, friction, a push to {job.push:g} N m, a sample of delay. Cost: RMS error "
-        "over all joints in the last half, the torque varying by at most "
+        f"kg, masses 20 %, friction, a push to {job.push:g} N m, a sample of delay. Cost: RMS "
+        "error over all joints in the last half, the torque varying by at most "
         f"{1e-3 * job.quiet:g} kN m/s.",
         "",
         f"![Tail errors](baselines-{job.name}.png)",
