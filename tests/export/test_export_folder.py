@@ -241,6 +241,8 @@ def many(n):
         refused("expected one with modes", law(design=fp.fractional.L1()), error=fp.FpidError),
         refused("expected a controller", 3, error=fp.FpidError),
         refused("horizon: expected more than one step", law(), error=fp.FpidError, horizon=1e-4),
+        refused(r"ticks: expected a whole number in \[1, 1e\+06\], got 10", law(),
+                error=fp.FpidError, ticks=10**12),
         refused(
             "give an experiment", law(observer=50.0, supervisor=fp.Supervisor(
                 1.02, 1.0, kind="paper", disturbance_bound=0.5)), horizon=10.0,
