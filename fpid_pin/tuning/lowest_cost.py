@@ -77,7 +77,7 @@ def tune(
         controller=found,
         cost=cost_found,
         start_cost=search.start_cost,
-        parameters={name: getattr(found, name) for name in bound.space.genes},
+        parameters=bound.parameters(found),
         at_bounds=bound.at_bounds(bound.point(found, bound.n, nearest=True)),
         controllers=tuple(
             bound.controller(point, f"tuned, seed {seed}")

@@ -154,6 +154,11 @@ class BoundSpace:
         members: dict[str, Any] = dict(self.members(point))
         return self._replace(members | self._naming(name))
 
+    def parameters(self, controller: Controller) -> dict[str, float | FloatArray]:
+        """Return what a controller has of the parameters sought, by name."""
+        given = {name: np.asarray(getattr(controller, name)) for name in self.space.genes}
+        return {name: value if value.ndim else float(value) for name, value in given.items()}
+
     def renamed(self, name: str) -> Controller:
         """Return the controller that the space was met by, under another name."""
         return self._replace(self._naming(name))

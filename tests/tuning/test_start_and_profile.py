@@ -61,6 +61,7 @@ def test_what_lies_at_a_bound_is_named():
     result = searched(CONTROLLER, Space(kp=(1, 12, "shared"), kd=(1, 200)), population=24,
                       generations=12)  # fmt: skip
     assert "kp" in result.at_bounds
+    assert type(result.parameters["kp"]) is float
     assert any(line.startswith("At a bound: kp") for line in result.advice)
 
 

@@ -154,13 +154,13 @@ def test_the_front_holds_nothing_that_is_beaten():
 
 def test_differential_evolution_finds_nothing_better():
     space = Space(integral_order=(0, 1, "shared"), derivative_order=(0, 1, "shared"))
-    budget, told = SearchSettings(population=20, generations=20), []
+    budget, told = SearchSettings(population=20, generations=40), []
     ours = tune(EXPERIMENT, CONTROLLER, space, TRACKING, budget)
     other = cross_check(EXPERIMENT, CONTROLLER, space, TRACKING, budget, progress=told.append)
     assert other.cost == fp.evaluate(EXPERIMENT, [other.controller], TRACKING)[0]
-    assert other.evaluations == told[-1].evaluations == 20 * 20
+    assert other.evaluations == told[-1].evaluations == 20 * 40
     assert ours.cost <= 1.005 * other.cost
-    assert (told[-1].part, told[-1].generation, told[-1].best) == (1.0, 20, other.cost)
+    assert (told[-1].part, told[-1].generation, told[-1].best) == (1.0, 40, other.cost)
     assert all(progress.rate > 0.0 for progress in told if progress.complete)
 
 
