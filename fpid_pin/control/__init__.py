@@ -1,10 +1,11 @@
 """Control laws: from reference and measurement to torque."""
 
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
+from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
 from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.gains import gain_ceilings, suggest_gains
+from fpid_pin.control.gains import GainSuggestion, explain_gains, suggest_gains
 from fpid_pin.control.loop import Loop
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.stability import StabilityReport, stability_report
@@ -16,6 +17,8 @@ __all__ = [
     "AdaptiveFpid",
     "ComputedTorque",
     "Controller",
+    "GainCeilings",
+    "GainSuggestion",
     "GravityOnly",
     "LawState",
     "Loop",
@@ -28,6 +31,7 @@ __all__ = [
     "State",
     "SuggestedFpid",
     "Supervisor",
+    "explain_gains",
     "gain_ceilings",
     "lyapunov_matrix",
     "stability_report",

@@ -32,7 +32,7 @@ class SuggestedFpid(Controller):
 
     bandwidth: float = 10.0
     integral_order: float = 0.9
-    derivative_order: float = 0.95
+    derivative_order: float | None = None
     adaptive: bool = True
     name: str = "FPID, suggested gains"
 
@@ -40,8 +40,9 @@ class SuggestedFpid(Controller):
         value = checks.number("bandwidth", self.bandwidth, above=0.0)
         object.__setattr__(self, "bandwidth", value)
         for name in ("integral_order", "derivative_order"):
-            value = checks.number(name, getattr(self, name), low=0.0, high=1.0)
-            object.__setattr__(self, name, value)
+            order = getattr(self, name)
+            if order is not None or name == "integral_order":
+                object.__setattr__(self, name, checks.number(name, order, low=0.0, high=1.0))
         checks.instance("adaptive", self.adaptive, bool, "true or false")
 
     def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> AdaptiveFpid:
@@ -61,6 +62,9 @@ class SuggestedFpid(Controller):
         cls, controllers: Sequence[SuggestedFpid], arm: Arm, *, step: float, horizon: float
     ) -> State:
         """Start all `controllers` in one state; see `Controller.start_many`."""
-        # Fitted to no particular horizon: a run's gains do not depend on how long it lasts.
-        laws = [controller.on(arm, step=step) for controller in controllers]
-        return AdaptiveFpid.start_many(laws, arm, step=step, horizon=horizon)
+        # Fitted to no particular horizon: a run's gains do not depend on how long it lasts. Most
+        # populations have one description many times, and a suggestion takes a second.
+        known = {id(c): c for c in controllers}
+        laws = {key: controller.on(arm, step=step) for key, controller in known.items()}
+        each = [laws[id(c)] for c in controllers]
+        return AdaptiveFpid.start_many(each, arm, step=step, horizon=horizon)

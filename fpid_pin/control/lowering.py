@@ -1,0 +1,116 @@
+"""The gains nearest to wanted ones that a sampled loop bears, damped at every pose looked at."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.ceilings import DerivativeBound
+from fpid_pin.control.damping import FrozenLoops
+
+#: What a missing bit of damping ratio weighs beside the logarithm of one joint's gains.
+PENALTY = 100.0
+#: Poles that are watched at a pose: the least damped changes as gains do, and would be a kink.
+PAIRS = 4
+#: How often a pose may be added at which the last gains were found wanting.
+ROUNDS = 8
+
+
+def nearest_gains(
+    loops: FrozenLoops,
+    bound: DerivativeBound,
+    wanted: FloatArray,
+    *,
+    part: float,
+    damping: FloatArray,
+    start: float = 0.0,
+) -> tuple[FloatArray, float]:
+    """Lower bandwidths and Kd, joint by joint, no further than damping and the bound ask.
+
+    Parameters
+    ----------
+    loops
+        At the poses where damping counts.
+    bound
+        On Kd, over all poses.
+    wanted
+        Kp, Ki, Kd, (3, n), scale included.
+    part
+        Of the bound that may be used up.
+    damping
+        Least damping ratio at each pose of `loops`.
+    start
+        ln of the part of the wanted gains to begin with; below 0 with all poses at once.
+
+    Returns
+    -------
+    gains, short
+        (3, n), and by how much the damping ratio at the worst pose falls short of what is wanted
+        (below 0: does not).
+
+    Notes
+    -----
+    Maximises the sum of all ln K, so that a gain gives up little where another can do as much, by
+    sequential quadratic programming (SLSQP) with exact derivatives of poles and loads. Where
+    nothing satisfies all constraints the damping ratios fall short by the same, least, amount.
+    """
+    from scipy.optimize import minimize
+
+    n = wanted.shape[1]
+    merit = np.append(-np.ones(3 * n), PENALTY)
+    limits = [(-8.0, 0.0)] * (3 * n) + [(0.0, 2.0)]
+    # Poses at which the bound, and the damping, have been found wanting.
+    loaded = [bound.worst(wanted[2])[1]] if start else []
+    shaken = list(range(len(damping))) if start else []
+
+    def gains(y: FloatArray) -> FloatArray:
+        return np.asarray(wanted * np.exp(y[:-1].reshape(3, n)))
+
+    @lru_cache(maxsize=1)
+    def constraints(key: bytes) -> tuple[FloatArray, FloatArray]:
+        """Return what has to be >= 0, and its derivatives by (ln K, shortfall)."""
+        y = np.frombuffer(key)
+        table = gains(y)
+        values, rows = [], []
+        for pose in loaded:
+            load, share = bound.shares(table[2], pose)
+            values.append(np.log(part / load))
+            rows.append([*np.zeros(2 * n), *-share, 0.0])
+        for k in shaken:
+            for ratio, slope in zip(*loops.slopes(table, k, count=PAIRS), strict=True):
+                values.append(ratio - damping[k] + y[-1])
+                rows.append([*slope.reshape(-1), 1.0])
+        return np.array(values), np.array(rows)
+
+    held: Any = {
+        "type": "ineq",
+        "fun": lambda y: constraints(y.tobytes())[0],
+        "jac": lambda y: constraints(y.tobytes())[1],
+    }
+
+    y = np.append(np.full(3 * n, start), 0.0)
+    settled = not shaken
+    for _ in range(ROUNDS):
+        table = gains(y)
+        short = [least - loops.damping(table, k) - y[-1] for k, least in enumerate(damping)]
+        new = [k for k, missing in enumerate(short) if missing > 0.01 and k not in shaken]
+        load, pose = bound.worst(table[2])
+        if load > 1.01 * part:
+            loaded.append(pose)
+        shaken.extend(new)
+        if settled and not new and load <= 1.01 * part:
+            break
+        constraints.cache_clear()
+        y = minimize(
+            lambda y: merit @ y, y, jac=lambda _: merit, method="SLSQP", bounds=limits,
+            constraints=held, options={"maxiter": 20, "ftol": 1e-3},
+        ).x  # fmt: skip
+        settled = True
+        if y[-1] > damping.max():
+            break  # unstable somewhere at best
+    table = gains(y)
+    table[2] *= min(1.0, part / max(bound.worst(table[2])[0], 1e-300))
+    return table, max(least - loops.damping(table, k) for k, least in enumerate(damping))
