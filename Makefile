@@ -1,5 +1,6 @@
 # `make demo` and `make test` each set up what they need in .venv, once, and then run it.
 # `make check` adds the linter and the type checker; `make clean` removes what these made.
+# `make torture` makes all attacks of which the tests make a few, and prints a table of them.
 
 PYTHON ?= python3
 VENV := .venv
@@ -8,13 +9,13 @@ BIN := $(VENV)/bin
 RUN_STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 
-.PHONY: demo test lint check clean
+.PHONY: demo test lint check torture clean
 
 demo: $(RUN_STAMP)
 	$(BIN)/fpid-pin demo
 
 test: $(TEST_STAMP)
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist loadfile
 
 lint: $(TEST_STAMP)
 	$(BIN)/ruff check .
@@ -22,6 +23,9 @@ lint: $(TEST_STAMP)
 	$(BIN)/mypy
 
 check: lint test
+
+torture: $(TEST_STAMP)
+	FPID_TORTURE=full $(BIN)/python -m pytest -q tests/torture
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \

@@ -15,6 +15,7 @@ from fpid_pin import (
     costs,
     disturbances,
     exceptions,
+    export,
     fractional,
     progress,
     references,
@@ -40,6 +41,7 @@ from fpid_pin.control import (
     suggest_gains,
 )
 from fpid_pin.exceptions import FpidError, FpidWarning
+from fpid_pin.export import export_c
 from fpid_pin.simulation import (
     Experiment,
     Plant,
@@ -78,6 +80,8 @@ __all__ = [
     "disturbances",
     "evaluate",
     "exceptions",
+    "export",
+    "export_c",
     "fractional",
     "paper_controller",
     "paper_experiment",

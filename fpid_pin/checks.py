@@ -12,9 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import cut, shown
 
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
+#: Sampling periods that a simulation can have [s], and the most rows: whole numbers are exact.
+STEPS = (1e-9, 10.0)
+MOST_ROWS = 1 << 53
+#: Characters of a wrong choice: the nearest right one is to be read after it.
+_SHORT = 40
 
 __all__ = [
     "ArgumentError",
@@ -87,9 +93,9 @@ def floats(
     try:
         raw = np.asarray(value)
     except (TypeError, ValueError):
-        raise ArgumentError(name, "numbers", repr(value)) from None
+        raise ArgumentError(name, "numbers", shown(value)) from None
     if raw.dtype.kind not in "iuf" or raw.size == 0:
-        raise ArgumentError(name, "numbers", repr(value)) from None
+        raise ArgumentError(name, "numbers", shown(value)) from None
     array = read_only(raw)
     if max_ndim is not None and array.ndim > max_ndim:
         expected = "a number" if max_ndim == 0 else f"at most {max_ndim} dimension(s)"
@@ -132,9 +138,9 @@ def integer(name: str, value: Any, *, low: int | None = None, high: int | None =
             raise TypeError
         result = operator.index(value)
     except TypeError:
-        raise ArgumentError(name, "a whole number", repr(value)) from None
+        raise ArgumentError(name, "a whole number", shown(value)) from None
     if (low is not None and result < low) or (high is not None and result > high):
-        raise ArgumentError(name, f"a whole number {_interval(low, high, None)}", result)
+        raise ArgumentError(name, f"a whole number {_interval(low, high, None)}", shown(result))
     return result
 
 
@@ -190,10 +196,10 @@ def choice(name: str, value: Any, options: Iterable[str]) -> str:
     known = list(options)
     if isinstance(value, str) and value in known:
         return value
-    expected = "one of " + ", ".join(known)
-    near = difflib.get_close_matches(str(value), known, n=1)
+    expected = cut("one of " + ", ".join(known))
+    near = difflib.get_close_matches(value, known, n=1) if isinstance(value, str) else []
     hint = f" (did you mean {near[0]}?)" if near else ""
-    raise ArgumentError(name, expected, f"{value!r}{hint}")
+    raise ArgumentError(name, expected, f"{shown(value, _SHORT)}{hint}")
 
 
 def instance(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> None:
@@ -208,10 +214,14 @@ def sample_count(duration: float, step: float) -> int:
     Raises
     ------
     ArgumentError
-        When `step` is not positive or `duration` is shorter than one step.
+        When `step` is not within `STEPS`, or `duration` is shorter than one step or longer than
+        `MOST_ROWS`.
     """
-    step = number("step", step, above=0.0)
+    number("step", step, above=0.0)
+    step = number("step", step, low=STEPS[0], high=STEPS[1])
     duration = number("duration", duration, above=0.0)
     if duration < step * (1.0 - 1e-9):
         raise ArgumentError("duration", f"at least one step ({step:g} s)", f"{duration:g} s")
+    if duration > step * MOST_ROWS:
+        raise ArgumentError("duration", f"at most {MOST_ROWS:.2g} steps ({step:g} s)", duration)
     return math.floor(duration / step + 0.5) + 1

@@ -19,6 +19,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.text import shown
 
 T = TypeVar("T")
 D = TypeVar("D", bound=type)
@@ -39,6 +40,10 @@ def described(kind: str, *families: str) -> Callable[[D], D]:
     """
 
     def register(cls: D) -> D:
+        before = _KINDS.get(kind, cls)
+        # A class written anew, in a notebook say, takes its own place.
+        if (before.__module__, before.__qualname__) != (cls.__module__, cls.__qualname__):
+            raise ArgumentError("kind", "a name that is not taken", f"{kind!r} ({before.__name__})")
         _KINDS[kind] = cls
         cls._kind = kind  # type: ignore[attr-defined]
         for name in {base.__name__ for base in cls.__mro__} | set(families):
@@ -72,7 +77,8 @@ def to_dict(thing: Any) -> dict[str, Any]:
     for field in dataclasses.fields(thing):
         value = getattr(thing, field.name)
         if field.init and value is not None:
-            table[field.name] = _plain(value)
+            # A field "kind" would hide the description's own.
+            table["variant" if field.name == "kind" else field.name] = _plain(value)
     return table
 
 
@@ -124,7 +130,7 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     """
     before = len(faults)
     if not isinstance(table, Mapping):
-        faults.append(ArgumentError(path or "description", "a table", repr(table)))
+        faults.append(ArgumentError(path or "description", "a table", shown(table)))
         return None
     known = kinds(family)
     only = getattr(family, "_kind", None)
@@ -135,6 +141,8 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
         return None
     cls = known[kind]
     fields = {key: value for key, value in table.items() if key != "kind"}
+    if "variant" in fields and "kind" in {field.name for field in dataclasses.fields(cls)}:
+        fields["kind"] = fields.pop("variant")
     own = getattr(cls, "from_table", None)
     if own is None:
         # A key at fault is left out, so that the constructor can find what else is wrong.
@@ -261,5 +269,5 @@ def _check_fields(
                 faults.append(ArgumentError(_join(path, key), "a value", "none"))
             else:
                 expected = _EXPECTED.get(fault["type"], "a number")
-                faults.append(ArgumentError(_join(path, key), expected, repr(fault["input"])))
+                faults.append(ArgumentError(_join(path, key), expected, shown(fault["input"])))
     return seen

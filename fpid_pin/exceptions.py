@@ -1,15 +1,19 @@
 """The errors a user of the package can act on, and its warning.
 
-Every message is one line: what, what was expected, what came.
+Every message is one line: what, what was expected, what came. Whatever it quotes, from a file say,
+is visible, and cut where it would be too long for a line.
 """
 
 from __future__ import annotations
+
+from fpid_pin.text import MOST, cut, visible
 
 __all__ = [
     "ArgumentError",
     "ArmError",
     "ConfigError",
     "DesignError",
+    "ExportError",
     "FileFormatError",
     "FpidError",
     "FpidWarning",
@@ -18,8 +22,18 @@ __all__ = [
 ]
 
 
+#: A message's key and value give way, down to these, for the line to have `MOST` characters; what
+#: was expected is our own text and stays whole.
+_NAME, _VALUE = 80, 80
+#: No message is longer, whatever it is made of.
+_LONGEST = 5 * MOST
+
+
 class FpidError(Exception):
     """Base of every error that the package raises on purpose."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(cut(visible(str(message)), _LONGEST))
 
 
 class ArgumentError(FpidError, ValueError):
@@ -37,7 +51,8 @@ class ArgumentError(FpidError, ValueError):
         self.name = name
         self.expected = expected
         self.got = got
-        super().__init__(f"{name}: expected {expected}, got {got}")
+        head = f"{cut(visible(str(name)), _NAME)}: expected {cut(visible(expected))}, got "
+        super().__init__(head + cut(visible(str(got)), max(MOST - len(head), _VALUE)))
 
     def __reduce__(self) -> tuple[type, tuple[str, str, object]]:
         # Exceptions pickle by their args; ours are three (workers send errors back).
@@ -52,12 +67,21 @@ class DesignError(FpidError):
     """A fractional operator cannot be designed as asked for."""
 
 
+class ExportError(FpidError):
+    """A controller cannot leave Python: what is missing, or which line cannot be printed."""
+
+
 class FileFormatError(FpidError):
     """A file is cut short, altered, of an unknown format, or not one of ours."""
 
 
 class ConfigError(FpidError):
-    """A configuration file is wrong; the message lists every fault with its key path."""
+    """A configuration file is wrong; the message has a line for every fault, with its key path."""
+
+    def __init__(self, message: object = "") -> None:
+        lines = str(message).split("\n")
+        # Each on its own, past the base's one line.
+        Exception.__init__(self, "\n".join(cut(visible(line), _LONGEST) for line in lines))
 
 
 class SimulationError(FpidError):
@@ -70,3 +94,6 @@ class TuningError(FpidError):
 
 class FpidWarning(UserWarning):
     """Something works, but not as the user may think."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(cut(visible(str(message)), _LONGEST))

@@ -86,3 +86,25 @@ def test_families_are_kept_apart():
         descriptions.from_dict(3, fp.Controller)
     with pytest.raises(ArgumentError, match="ki: expected a value, got none"):
         descriptions.from_dict({"kind": "adaptive_fpid", "kp": 1.0, "kd": 1.0}, fp.Controller)
+
+
+def test_a_name_that_is_taken_stays_so():
+    with pytest.raises(ArgumentError, match=r"kind: expected a name that is not taken, got 'pid'"):
+
+        @descriptions.described("pid")
+        @dataclasses.dataclass(frozen=True, eq=False)
+        class Own(fp.Controller):
+            pass
+
+    for _ in range(2):  # a cell of a notebook that is run again
+
+        @descriptions.described("own_name_of_a_test")
+        @dataclasses.dataclass(frozen=True, eq=False)
+        class Again(fp.Controller):
+            pass
+
+
+def test_a_field_called_kind_does_not_hide_the_description_s():
+    table = descriptions.to_dict(fp.Supervisor(3.0, 1.0, kind="paper"))
+    assert (table["kind"], table["variant"]) == ("supervisor", "paper")
+    assert descriptions.from_dict(table, fp.Supervisor).kind == "paper"

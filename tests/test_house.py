@@ -16,15 +16,16 @@ import fpid_pin
 PACKAGE = Path(fpid_pin.__file__).parent
 # A room may import those before it, in its own tier and above.
 TIERS = [
-    {"kernels"},
+    {"kernels", "text"},
     {"_version", "exceptions", "progress"},
-    {"checks", "files"},
-    {"descriptions"},
+    {"archive", "budget", "checks", "files"},
+    {"descriptions", "locks", "sealed"},
     {"costs", "disturbances"},
     {"fractional", "arms"},
     {"control", "references"},
     {"simulation"},
     {"tuning", "campaign"},
+    {"export"},
     {"view"},
     {"cli"},
 ]
@@ -105,14 +106,15 @@ def test_importing_the_package_loads_nothing_heavy():
 FACE = {
     "AdaptiveFpid", "Arm", "ComputedTorque", "Controller", "Experiment", "FpidError", "FpidWarning",
     "GravityOnly", "PdGravity", "Pid", "Plant", "Run", "Safeguards", "Sensors", "SlidingMode",
-    "SlotineLi", "SuggestedFpid", "Supervisor", "evaluate", "paper_controller", "paper_experiment",
-    "pareto", "simulate", "stability_report", "suggest_gains", "tune",
+    "SlotineLi", "SuggestedFpid", "Supervisor", "evaluate", "export_c", "paper_controller",
+    "paper_experiment", "pareto", "simulate", "stability_report", "suggest_gains", "tune",
 }  # fmt: skip
 ROOMS = {
     "arms": {"Arm", "DryFriction", "Fleet", "names"},
     "control": {"Controller", "Loop", "StabilityReport", "State", "gain_ceilings"},
     "costs": {"Cost", "MetricCost", "Metrics", "QuadraticCost"},
     "disturbances": {"Cosine", "Disturbance", "Pulse", "Sum"},
+    "export": {"export_c"},
     "exceptions": {"ArgumentError", "ConfigError", "FileFormatError", "TuningError"},
     "fractional": {"Bank", "Crone", "ExponentialSum", "caputo"},
     "progress": {"Progress"},

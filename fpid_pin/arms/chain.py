@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin.exceptions import ArmError
+from fpid_pin.text import cut, listed, named
 
 #: Poses at which the mass matrix is tried, besides the arm's zero and home.
 _POSES = 4
@@ -25,18 +26,17 @@ def require_serial(model: Any, name: str) -> None:
     """
     if model.njoints < 2:
         raise ArmError(
-            f"{name}: expected at least one revolute joint that is free to move, got none"
+            f"{cut(name)}: expected at least one revolute joint that is free to move, got none"
         )
     children: dict[int, list[str]] = {}
     for joint in range(1, model.njoints):
         children.setdefault(int(model.parents[joint]), []).append(str(model.names[joint]))
     for parent, names in children.items():
         if len(names) > 1:
-            where = "its base" if parent == 0 else f"joint {str(model.names[parent])!r}"
+            where = "its base" if parent == 0 else f"joint {named(str(model.names[parent]))}"
             raise ArmError(
-                f"{name}: expected a serial chain, got a tree that branches at {where} into "
-                + ", ".join(repr(child) for child in names)
-                + " (lock the joints of all branches but one)"
+                f"{cut(name)}: expected a serial chain, got a tree that branches at {where} into "
+                f"{listed(names)} (lock the joints of all branches but one)"
             )
 
 
@@ -57,7 +57,9 @@ def require_regular(model: Any, name: str, home: Any) -> None:
         upper = np.triu(pin.crba(model, data, q))
         mass = upper + np.triu(upper, 1).T
         if not np.isfinite(mass).all():
-            raise ArmError(f"{name}: expected finite inertias, got a mass matrix with NaN or inf")
+            raise ArmError(
+                f"{cut(name)}: expected finite inertias, got a mass matrix with NaN or inf"
+            )
         values, vectors = np.linalg.eigh(mass)
         if values[0] > _SINGULAR * max(values[-1], np.finfo(np.float64).tiny):
             continue
@@ -68,9 +70,9 @@ def require_regular(model: Any, name: str, home: Any) -> None:
         idle = [k for k, body in enumerate(bodies) if body.mass <= 0.0 and share[k] > 1e-6]
         joint = (idle[0] if idle else int(np.argmax(share))) + 1
         raise ArmError(
-            f"{name}: expected a positive definite mass matrix, got smallest eigenvalue "
-            f"{values[0]:.3g}: link {link_of(model, joint)!r} (moved by joint "
-            f"{str(model.names[joint])!r}) has too little mass or inertia"
+            f"{cut(name)}: expected a positive definite mass matrix, got smallest eigenvalue "
+            f"{values[0]:.3g}: link {named(link_of(model, joint))} (moved by joint "
+            f"{named(str(model.names[joint]))}) has too little mass or inertia"
         )
 
 

@@ -22,6 +22,7 @@ from fpid_pin.arms.inertia import inertia_of
 from fpid_pin.arms.source import Parts, given_or_inf, gravity_entry, gravity_vector
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import shown
 
 
 class Change(ABC):
@@ -53,18 +54,18 @@ def from_table(table: Any, name: str = "changes") -> Change:
     """
     known = {cls.name: cls for cls in (Payload, Friction, Limits, Gravity, Armature, Inertias)}
     if not isinstance(table, Mapping) or len(table) != 1:
-        raise ArgumentError(name, "a table with one of " + ", ".join(known), repr(table))
+        raise ArgumentError(name, "a table with one of " + ", ".join(known), shown(table))
     (key, fields) = next(iter(table.items()))
     cls = known[checks.choice(name, key, known)]
     if not isinstance(fields, Mapping):
-        raise ArgumentError(f"{name}.{key}", "a table", repr(fields))
+        raise ArgumentError(f"{name}.{key}", "a table", shown(fields))
     for field in fields:
         checks.choice(f"key in {name}.{key}", field, [f.name for f in dataclasses.fields(cls)])
     try:
         return cls(**fields)
     except TypeError:
         required = [f.name for f in dataclasses.fields(cls) if f.default is dataclasses.MISSING]
-        raise ArgumentError(f"{name}.{key}", "keys " + ", ".join(required), repr(fields)) from None
+        raise ArgumentError(f"{name}.{key}", "keys " + ", ".join(required), shown(fields)) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,7 @@ class Payload(Change):
         checks.choice("frame", name, [str(frame.name) for frame in model.frames])
         frame = model.frames[model.getFrameId(name)]
         if frame.parentJoint == 0:
-            raise ArgumentError("frame", "a frame that moves with the arm", repr(name))
+            raise ArgumentError("frame", "a frame that moves with the arm", shown(name))
         about_com = np.zeros((3, 3)) if self.inertia is None else np.array(self.inertia)
         body = pin.Inertia(self.mass, np.array(self.com), about_com)
         if self.mass > 0.0:

@@ -62,7 +62,7 @@ class DryFriction:
         self._alive: BoolArray = np.ones(fleet.runs, dtype=np.bool_)
         self._turns: BoolArray = np.zeros(fleet.runs, dtype=np.bool_)
         self._stuck: BoolArray = np.zeros(shape, dtype=np.bool_)
-        self._fault: BoolArray = np.zeros(fleet.n, dtype=np.bool_)
+        self._fault = np.zeros(fleet.n)
         self._speed, self._hold = np.zeros(shape), np.zeros(shape)
         self._side = np.zeros(fleet.n)
         self._matrix = np.zeros((fleet.n, fleet.n))

@@ -24,6 +24,7 @@ from fpid_pin.arms.two_link import TwoLinkSource
 from fpid_pin.arms.urdf import UrdfSource, read_text
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import shown
 
 
 class _Table(Arm):
@@ -45,7 +46,7 @@ class _Table(Arm):
         rest = {key: value for key, value in fields.items() if key != "changes"}
         changes = fields.get("changes", [])
         if not isinstance(changes, (list, tuple)):
-            raise ArgumentError("changes", "a list of tables", repr(changes))
+            raise ArgumentError("changes", "a list of tables", shown(changes))
         items = [change.from_table(item, f"changes.{k}") for k, item in enumerate(changes)]
         return assemble(cls._source_of(rest), items)
 

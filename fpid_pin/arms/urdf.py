@@ -24,9 +24,11 @@ from fpid_pin.arms.source import (
     limits_of,
     one_line,
 )
-from fpid_pin.arms.urdf_checks import parse, require_joints, require_numbers
+from fpid_pin.arms.urdf_bare import bare
+from fpid_pin.arms.urdf_checks import parse, require_joints
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError, ArmError
+from fpid_pin.text import cut, shown
 
 _BOUNDS = ("lower", "upper")
 _FAR = f"{10.0 * UNREACHABLE:g}"
@@ -35,15 +37,17 @@ _NO_LIMIT = {"lower": f"-{_FAR}", "upper": _FAR, "effort": "0", "velocity": "0"}
 
 def read_text(path: str | Path) -> str:
     """Read a URDF file; whatever the file system says becomes one `ArmError`."""
-    file = Path(path)
-    if not file.is_file():
-        raise ArmError(
-            f"{file}: expected a URDF file, got {'a folder' if file.is_dir() else 'none'}"
-        )
+    checks.instance("path", path, (str, Path), "the path of a URDF file")
+    file, label = Path(path), cut(str(path))
     try:
+        if not file.is_file():
+            got = "a folder" if file.is_dir() else "none"
+            raise ArmError(f"{label}: expected a URDF file, got {got}")
         return file.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise ArmError(f"{file}: cannot be read: {error}") from None
+        # What the system says of a name that is too long repeats the name.
+        reason = getattr(error, "strerror", None) or error
+        raise ArmError(f"{label}: cannot be read: {reason}") from None
 
 
 def unwind(root: ET.Element) -> None:
@@ -102,10 +106,13 @@ class UrdfSource(Source):
 
     def __post_init__(self) -> None:
         checks.instance("urdf", self.text, str, "the text of a URDF")
+        if self.path is not None and (not isinstance(self.path, str) or "\0" in self.path):
+            raise ArgumentError("path", "the path of a URDF file", shown(self.path))
         if not isinstance(self.lock, Mapping):
-            raise ArgumentError("lock", "a table {joint: value}", repr(self.lock))
+            raise ArgumentError("lock", "a table {joint: value}", shown(self.lock))
         held = {str(name): checks.number(f"lock.{name}", x) for name, x in self.lock.items()}
         dirs = self.package_dirs
+        checks.instance("package_dirs", dirs, (str, Path, Sequence), "a list of folders")
         listed = (dirs,) if isinstance(dirs, (str, Path)) else tuple(dirs)
         object.__setattr__(self, "lock", held)
         object.__setattr__(self, "gravity", gravity_vector(self.gravity))
@@ -114,7 +121,7 @@ class UrdfSource(Source):
     @property
     def label(self) -> str:
         """What to call it in an error: its file, else the robot."""
-        return self.path or "URDF"
+        return cut(self.path or "URDF")
 
     def build(self) -> Parts:
         """Build the model; limits, friction and rotor inertia are those of the file."""
@@ -131,14 +138,13 @@ class UrdfSource(Source):
 
     def full_model(self) -> Any:
         """Build the model with the locked joints still free."""
-        text = ET.tostring(self.checked(), encoding="unicode")
+        text = ET.tostring(bare(self.checked()), encoding="unicode")
         with one_line(self.label, "Pinocchio cannot build it"):
             return pin.buildModelFromXML(text)
 
     def checked(self) -> ET.Element:
         """Return the URDF, checked, with its continuous joints unwound."""
         root = parse(self.text, self.label)
-        require_numbers(root, self.label)
         require_joints(root, self.label, self.lock)
         unwind(root)
         return root

@@ -4,13 +4,29 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from fpid_pin import checks
+from fpid_pin.arms.urdf_bare import numbers
+from fpid_pin.arms.urdf_bodies import require_bodies
+from fpid_pin.arms.urdf_tree import require_chain, require_tree
 from fpid_pin.exceptions import ArmError
+from fpid_pin.text import cut, named
 
 _TURNING = ("revolute", "continuous")
 _LOCKABLE = (*_TURNING, "prismatic")
+_KINDS = (*_LOCKABLE, "fixed", "floating", "planar")
+#: Elements within one another, at most; a URDF needs six. XML is written, and read by urdfdom, by
+#: functions that call themselves.
+_NESTED = 100
+#: Characters of an element's name in a message.
+_TAG = 60
+#: What there may be one of: urdfdom would quietly take the first.
+_SINGLE = {
+    "link": ("inertial", "mass", "inertia", "origin"),
+    "joint": ("parent", "child", "origin", "axis", "limit", "dynamics", "mimic"),
+}
 #: For links (in <inertial>) and joints: element, attributes, numbers in each, whether it must be.
 _NUMBERS = {
     "link": (
@@ -25,10 +41,16 @@ _NUMBERS = {
         ("dynamics", ("damping", "friction"), 1, False),
     ),
 }
+#: Of an axis: it is divided by its length, which has to survive being squared.
+_LENGTHS = (1e-9, 1e9)
+#: What makes a joint push where it should hold back, or a limit that nothing keeps.
+_NEVER_NEGATIVE = ("damping", "friction", "effort", "velocity")
 
 
 def parse(text: str, label: str) -> ET.Element:
-    """Parse and check a URDF: well formed, one root link, every joint between known links.
+    """Parse and check a URDF: well formed, one tree of joints between links, numbers that can be.
+
+    Takes time in proportion to the file, whatever is in it.
 
     Raises
     ------
@@ -37,64 +59,68 @@ def parse(text: str, label: str) -> ET.Element:
     """
     try:
         root = ET.fromstring(text)
-    except ET.ParseError as error:
+    except (ET.ParseError, ValueError) as error:
         raise ArmError(f"{label}: expected well-formed XML, got {error}") from None
     if root.tag != "robot":
-        raise ArmError(f"{label}: expected a <robot> element, got <{root.tag}>")
-    links = [link.get("name", "") for link in root.findall("link")]
-    joints = root.findall("joint")
-    names = [joint.get("name", "") for joint in joints]
-    for what, listed in (("link", links), ("joint", names)):
-        for name in listed:
-            if not name or listed.count(name) > 1:
-                raise ArmError(
-                    f"{label}: expected {what}s with a name of their own, got {name!r} "
-                    f"{listed.count(name)} time(s)"
-                )
-    if not links:
-        raise ArmError(f"{label}: expected links, got none")
-    children: set[str] = set()
-    for joint, name in zip(joints, names, strict=True):
-        for end in ("parent", "child"):
-            element = joint.find(end)
-            link = "" if element is None else element.get("link", "")
-            if link not in links:
-                raise ArmError(
-                    f"{label}: joint {name!r}: expected a {end} link of the file, got {link!r}"
-                )
-            if end == "child" and link in children:
-                raise ArmError(f"{label}: expected one joint above link {link!r}, got several")
-            if end == "child":
-                children.add(link)
+        raise ArmError(f"{label}: expected a <robot> element, got <{cut(root.tag, _TAG)}>")
+    _require_flat(root, label)
+    if not root.get("name"):
+        raise ArmError(f"{label}: expected a <robot> with a name, got none")
+    _require_single(root, label)
+    require_tree(root, label)
+    for joint in root.findall("joint"):
         if joint.get("type") in ("revolute", "prismatic") and joint.find("limit") is None:
             raise ArmError(
-                f"{label}: joint {name!r} ({joint.get('type')}): expected a <limit> element, "
-                "got none (a joint without limits is of type continuous)"
+                f"{label}: joint {named(joint.get('name'))} ({joint.get('type')}): expected a "
+                "<limit> element, got none (a joint without limits is of type continuous)"
             )
-    bases = [link for link in links if link not in children]
-    if len(bases) != 1:
-        raise ArmError(f"{label}: expected one base link, got {len(bases)}: {', '.join(bases)}")
+    _require_numbers(root, label)
+    require_bodies(root, label)
     return root
 
 
-def require_numbers(root: ET.Element, label: str) -> None:
+def _require_flat(root: ET.Element, label: str) -> None:
+    level = [root]
+    for _ in range(_NESTED):
+        level = [element for above in level for element in above]
+        if not level:
+            return
+    raise ArmError(
+        f"{label}: expected at most {_NESTED} elements within one another, got more around "
+        f"<{cut(level[0].tag, _TAG)}>"
+    )
+
+
+def _require_single(root: ET.Element, label: str) -> None:
+    for kind, tags in _SINGLE.items():
+        for owner in root.findall(kind):
+            for part in (owner, *owner.findall("inertial")):
+                counts = Counter(element.tag for element in part)
+                for tag in tags:
+                    if counts[tag] > 1:
+                        name = named(owner.get("name", ""))
+                        raise ArmError(
+                            f"{label}: {kind} {name}: expected one <{tag}>, got {counts[tag]}"
+                        )
+
+
+def _require_numbers(root: ET.Element, label: str) -> None:
     """Refuse what should be numbers and is not; urdfdom would only print and give up."""
     for kind, name, tag, attribute, count, required in _numbers(root):
-        owner = f"{label}: {kind} {name!r}: <{tag.tag}>"
         text = tag.get(attribute)
-        if text is None:
-            if required:
-                raise ArmError(f"{owner}: expected the attribute {attribute}, got none")
+        if text is None and not required:
             continue
-        try:
-            values = [float(word) for word in text.split()]
-        except ValueError:
-            values = []
+        owner = f"{label}: {kind} {named(name)}: <{tag.tag}>"
+        if text is None:
+            raise ArmError(f"{owner}: expected the attribute {attribute}, got none")
+        values = numbers(text) or []
         # No limit may be written as an infinite one; everything else has to be finite.
-        admissible = (lambda x: not math.isnan(x)) if tag.tag == "limit" else math.isfinite
-        if len(values) != count or not all(map(admissible, values)):
+        sound = tag.tag == "limit" or all(map(math.isfinite, values))
+        if len(values) != count or not sound:
             expected = "a number" if count == 1 else f"{count} numbers"
-            raise ArmError(f"{owner}: expected {expected} in {attribute}, got {text!r}")
+            raise ArmError(f"{owner}: expected {expected} in {attribute}, got {named(text)}")
+        if attribute in _NEVER_NEGATIVE and values[0] < 0.0:
+            raise ArmError(f"{owner}: expected {attribute} >= 0, got {values[0]:g}")
 
 
 def _numbers(root: ET.Element) -> Iterator[tuple[str, str, ET.Element, str, int, bool]]:
@@ -122,22 +148,38 @@ def require_joints(root: ET.Element, label: str, lock: Mapping[str, float]) -> N
         checks.choice("lock", name, movable)
         if kinds[name] not in _LOCKABLE:
             raise ArmError(
-                f"{label}: joint {name!r}: expected a joint with one coordinate to lock, "
-                f"got {kinds[name]}"
+                f"{label}: joint {named(name)}: expected a joint with one coordinate to lock, "
+                f"got {_kind(kinds[name])}"
             )
     for joint in root.findall("joint"):
         name, kind = joint.get("name", ""), joint.get("type", "")
         if name in lock or kind == "fixed":
             continue
         if kind not in _TURNING:
-            hint = f" (lock it: lock={{{name!r}: 0.0}})" if kind in _LOCKABLE else ""
+            hint = f" (lock it: lock={{{named(name)}: 0.0}})" if kind in _LOCKABLE else ""
             raise ArmError(
-                f"{label}: joint {name!r}: expected revolute or continuous, got {kind or 'no type'}"
-                + hint
+                f"{label}: joint {named(name)}: expected revolute or continuous, "
+                f"got {_kind(kind)}{hint}"
+            )
+        axis = joint.find("axis")
+        direction = None if axis is None else axis.get("xyz")
+        if direction is not None and not _LENGTHS[0] <= _length(direction) <= _LENGTHS[1]:
+            raise ArmError(
+                f"{label}: joint {named(name)}: <axis>: expected a direction in xyz, "
+                f"got {named(direction)}"
             )
         mimic = joint.find("mimic")
         if mimic is not None:
             raise ArmError(
-                f"{label}: joint {name!r}: expected a joint of its own, got one that mimics "
-                f"{mimic.get('joint')!r} (lock it)"
+                f"{label}: joint {named(name)}: expected a joint of its own, got one that mimics "
+                f"{named(mimic.get('joint'))} (lock it)"
             )
+    require_chain(root, label, lock)
+
+
+def _length(xyz: str) -> float:
+    return math.hypot(*(numbers(xyz) or ()))
+
+
+def _kind(kind: str) -> str:
+    return kind if kind in _KINDS else named(kind) if kind else "no type"

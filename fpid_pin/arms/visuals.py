@@ -6,16 +6,21 @@ import os
 import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pinocchio as pin
 
 from fpid_pin.arms.source import one_line
+from fpid_pin.arms.urdf_bare import with_visuals
 from fpid_pin.exceptions import FpidWarning
+from fpid_pin.text import named, shown
 
 #: How many folders above the URDF's own are tried for ``package://name/...``.
 _ABOVE = 4
+#: Characters of an address in a message.
+_ADDRESS = 100
 
 
 def load(
@@ -28,7 +33,7 @@ def load(
     model
         The model that the URDF gives, unreduced.
     root
-        The URDF; its mesh addresses are resolved in place.
+        The URDF.
     label
         What to call the arm in the warning.
     folder
@@ -39,31 +44,28 @@ def load(
     Warns
     -----
     FpidWarning
-        When meshes cannot be found; those visuals are left out, the others are drawn.
+        When meshes cannot be found, or what is written of a visual cannot be read; those visuals
+        are left out, the others are drawn.
     """
     places = _places(folder, package_dirs)
-    missing: list[str] = []
-    for link in root.findall("link"):
-        for visual in link.findall("visual"):
-            mesh = visual.find("geometry/mesh")
-            if mesh is None:
-                continue
-            address = mesh.get("filename", "")
-            found = _find(address, places)
-            if found is None:
-                missing.append(address)
-                link.remove(visual)
-            else:
-                mesh.set("filename", str(found))
+    robot, missing, unclear = with_visuals(root, lambda address: _find(address, places))
     if missing:
+        first = shown(missing[0], _ADDRESS)
         warnings.warn(
-            f"{label}: {len(missing)} mesh file(s) not found, first {missing[0]!r}: the arm moves "
+            f"{label}: {len(missing)} mesh file(s) not found, first {first}: the arm moves "
             "as it should but is not drawn whole (package_dirs says where to look)",
             FpidWarning,
             stacklevel=2,
         )
+    if unclear:
+        warnings.warn(
+            f"{label}: {len(unclear)} visual(s) without one shape of known kind and size, first of "
+            f"link {named(unclear[0])}: the arm moves as it should but is not drawn whole",
+            FpidWarning,
+            stacklevel=2,
+        )
     with one_line(label, "its visuals cannot be loaded"):
-        text = ET.tostring(root, encoding="unicode")
+        text = ET.tostring(robot, encoding="unicode")
         return pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
 
 
@@ -75,7 +77,7 @@ def _places(folder: Path | None, package_dirs: Sequence[str]) -> list[Path]:
     return places
 
 
-def _find(address: str, places: Sequence[Path]) -> Path | None:
+def _find(address: str, places: Sequence[Path]) -> str | None:
     """Resolve ``package://``, ``model://``, ``file://``, absolute and relative addresses."""
     scheme, separator, rest = address.partition("://")
     if separator and scheme in ("package", "model"):
@@ -86,6 +88,8 @@ def _find(address: str, places: Sequence[Path]) -> Path | None:
         path = Path(rest if separator else address)
         candidates = [path] if path.is_absolute() else [place / path for place in places]
     for candidate in candidates:
-        if candidate.is_file():
-            return candidate.resolve()
+        # The system has no file of a name that is too long for it, and says so by an error.
+        with suppress(OSError):
+            if candidate.is_file():
+                return str(candidate.resolve())
     return None

@@ -6,7 +6,7 @@
     [reference]      kind and its arguments
     [[disturbance]]  kind and its arguments; several add up
     [sensors]        arguments of Sensors
-    [simulation]     step, duration, integrator, seed, runaway_speed, q0, v0
+    [simulation]     step, duration, integrator, dynamics, seed, runaway_speed, q0, v0
     [[controller]]   kind, name and arguments of the controller
     [[condition]]    name, and plant, sensors, disturbance in place of those above
     [tune]           see fpid_pin.tuning
@@ -17,7 +17,6 @@ Keys are the constructors' arguments. Every fault is reported at once, each with
 from __future__ import annotations
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from typing import Any
 from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.cli.progress import say_if_compiling
+from fpid_pin.cli.toml import parse_table, read_text
 from fpid_pin.control import Controller
 from fpid_pin.disturbances import Disturbance, Sum
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
@@ -36,7 +36,9 @@ TABLES = (
     "format", "title", "arm", "plant", "reference", "disturbance", "sensors", "simulation",
     "controller", "condition", "tune",
 )  # fmt: skip
-SIMULATION_KEYS = ("step", "duration", "integrator", "seed", "runaway_speed", "q0", "v0")
+SIMULATION_KEYS = (
+    "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
+)  # fmt: skip
 CONDITION_KEYS = ("name", "plant", "sensors", "disturbance")
 
 
@@ -78,26 +80,24 @@ def load(path: str | Path) -> Config:
         A line for every fault: file, key path, what was expected, what came.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "not a text file"
-        raise ConfigError(f"{path}: cannot be read ({reason})") from None
-    return parse(text, str(path), path.parent)
+    return parse(read_text(path), str(path), path.parent)
+
+
+def line_of(name: str, fault: FpidError) -> str:
+    """Return a fault as a line, also where a key or a value has a line end in it."""
+    return f"{name}: {fault}".replace("\n", "\\n")
 
 
 def parse(text: str, name: str, folder: Path) -> Config:
     """Check a configuration's text; `folder` is where its relative paths start."""
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{name}: not valid TOML: {error}") from None
+        table = parse_table(text)
+    except FpidError as error:
+        raise ConfigError(f"{name}: {error}") from None
     faults: list[FpidError] = []
     config = _Reader(table, folder, faults).read(name, text)
     if faults or config is None:
-        raise ConfigError("\n".join(f"{name}: {fault}" for fault in faults))
+        raise ConfigError("\n".join(line_of(name, fault) for fault in faults))
     return config
 
 
@@ -151,7 +151,8 @@ class _Reader:
 
     def _known(self, path: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> None:
         for key in table:
-            self._try("", lambda key=key: checks.choice(f"{path}.{key}".strip("."), key, keys))
+            named = f"{path}.{key}".strip(".") or '""'
+            self._try("", lambda key=key, named=named: checks.choice(named, key, keys))
 
     def _section(self, path: str, value: Any) -> Mapping[str, Any]:
         if isinstance(value, Mapping):
@@ -184,7 +185,10 @@ class _Reader:
 
     def _controllers(self) -> dict[str, Controller]:
         named: dict[str, Controller] = {}
-        for k, value in enumerate(self._list("controller", self._table.get("controller", []))):
+        tables = self._list("controller", self._table.get("controller", []))
+        if not tables and self._table.get("controller") == []:
+            self._faults.append(ArgumentError("controller", "at least one [[controller]]", "none"))
+        for k, value in enumerate(tables):
             path = f"controller.{k}"
             controller = descriptions.build(value, Controller, path, self._faults)
             if controller is None:

@@ -7,13 +7,13 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fpid_pin import checks
 from fpid_pin.cli import summary
+from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import Config, load, parse
-from fpid_pin.cli.output import OutputFolder
+from fpid_pin.cli.names import file_names
+from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.summary import Entry
-from fpid_pin.exceptions import ArgumentError, ConfigError
 from fpid_pin.simulation import simulate
 
 if TYPE_CHECKING:
@@ -28,12 +28,14 @@ def demo_config() -> Config:
 
 def run_demo(out: Path) -> None:
     """Run section 5.1 with fractional (two readings) and integer orders."""
+    from fpid_pin.cli.playground import make
     from fpid_pin.view import figures
 
     config = demo_config()
-    with OutputFolder(out) as folder:
+    with output_folder(out) as folder:
         entries = simulate_all(config)
         write(folder, config, entries, figures([entry.run for entry in entries]))
+        make(config, folder / "playground.html")
     show(entries, config.title, out)
 
 
@@ -42,19 +44,13 @@ def run_one(path: Path, out: Path, name: str | None) -> None:
     from fpid_pin.view import plots
 
     config = load(path)
-    if name is None and len(config.controllers) > 1:
-        listed = ", ".join(config.controllers)
-        raise ConfigError(f"{path}: expected one controller, or --controller NAME, got {listed}")
-    try:
-        chosen = name or next(iter(config.controllers))
-        chosen = checks.choice("--controller", chosen, config.controllers)
-    except ArgumentError as error:
-        raise ConfigError(f"{path}: {error}") from None
-    with OutputFolder(out) as folder:
+    chosen = pick(config, name)
+    (file,) = file_names([[chosen]])
+    with output_folder(out) as folder:
         controller = config.controllers[chosen]
         with progress_bar("simulating") as progress:
             run = simulate(config.experiment, controller, progress=progress)
-        entries = [Entry("nominal", chosen, run)]
+        entries = [Entry("nominal", chosen, run, f"{file}.npz")]
         figures = {
             "tracking": plots.tracking(run),
             "torque": plots.torque(run),
@@ -69,14 +65,20 @@ def run_one(path: Path, out: Path, name: str | None) -> None:
 def run_comparison(path: Path, out: Path) -> None:
     """Run every controller under every condition."""
     from fpid_pin.view import plots
+    from fpid_pin.view.panels import has_orders
 
     config = load(path)
-    with OutputFolder(out) as folder:
+    names = file_names([[condition] for condition in config.conditions], prefix="comparison-")
+    with output_folder(out) as folder:
         entries = simulate_all(config)
         figures = {}
-        for condition in config.conditions:
+        for name, condition in zip(names, config.conditions, strict=True):
             runs = [entry.run for entry in entries if entry.condition == condition]
-            figures[f"comparison-{_slug(condition)}"] = plots.comparison(runs)
+            figures[name] = plots.comparison(runs)
+        moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
+        stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
+        for stem, entry in zip(stems, moving, strict=True):
+            figures[stem] = plots.gains(entry.run)
         write(folder, config, entries, figures)
     show(entries, config.title or path.stem, out)
 
@@ -84,11 +86,15 @@ def run_comparison(path: Path, out: Path) -> None:
 def simulate_all(config: Config) -> list[Entry]:
     """Simulate every pair of condition and controller in as few lockstep calls as may be."""
     keys = [(c, k) for c in config.conditions for k in config.controllers]
+    many = len(config.conditions) > 1
+    files = file_names([key if many else key[1:] for key in keys])
     experiments = [config.conditions[condition] for condition, _ in keys]
     controllers = [config.controllers[controller] for _, controller in keys]
     with progress_bar(f"simulating {len(keys)} runs") as progress:
         runs = simulate(experiments, controllers, progress=progress)
-    return [Entry(*key, run) for key, run in zip(keys, runs, strict=True)]
+    return [
+        Entry(*key, run, f"{file}.npz") for key, run, file in zip(keys, runs, files, strict=True)
+    ]
 
 
 def write(
@@ -101,8 +107,7 @@ def write(
     (folder / "config.toml").write_text(config.text, encoding="utf-8")
     many = len(config.conditions) > 1
     for entry in entries:
-        parts = [entry.condition, entry.controller] if many else [entry.controller]
-        entry.run.save(folder / f"{'-'.join(map(_slug, parts))}.npz")
+        entry.run.save(folder / entry.file)
     rows = summary.drop_constant(summary.run_rows(entries), "condition")
     joints = summary.drop_constant(summary.joint_rows(entries), "condition")
     (folder / "summary.csv").write_text(summary.comma_separated(rows), encoding="utf-8")
@@ -139,8 +144,3 @@ def show(entries: Sequence[Entry], title: str, out: Path) -> None:
     for line in summary.remarks(entries):
         console.print(line, highlight=False, soft_wrap=True)
     console.print(f"Written to {out}: report.html (open it in a browser), figures, tables, runs")
-
-
-def _slug(name: str) -> str:
-    kept = "".join(c if c.isalnum() else "-" for c in name.lower())
-    return "-".join(part for part in kept.split("-") if part) or "run"

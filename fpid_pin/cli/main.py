@@ -1,173 +1,149 @@
-"""The `fpid-pin` command: what its subcommands are, and how errors reach the user."""
+"""The `fpid-pin` command: how errors and Ctrl-C reach the user."""
 
 from __future__ import annotations
 
+import errno
+import os
+import signal
 import sys
 import warnings
-from pathlib import Path
-from typing import Annotated
-
-import typer
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
 
 from fpid_pin.exceptions import FpidError, FpidWarning
 
-app = typer.Typer(
-    help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-
-ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
-OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
-
-
-@app.command()
-def demo(out: OutputPath = None) -> None:
-    """Run section 5.1 of the paper: fractional against integer adaptive PID."""
-    from fpid_pin.cli.experiments import run_demo
-
-    run_demo(out or Path("runs/demo"))
-
-
-@app.command()
-def run(
-    config: ConfigFile,
-    out: OutputPath = None,
-    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
-) -> None:
-    """Simulate one controller of a configuration and record everything."""
-    from fpid_pin.cli.experiments import run_one
-
-    run_one(config, out or Path("runs") / config.stem, controller)
-
-
-@app.command()
-def compare(config: ConfigFile, out: OutputPath = None) -> None:
-    """Simulate every controller of a configuration under every condition, side by side."""
-    from fpid_pin.cli.experiments import run_comparison
-
-    run_comparison(config, out or Path("runs") / config.stem)
-
-
-@app.command()
-def tune(
-    config: ConfigFile,
-    out: OutputPath = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
-    workers: Annotated[int | None, typer.Option(help="Processes; none: this one.")] = None,
-) -> None:
-    """Search orders and gains by the genetic algorithm of a configuration's [tune]."""
-    from fpid_pin.cli.tune import run_tuning
-
-    run_tuning(config, out or Path("runs") / f"{config.stem}-tuned", resume, workers)
-
-
-@app.command()
-def operators(
-    order: Annotated[list[float] | None, typer.Option(help="An order in [0, 1]; repeat.")] = None,
-    step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
-    horizon: Annotated[float, typer.Option(help="Longest time [s].")] = 20.0,
-    design: Annotated[str, typer.Option(help="exponential_sum or crone.")] = "exponential_sum",
-    modes: Annotated[int | None, typer.Option(help="Modes of the exponential sum.")] = None,
-    tolerance: Annotated[float | None, typer.Option(help="Or the accuracy wanted.")] = None,
-    band: Annotated[tuple[float, float], typer.Option(help="Of CRONE [rad/s].")] = (1e-2, 1e3),
-    n: Annotated[int, typer.Option("--n", help="Of CRONE: order 2n+1.")] = 5,
-    widening: Annotated[float, typer.Option(help="Of CRONE's band [decades].")] = 0.0,
-    plot: Annotated[Path | None, typer.Option(help="Figure of the errors.")] = None,
-) -> None:
-    """Say how good a fractional operator is: errors, trusted range, noise, cost."""
-    from fpid_pin.cli.operators import operators_table
-
-    text = operators_table(
-        order or [0.1, 0.5, 0.9], step, horizon, design=design, modes=modes, tolerance=tolerance,
-        band=band, n=n, widening=widening, plot=plot,
-    )  # fmt: skip
-    typer.echo(text)
-
-
-@app.command()
-def arms() -> None:
-    """List the arms that work by name, with their limits and friction."""
-    from rich.console import Console
-
-    from fpid_pin.cli.arms import arms_table
-
-    Console().print(arms_table())
-
-
-@app.command()
-def view(
-    files: Annotated[list[Path], typer.Argument(metavar="RUN.npz ...", help="Recorded runs.")],
-    html: Annotated[Path | None, typer.Option(help="Write one page that opens anywhere.")] = None,
-    caption: Annotated[list[str] | None, typer.Option(help="A caption a run; repeat.")] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
-    speed: Annotated[float, typer.Option(help="1 is real time.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end.")] = False,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
-) -> None:
-    """Show recorded runs in meshcat: live, or as one self-contained page."""
-    from fpid_pin.cli.view import run_view
-
-    run_view(
-        files, html=html, captions=caption or (), fps=fps, speed=speed, loop=loop,
-        browser=browser, port=port,
-    )  # fmt: skip
-
-
-@app.command()
-def live(
-    config: ConfigFile,
-    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
-    duration: Annotated[float | None, typer.Option(help="[s]; none: until Ctrl-C.")] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second.")] = 40.0,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
-    joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
-    push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
-) -> None:
-    """Run the control loop in real time and watch it; key presses push a joint."""
-    from fpid_pin.cli.live import run_live
-
-    run_live(
-        config, controller=controller, duration=duration, fps=fps, browser=browser, port=port,
-        joint=joint, push=push,
-    )  # fmt: skip
-
-
-def _plain_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int,
-    file: object = None, line: str | None = None,
-) -> None:  # fmt: skip
-    text = str(message) if issubclass(category, FpidWarning) else f"{category.__name__}: {message}"
-    sys.stderr.write(f"fpid-pin: warning: {text}\n")
+#: What a shell makes of a program that Ctrl-C has ended.
+STOPPED = 130
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; errors a user can act on are plain lines and exit status 2."""
     warnings.showwarning = _plain_warning
     try:
+        with _interruptible() as interrupted:
+            try:
+                status = _run(arguments)
+                sys.stdout.flush()
+                return status
+            except Exception as error:
+                if interrupted:
+                    # A library made something else of it on its way.
+                    raise KeyboardInterrupt from None
+                return _tell(error)
+    except KeyboardInterrupt:
+        _say("stopped")
+        return STOPPED
+
+
+def _run(arguments: list[str] | None) -> int:
+    # Imported late: Ctrl-C is taken care of by now.
+    import typer
+
+    from fpid_pin.cli.commands import app
+
+    try:
         status = app(args=arguments, standalone_mode=False)
-    except FpidError as error:
-        for text in str(error).splitlines():
-            sys.stderr.write(f"fpid-pin: {text}\n")
-        return 2
     except typer.Exit as leave:
         return int(leave.exit_code)
-    except (typer.Abort, KeyboardInterrupt):
-        sys.stderr.write("fpid-pin: stopped\n")
-        return 130
-    except Exception as error:
-        # click's usage errors: an unknown command or option, a missing argument.
-        show = getattr(error, "format_message", None)
-        if show is None:
-            raise
-        sys.stderr.write(f"fpid-pin: {show()}\n")
-        return 2
-    # Typer turns Ctrl-C into a status of its own, which it returns.
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    except SystemExit:
+        # Rich leaves in silence where its output is a pipe that nobody reads from any more.
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)) from None
+    if status == STOPPED:
+        # Typer turns Ctrl-C into a status of its own, which it returns.
+        raise KeyboardInterrupt
     return status if isinstance(status, int) else 0
+
+
+def _tell(error: Exception) -> int:
+    """Say in one line what went wrong, and return the exit status; raise what is our own fault."""
+    # click's usage errors: an unknown command or option, a missing argument.
+    usage = getattr(error, "format_message", None)
+    if isinstance(error, FpidError):
+        for text in str(error).splitlines():
+            _say(text)
+    elif isinstance(error, OSError):
+        # A write that fails does not say where; of files it is known by now (`files.unwritable`).
+        where = "standard output" if error.filename is None else os.fsdecode(error.filename)
+        _say(f"{where}: {error.strerror or error}")
+        _give_up_output()
+    elif isinstance(error, MemoryError):
+        _say("out of memory")
+    elif usage is not None:
+        _say(usage())
+    else:
+        raise error
+    return 2
+
+
+def _say(text: str) -> None:
+    # Standard error may be as full or as closed as standard output.
+    with suppress(OSError, ValueError):
+        sys.stderr.write(f"fpid-pin: {text}\n")
+        sys.stderr.flush()
+
+
+def _give_up_output() -> None:
+    """Write what is left to nowhere, where standard output takes no more: Python tries at exit."""
+    try:
+        sys.stdout.flush()
+    except (OSError, ValueError):
+        with suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, sys.stdout.fileno())
+            os.close(nowhere)
+
+
+def _plain_warning(
+    message: Warning | str, category: type[Warning], filename: str, lineno: int,
+    file: object = None, line: str | None = None,
+) -> None:  # fmt: skip
+    _say(
+        f"warning: {message}"
+        if issubclass(category, FpidWarning)
+        else f"warning: {category.__name__}: {message}"
+    )
+
+
+@contextmanager
+def _interruptible() -> Iterator[list[int]]:
+    """Let Ctrl-C raise `KeyboardInterrupt`; give a list that is not empty once it has.
+
+    Where Python may not let an exception pass (a callback, a destructor) it prints it and goes on;
+    Ctrl-C is then heard again, after it.
+    """
+    heard: list[int] = []
+    before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    try:
+        if before is signal.SIG_IGN:
+            raise ValueError  # as `nohup` and a shell's background jobs have it
+        signal.signal(signal.SIGINT, lambda *_: _interrupt(heard))
+    except ValueError:  # or not the main thread
+        yield heard
+        return
+
+    def lost(unraisable: Any) -> None:
+        if isinstance(unraisable.exc_value, KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, 0.001)
+        else:
+            hook(unraisable)
+
+    alarm = signal.signal(signal.SIGALRM, lambda *_: _interrupt(heard))
+    sys.unraisablehook = lost
+    try:
+        yield heard
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, alarm)
+        signal.signal(signal.SIGINT, before)
+        sys.unraisablehook = hook
+
+
+def _interrupt(heard: list[int]) -> None:
+    heard.append(1)
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

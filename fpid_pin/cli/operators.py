@@ -44,7 +44,9 @@ def operators_table(
     Raises
     ------
     ArgumentError
-        Whatever is out of range; no orders at all; a plot that cannot be written.
+        Whatever is out of range; no orders at all; a plot of an unknown kind.
+    FileFormatError
+        A plot that cannot be written.
     DesignError
         A tolerance that cannot be met.
     """
@@ -58,6 +60,6 @@ def operators_table(
     if plot is not None:
         try:
             found.plot(plot)
-        except (OSError, ValueError) as error:
+        except ValueError as error:
             raise ArgumentError("plot", "a file that can be written", f"{plot} ({error})") from None
     return str(found)

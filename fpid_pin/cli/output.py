@@ -1,58 +1,158 @@
-"""Folders of results that appear whole or not at all."""
+"""Folders of results that appear whole or not at all, power loss included."""
 
 from __future__ import annotations
 
+import ctypes
+import errno
 import os
-import shutil
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 from fpid_pin.exceptions import FileFormatError
-from fpid_pin.files import hidden_beside
+from fpid_pin.files import (
+    discard,
+    hidden_beside,
+    key_of,
+    kind_of,
+    make_folder,
+    sweep,
+    sync,
+    sync_tree,
+    undisturbed,
+    unwritable,
+)
+from fpid_pin.locks import locked
+
+#: The file that says that a folder is ours to replace.
+MARK = ".fpid_pin"
+_OLD = re.compile(r"\.fpid_pin-([0-9a-f]{12})-.*\.old")
+#: What a write is refused with; such an error names no file.
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
+_SWAP = 2  # RENAME_EXCHANGE of Linux and RENAME_SWAP of macOS
 
 
-class OutputFolder:
+@contextmanager
+def output_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary folder that takes the place of `path` when the block ends without an error.
 
-    An older folder of results there is replaced; anything else is left alone and refused.
+    An older folder of results there is replaced; anything else is left alone and refused. Until the
+    block ends nobody else may write there.
 
     Raises
     ------
     FileFormatError
-        On entering, before any work is done: `path` cannot be written, or is something that these
-        commands did not make.
+        Before the block: `path` cannot be written, is something that these commands did not make,
+        cannot be replaced (the working folder, a mount point), or another process is at it. In the
+        block and after it: the system refuses (a full disk).
     """
+    path = Path(path)
+    temporary: Path | None = None
+    try:
+        _require_ours(path)
+        make_folder(path.parent)
+        with locked(path):
+            _mend(path)
+            sweep(path.parent)
+            with undisturbed():
+                temporary = hidden_beside(path)
+                temporary.mkdir()
+            (temporary / MARK).write_text("made by fpid-pin; safe to replace\n")
+            yield temporary
+            sync_tree(temporary)
+            _require_ours(path)
+            with undisturbed():
+                _put(temporary, path)
+                temporary = None
+    except OSError as error:
+        raise _refused(path, error, temporary) from None
+    finally:
+        if temporary is not None:
+            with undisturbed():
+                discard(temporary)
 
-    MARK = ".fpid_pin"
 
-    def __init__(self, path: str | Path) -> None:
-        self.path = Path(path)
+def _refused(path: Path, error: OSError, temporary: Path | None) -> Exception:
+    """Say what the system refused: `path`, a file that the error names, or neither."""
+    name = None if error.filename is None else os.fsdecode(error.filename)
+    if name is None:
+        return unwritable(path, error) if temporary is None or error.errno in _DISK else error
+    within = temporary is None or Path(name).is_relative_to(temporary)
+    return unwritable(path, error) if within else FileFormatError(f"{name}: {error.strerror}")
 
-    def __enter__(self) -> Path:
-        path = self.path
-        if path.exists():
-            made = path.is_dir() and ((path / self.MARK).exists() or not any(path.iterdir()))
-            if not made:
-                raise FileFormatError(
-                    f"{path}: expected a new folder or one that fpid-pin made, "
-                    f"got {'another folder' if path.is_dir() else 'a file'}"
-                )
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            self._temporary = hidden_beside(path, ".part")
-            self._temporary.mkdir()
-            (self._temporary / self.MARK).write_text("made by fpid-pin; safe to replace\n")
-        except OSError as error:
-            raise FileFormatError(f"{path}: cannot be written ({error.strerror})") from None
-        return self._temporary
 
-    def __exit__(self, kind: type | None, *rest: object) -> None:
-        if kind is not None:
-            shutil.rmtree(self._temporary, ignore_errors=True)
+def _require_ours(path: Path) -> None:
+    """Refuse a place that is not free, and not a folder of ours that can be moved."""
+    kind = kind_of(path)
+    if kind is None:
+        return
+    if kind == "a folder":
+        place = path.resolve()
+        if Path.cwd().resolve().is_relative_to(place):
+            kind = "the working folder or one above it"
+        elif os.path.ismount(path):
+            kind = "a mount point"
+        elif (path / MARK).is_file() or not any(path.iterdir()):
             return
-        if self.path.exists():
-            old = hidden_beside(self.path, ".old")
-            os.replace(self.path, old)
-            os.replace(self._temporary, self.path)
-            shutil.rmtree(old, ignore_errors=True)
         else:
-            os.replace(self._temporary, self.path)
+            kind = "another folder"
+    raise FileFormatError(f"{path}: expected a new folder or one that fpid-pin made, got {kind}")
+
+
+# ---------------------------------------------------------------------- the swap
+
+
+def _put(temporary: Path, path: Path) -> None:
+    """Let a folder take the place of another, or of nothing."""
+    if kind_of(path) is None:
+        os.rename(temporary, path)
+    elif _exchange(temporary, path):
+        discard(temporary)
+    else:
+        # A file system that cannot exchange two folders in one step. Killed between these two, a
+        # process leaves no results at `path`; `_mend` brings them back.
+        old = temporary.with_suffix(".old")
+        os.rename(path, old)
+        os.rename(temporary, path)
+        discard(old)
+    sync(path.parent)
+
+
+def _mend(path: Path) -> None:
+    """Bring back the results that a process killed in the middle of `_put` has moved away."""
+    for entry in path.parent.iterdir():
+        named = _OLD.fullmatch(entry.name)
+        if named is None or named[1] != key_of(path):
+            continue
+        if kind_of(path) is None:
+            os.rename(entry, path)
+        else:
+            discard(entry)
+
+
+@cache
+def _system_swap() -> Any:
+    """Return the system's call that exchanges two names; None where there is none."""
+    name, before = ("renamex_np", False) if sys.platform == "darwin" else ("renameat2", True)
+    call = getattr(ctypes.CDLL(None, use_errno=True), name, None)
+    if call is None or not before:
+        return call
+    here = -100  # AT_FDCWD
+    return lambda old, new, flags: call(here, old, here, new, flags)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange two folders in one step; return False where the file system cannot."""
+    call = _system_swap()
+    if call is None:
+        return False
+    if call(os.fsencode(one), os.fsencode(other), ctypes.c_uint(_SWAP)) == 0:
+        return True
+    code = ctypes.get_errno()
+    if code in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP):
+        return False
+    raise OSError(code, os.strerror(code), str(other))

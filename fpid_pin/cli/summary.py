@@ -16,11 +16,12 @@ from fpid_pin.simulation import Run, limit_report
 
 @dataclass(frozen=True)
 class Entry:
-    """A run with its place in a comparison."""
+    """A run with its place in a comparison, and the name of its file."""
 
     condition: str
     controller: str
     run: Run
+    file: str
 
 
 Row = dict[str, Any]
@@ -55,6 +56,7 @@ def run_rows(entries: Sequence[Entry], cost: Cost | None = None) -> list[Row]:
                 "variation [N m]": float(m.total_variation.sum()),
                 "peak [N m]": float(m.peak_torque.max()),
                 "outcome": "completed" if completed else str(entry.run.outcome),
+                "file": entry.file,
             }
         )
     return rows
@@ -129,11 +131,15 @@ def comma_separated(rows: Sequence[Row]) -> str:
 
 
 def rich_table(rows: Sequence[Row], title: str) -> Any:
-    """Return a table for the screen, units under their names; how runs ended is left to prose."""
+    """Return a table for the screen, units under their names.
+
+    How runs ended is left to prose, and their files to the folder's summary.
+    """
     from rich.table import Table
     from rich.text import Text
 
-    rows = [{head: value for head, value in row.items() if head != "outcome"} for row in rows]
+    hidden = ("outcome", "file")
+    rows = [{head: value for head, value in row.items() if head not in hidden} for row in rows]
     table = Table(
         title=title, title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0)
     )

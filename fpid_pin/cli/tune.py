@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-import os
+import filecmp
 import shutil
 from collections.abc import Sequence
 from concurrent.futures import Executor
@@ -15,13 +15,16 @@ from rich.console import Console
 
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import load
-from fpid_pin.cli.output import OutputFolder
+from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.search_bar import search_bar
 from fpid_pin.cli.summary import Row
 from fpid_pin.cli.tune_plan import Plan, read_plan
 from fpid_pin.cli.tune_results import compare, draw, write
-from fpid_pin.exceptions import FileFormatError
+from fpid_pin.files import discard, replacing
 from fpid_pin.tuning import TuningResult, WorkerPool, tune
+
+#: The checkpoint within the folder of results.
+KEPT = "checkpoint.npz"
 
 
 def run_tuning(
@@ -29,7 +32,7 @@ def run_tuning(
 ) -> TuningResult:
     """Search as a configuration says, and write the folder `out`.
 
-    The search's checkpoint lies beside `out` until the folder is written, then in it.
+    The search's checkpoint lies beside `out` until the folder is written, with it inside.
 
     Raises
     ------
@@ -38,25 +41,42 @@ def run_tuning(
     """
     config = load(path)
     plan = read_plan(config)
-    _check_writable(out)
     checkpoint = out.with_name(f"{out.name}.checkpoint.npz")
-    kept = out / "checkpoint.npz"
-    if resume and kept.exists() and not checkpoint.exists():
-        shutil.copyfile(kept, checkpoint)
-    with ExitStack() as stack:
-        pool = None if workers is None else stack.enter_context(WorkerPool(workers))
-        try:
-            result = _search(plan, pool, checkpoint, resume)
-        except KeyboardInterrupt:
-            Console(stderr=True).print(f"{checkpoint}: --resume goes on from here", highlight=False)
-            raise
-        figures = draw(plan, result, pool)
-    with OutputFolder(out) as folder:
+    # Entered before hours are spent: what cannot be written is told now.
+    with output_folder(out) as folder:
+        _take_up(checkpoint, out / KEPT, resume)
+        with ExitStack() as stack:
+            pool = None if workers is None else stack.enter_context(WorkerPool(workers))
+            try:
+                result = _search(plan, pool, checkpoint, resume)
+            except KeyboardInterrupt:
+                Console(stderr=True).print(
+                    f"{checkpoint}: --resume goes on from here", highlight=False
+                )
+                raise
+            figures = draw(plan, result, pool)
         entries = compare(plan, result)
         rows = write(folder, out, config, plan, result, entries, figures)
-    os.replace(checkpoint, kept)
+        # In the folder before this takes its place: at no moment is there one without it.
+        shutil.copyfile(checkpoint, folder / KEPT)
+    discard(checkpoint)
     _show(rows, result, out)
     return result
+
+
+def _take_up(checkpoint: Path, kept: Path, resume: bool) -> None:
+    """Find the checkpoint to go on from where the last search has left it.
+
+    While a search goes on its checkpoint lies beside the folder, at its end in it; killed in
+    between, a search leaves two that are equal.
+    """
+    if not kept.is_file():
+        return
+    if checkpoint.is_file() and filecmp.cmp(checkpoint, kept, shallow=False):
+        discard(checkpoint)
+    if resume and not checkpoint.exists():
+        with replacing(checkpoint) as temporary:
+            shutil.copyfile(kept, temporary)
 
 
 def _search(plan: Plan, pool: Executor | None, checkpoint: Path, resume: bool) -> TuningResult:
@@ -72,14 +92,6 @@ def _search(plan: Plan, pool: Executor | None, checkpoint: Path, resume: bool) -
             settings,
             progress=told,
         )
-
-
-def _check_writable(out: Path) -> None:
-    """Say that results cannot be written before hours are spent on them."""
-    folder = OutputFolder(out)
-    folder.__enter__()
-    # As after an error: the trial folder goes, and nothing takes the place of `out`.
-    folder.__exit__(FileFormatError)
 
 
 def _show(rows: Sequence[Row], result: TuningResult, out: Path) -> None:

@@ -17,11 +17,12 @@ from functools import partial
 from typing import Any
 
 from fpid_pin import checks, descriptions
-from fpid_pin.cli.config import Config
+from fpid_pin.cli.config import Config, line_of
 from fpid_pin.control import Controller
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.simulation import Experiment
+from fpid_pin.text import shown
 from fpid_pin.tuning import RobustCost, SearchSettings, Space
 from fpid_pin.tuning.robust import REDUCTIONS
 
@@ -92,7 +93,7 @@ def read_plan(config: Config) -> Plan:
     if controller is not None and "space" in made:
         attempt("bound", lambda: made["space"].bind(controller, config.experiment.arm.n))
     if faults or controller is None:
-        raise ConfigError("\n".join(f"{config.path}: {fault}" for fault in faults))
+        raise ConfigError("\n".join(line_of(config.path, fault) for fault in faults))
     robust = isinstance(made["cost"], RobustCost)
     return Plan(
         controller=controller,
@@ -116,7 +117,7 @@ def _cost(table: Mapping[str, Any]) -> Cost:
 def _space(table: Mapping[str, Any]) -> Space:
     genes = table.get("space", {})
     if not isinstance(genes, Mapping):
-        raise ArgumentError("space", "a table of parameters with bounds", repr(genes))
+        raise ArgumentError("space", "a table of parameters with bounds", shown(genes))
     return Space(**genes)
 
 

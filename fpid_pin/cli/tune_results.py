@@ -15,6 +15,7 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import Config
+from fpid_pin.cli.names import file_names
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.summary import Entry, Row
 from fpid_pin.cli.tune_plan import Plan
@@ -28,43 +29,58 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+#: File names, without their ending, that are given in a folder of results.
+TAKEN = ("checkpoint",)
+_TUNED, _AS_CONFIGURED = "tuned", "as configured"
+_PUBLISHED, _INTEGER = "published orders", "integer orders"
+
+
 def _named(controller: Controller, name: str, **changes: object) -> Controller:
-    return cast(
-        "Controller",
-        dataclasses.replace(cast("Any", controller), name=name, **changes),
-    )
+    if hasattr(controller, "name"):
+        changes["name"] = name
+    return cast("Controller", dataclasses.replace(cast("Any", controller), **changes))
 
 
-def _rivals(plan: Plan, result: TuningResult) -> list[Controller]:
-    """Return the tuned controller and those it has to be better than."""
+def _rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
+    """Return the tuned controller and, by other labels, those it has to be better than."""
     base = plan.controller
+    label = getattr(base, "name", "") or getattr(type(base), "_kind", "") or _AS_CONFIGURED
+    if isinstance(base, AdaptiveFpid) and not base.name:
+        label = _AS_CONFIGURED
+    elif label in (_TUNED, _PUBLISHED, _INTEGER):
+        # As one that was tuned before is called, by its tuned.toml.
+        label = f"{label}, as configured"
+    rivals = {_TUNED: result.controller, label: _named(base, label)}
     if not isinstance(base, AdaptiveFpid):
-        return [result.controller, base]
+        return rivals
     n = next(iter(plan.experiments.values())).arm.n
-    rivals = [result.controller, base if base.name else _named(base, "as configured")]
     here = [
         checks.per_joint(name, getattr(base, name), n).tolist()
         for name in ("integral_order", "derivative_order")
     ]
     published, integer = PUBLISHED_ORDERS["symbol"], ((1.0,) * n, (1.0,) * n)
-    for name, orders in (("published orders", published), ("integer orders", integer)):
+    for name, orders in ((_PUBLISHED, published), (_INTEGER, integer)):
         # The paper's orders are those of its two joints.
         if len(orders[0]) == n and here != [list(order) for order in orders]:
-            rivals.append(_named(base, name, integral_order=orders[0], derivative_order=orders[1]))
+            rivals[name] = _named(base, name, integral_order=orders[0], derivative_order=orders[1])
     return rivals
 
 
 def compare(plan: Plan, result: TuningResult) -> list[Entry]:
     """Simulate the tuned controller and its rivals under every condition."""
     rivals = _rivals(plan, result)
-    keys = [(condition, rival) for condition in plan.experiments for rival in rivals]
+    keys = [(condition, label) for condition in plan.experiments for label in rivals]
+    many = len(plan.experiments) > 1
+    files = file_names([key if many else key[1:] for key in keys], taken=TAKEN)
     with progress_bar(f"simulating {len(keys)} runs") as progress:
         runs = simulate(
             [plan.experiments[condition] for condition, _ in keys],
-            [rival for _, rival in keys],
+            [rivals[label] for _, label in keys],
             progress=progress,
         )
-    return [Entry(condition, run.name, run) for (condition, _), run in zip(keys, runs, strict=True)]
+    return [
+        Entry(*key, run, f"{file}.npz") for key, run, file in zip(keys, runs, files, strict=True)
+    ]
 
 
 def draw(plan: Plan, result: TuningResult, pool: Executor | None) -> dict[str, Figure]:
@@ -111,21 +127,24 @@ def _marks(result: TuningResult, n: int) -> dict[str, Sequence[float]]:
 
 
 def cost_rows(plan: Plan, entries: Sequence[Entry]) -> list[Row]:
-    """Return the cost that was tuned for, a row a controller, beside its ratio to the best."""
-    costs: dict[str, list[float]] = {}
-    for entry in entries:
-        done = entry.run.outcome.completed
-        costs.setdefault(entry.controller, []).append(
-            plan.cost.of(entry.run.metrics) if done else np.inf
-        )
-    total = {
-        name: float(over_scenarios(plan.cost, np.array(each)[:, np.newaxis])[0])
-        for name, each in costs.items()
-    }
-    tuned = next(iter(total.values()))
+    """Return the cost that was tuned for, a row a controller, beside its ratio to the best.
+
+    `entries` are those of `compare`: condition by condition, the controllers in one order.
+    """
+    costs = [
+        plan.cost.of(entry.run.metrics) if entry.run.outcome.completed else np.inf
+        for entry in entries
+    ]
+    total = over_scenarios(plan.cost, np.array(costs).reshape(len(plan.experiments), -1))
+    with np.errstate(divide="ignore", invalid="ignore"):  # costs of 0, or of inf where all diverge
+        ratios = total[0] / total
     return [
-        {"controller": name, "cost tuned for": cost, "tuned over this": tuned / cost}
-        for name, cost in total.items()
+        {
+            "controller": entry.controller,
+            "cost tuned for": float(cost),
+            "tuned over this": float(ratio),
+        }
+        for entry, cost, ratio in zip(entries, total, ratios, strict=False)
     ]
 
 
@@ -149,17 +168,16 @@ def write(
         {"seed": seed, "best cost": float(cost)}
         for seed, cost in zip(result.history.seeds, result.costs, strict=True)
     ]
-    for condition in plan.experiments:
+    many = len(plan.experiments) > 1
+    names = file_names([[condition] for condition in plan.experiments], prefix="comparison-")
+    for name, condition in zip(names if many else ["comparison"], plan.experiments, strict=True):
         runs = [entry.run for entry in entries if entry.condition == condition]
-        name = "comparison" if len(plan.experiments) == 1 else f"comparison-{_slug(condition)}"
         figures[name] = plots.comparison(runs)
     for name, figure in figures.items():
         for suffix in ("svg", "png"):
             plots.save_figure(figure, folder / f"{name}.{suffix}")
-    many = len(plan.experiments) > 1
     for entry in entries:
-        parts = [entry.condition, entry.controller] if many else [entry.controller]
-        entry.run.save(folder / f"{'-'.join(map(_slug, parts))}.npz")
+        entry.run.save(folder / entry.file)
     tables = {"Cost tuned for": costs, "Seeds": seeds, "All joints": rows, "Each joint": joints}
     text = "".join(f"## {head}\n\n{summary.markdown(table)}\n" for head, table in tables.items())
     title = config.title or Path(config.path).stem
@@ -198,8 +216,3 @@ def _tuned_toml(config: Config, result: TuningResult, out: Path) -> str:
             # Paths start at the file that names them, and this one lies elsewhere.
             arm["path"] = os.path.relpath(source / arm["path"], out.resolve())
     return tomli_w.dumps(table)
-
-
-def _slug(name: str) -> str:
-    kept = "".join(c if c.isalnum() else "-" for c in name.lower())
-    return "-".join(part for part in kept.split("-") if part) or "run"

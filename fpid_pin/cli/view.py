@@ -7,6 +7,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from fpid_pin.files import require_file
 from fpid_pin.simulation import Run
 
 
@@ -42,6 +43,8 @@ def run_view(
     from fpid_pin.view import export_html, play
 
     console = console or Console()
+    if html is not None:
+        require_file(html)
     runs = [Run.load(file) for file in files]
     given = list(captions) or None
     if html is not None:

@@ -1,5 +1,6 @@
 """Control laws: from reference and measurement to torque."""
 
+from fpid_pin.control.adaptive_orders import adapt_orders
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
 from fpid_pin.control.computed_torque import ComputedTorque
@@ -31,6 +32,7 @@ __all__ = [
     "State",
     "SuggestedFpid",
     "Supervisor",
+    "adapt_orders",
     "explain_gains",
     "gain_ceilings",
     "lyapunov_matrix",

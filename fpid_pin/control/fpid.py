@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,14 +12,12 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.control.fpid_state import FpidState
 from fpid_pin.control.parameters import check_gains, check_scale, joint_scale
 from fpid_pin.control.safeguards import Safeguards
-from fpid_pin.control.state import State
-from fpid_pin.control.supervisor import Supervision, Supervisor
+from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.descriptions import described
-from fpid_pin.exceptions import DesignError
 from fpid_pin.fractional import Design, ExponentialSum
-from fpid_pin.fractional.design import modes_of
 from fpid_pin.fractional.modes import INITIALISATIONS
 
 if TYPE_CHECKING:
@@ -63,6 +61,21 @@ class AdaptiveFpid(Controller):
         Factor s: ``"none"`` (1, as in the paper), ``"inertia"`` (M_jj at the arm's home), or (n,).
     safeguards
         Bounds and leakage for the adapted gains; None: none, as in the paper.
+    order_learning_rate
+        Of the orders, gamma_o; 0: they stay. Scalar, (n,), or (2, n), a row each for lambda and
+        mu: ``lambda' = -gamma_o S s Ki dI^lambda e/dlambda`` and likewise mu, the gradient that
+        moves the gains, its last factor one sample old. Wants a design with shared poles.
+        Safeguards' dead zone and leakage count for orders, too. `fpid_pin.control.adapt_orders`
+        has rates and bounds to begin with.
+    integral_order_bounds, derivative_order_bounds
+        What orders that move stay within, in [0, 1], from their start. Should mu fall to 0, its
+        term is Caputo's limit e - e(0).
+    feedforward
+        Whether the nominal model's torque for the reference, M q''_d + C q'_d + G + F_v q'_d, is
+        added.
+    observer
+        Bandwidth [rad/s] of an observer of what the nominal model lacks, whose estimate is
+        cancelled; 0: none.
     name
         What tables and figures call it; ``adaptive_fpid`` if empty.
     """
@@ -81,15 +94,28 @@ class AdaptiveFpid(Controller):
     initialisation: str = "caputo"
     scale: str | ArrayLike = "none"
     safeguards: Safeguards | None = None
+    order_learning_rate: ArrayLike = 0.0
+    integral_order_bounds: Sequence[float] = (0.02, 1.0)
+    derivative_order_bounds: Sequence[float] = (0.3, 1.0)
+    feedforward: bool = False
+    observer: float = 0.0
     name: str = ""
 
     def __post_init__(self) -> None:
         check_scale(self)
-        rate = checks.floats("learning_rate", self.learning_rate, low=0.0, max_ndim=2)
-        if rate.ndim == 2 and rate.shape[0] != 3:
-            shape = f"shape {rate.shape}"
-            raise checks.ArgumentError("learning_rate", "shape (n,) or (3, n)", shape)
-        object.__setattr__(self, "learning_rate", rate)
+        for name, rows in (("learning_rate", 3), ("order_learning_rate", 2)):
+            rate = checks.floats(name, getattr(self, name), low=0.0, max_ndim=2)
+            if rate.ndim == 2 and rate.shape[0] != rows:
+                expected = f"shape (n,) or ({rows}, n)"
+                raise checks.ArgumentError(name, expected, f"shape {rate.shape}")
+            object.__setattr__(self, name, rate)
+        for name in ("integral_order_bounds", "derivative_order_bounds"):
+            bounds = checks.floats(name, getattr(self, name), low=0.0, high=1.0, max_ndim=1)
+            if bounds.shape != (2,) or bounds[0] > bounds[1]:
+                raise checks.ArgumentError(name, "a lower and an upper bound", bounds.tolist())
+            object.__setattr__(self, name, tuple(bounds.tolist()))
+        checks.instance("feedforward", self.feedforward, bool, "true or false")
+        object.__setattr__(self, "observer", checks.number("observer", self.observer, low=0.0))
         check_gains(self, "kp", "ki", "kd", "k0", "k1", what="gains and orders")
         orders = ("integral_order", "derivative_order")
         check_gains(self, *orders, high=1.0, what="gains and orders")
@@ -100,10 +126,34 @@ class AdaptiveFpid(Controller):
             checks.instance("supervisor", self.supervisor, Supervisor, "a Supervisor or None")
         if self.safeguards is not None:
             checks.instance("safeguards", self.safeguards, Safeguards, "Safeguards or None")
+        _ = self.bandwidth
+
+    @property
+    def bandwidth(self) -> float:
+        """Of the one observer of law and supervisor [rad/s]; 0: none.
+
+        Raises
+        ------
+        ArgumentError
+            The two ask for different ones.
+        """
+        other = 0.0 if self.supervisor is None else self.supervisor.observer
+        if self.observer and other and self.observer != other:
+            raise checks.ArgumentError(
+                "observer", f"the supervisor's bandwidth ({other:g} rad/s)", self.observer
+            )
+        return self.observer or other
+
+    @property
+    def moves_orders(self) -> bool:
+        """Whether orders adapt."""
+        return bool(np.any(self.order_learning_rate))
 
     def lockstep_key(self) -> Hashable:
-        """Return design and start: what all runs of a batch must share."""
-        return (type(self), self.design, self.initialisation)
+        """Return what all runs of a batch must share: design, start, and what the model does."""
+        kind = None if self.supervisor is None else self.supervisor.kind
+        model = (kind, self.feedforward, self.observer > 0.0, self.bandwidth > 0.0)
+        return (type(self), self.design, self.initialisation, self.moves_orders, *model)
 
     @classmethod
     def start_many(
@@ -117,143 +167,35 @@ class AdaptiveFpid(Controller):
         return joint_scale(self.scale, arm)
 
     def rates(self, n: int) -> FloatArray:
-        """Return gamma of Kp, Ki and Kd on an arm with n joints, (3, n)."""
-        rate = np.asarray(self.learning_rate)
-        if rate.ndim == 2 and rate.shape != (3, n):
-            raise checks.ArgumentError("learning_rate", f"shape (3, {n})", f"{rate.shape}")
-        return np.broadcast_to(
-            rate if rate.ndim == 2 else checks.spread("learning_rate", rate, n), (3, n)
-        )
+        """Return gamma of Kp, Ki, Kd, lambda and mu on an arm with n joints, (5, n)."""
+        found = []
+        for name, rows in (("learning_rate", 3), ("order_learning_rate", 2)):
+            rate = np.asarray(getattr(self, name))
+            if rate.ndim == 2 and rate.shape != (rows, n):
+                raise checks.ArgumentError(name, f"shape ({rows}, {n})", f"{rate.shape}")
+            one = rate if rate.ndim == 2 else checks.spread(name, rate, n)
+            found.append(np.broadcast_to(one, (rows, n)))
+        return np.concatenate(found)
+
+    def order_bounds(self, n: int) -> FloatArray:
+        """Return the least and the largest orders of D^(1 - lambda), D^mu: (bound, n, 2).
+
+        Orders whose rate is 0 are bounded by [0, 1] alone.
+        """
+        low, high = self.integral_order_bounds
+        bounds = np.array([[1.0 - high, self.derivative_order_bounds[0]],
+                           [1.0 - low, self.derivative_order_bounds[1]]])  # fmt: skip
+        moves = self.rates(n)[3:].T > 0.0
+        return np.where(moves, bounds[:, np.newaxis], np.array([0.0, 1.0])[:, None, None])
 
     def orders(self, n: int) -> FloatArray:
-        """Return the orders of the derivatives that are taken, of int e and of e, (n, 2)."""
-        lam = checks.spread("integral_order", self.integral_order, n)
-        return np.stack([1.0 - lam, checks.spread("derivative_order", self.derivative_order, n)],
-                        axis=1)  # fmt: skip
+        """Return the orders of the derivatives that are taken, of int e and of e, (n, 2).
 
-
-class FpidState(State):
-    """The records of `kernels.law` for all runs; Pinocchio helps where a supervisor acts."""
-
-    def __init__(
-        self, controllers: Sequence[AdaptiveFpid], arm: Arm, step: float, horizon: float
-    ) -> None:
-        super().__init__(len(controllers), arm, step)
-        # Imported late: it loads numba.
-        from fpid_pin.kernels import law
-
-        self._fpids = cast("Callable[..., bool]", law.fpids)
-        self.robots = np.zeros(self.runs, law.ROBOT)
-        self.joints = np.zeros(self.torque.shape, law.JOINT)
-        self.robots["h"], self.robots["threshold"] = self.step, np.inf
-        self.joints["limit"] = arm.effort_limit
-        for robot, joints, controller in zip(self.robots, self.joints, controllers, strict=True):
-            _fill(robot, joints, controller, arm)
-        self._design, self._horizon = controllers[0].design, horizon
-        self.orders = np.array([c.orders(self.n) for c in controllers])
-        modes = modes_of(self._design, self.orders, step=self.step, horizon=horizon)
-        self._ops, self._poles, self._modes = modes.records(controllers[0].initialisation)
-        self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
-        self._supervision = (
-            Supervision(arm, self.runs) if any(c.supervisor for c in controllers) else None
-        )
-        self._records = (self.robots, self.joints, self._ops, self._poles, self._modes)
-        # A tick of nobody: what is yet to be compiled is so now, not in a robot's first period.
-        nobody, inputs = np.zeros_like(self.alive), np.zeros((5, *self.torque.shape))
-        self._fpids(nobody, *self._records, inputs, self.torque)
-        if self._supervision is not None:
-            self._supervision.act(nobody, self.robots, self.joints, inputs, self.torque)
-
-    def tick(self, inputs: FloatArray) -> None:
-        """See `State.tick`."""
-        if self._ramp is not None:
-            self._climb()
-        acts = self._fpids(self.alive, *self._records, inputs, self.torque)
-        if acts and self._supervision is not None:
-            self._supervision.act(self.alive, self.robots, self.joints, inputs, self.torque)
-
-    def signals(self) -> Mapping[str, FloatArray]:
-        """Return views of kp, ki, kd, u_fpid, u_s and s, (runs, n), and of lyapunov, (runs,)."""
-        views = {name: self.joints[name] for name in ("kp", "ki", "kd", "u_fpid", "u_s", "s")}
-        return views | {"lyapunov": self.robots["value"]}
-
-    def set_orders(
-        self,
-        integral_order: ArrayLike | None = None,
-        derivative_order: ArrayLike | None = None,
-        *,
-        ramp: float = 0.0,
-    ) -> None:
-        """Change lambda and mu while running, (n,) or (runs, n); None leaves as it is.
-
-        From now on (or, with a `ramp` [s], from its end) the terms are those of a law that had the
-        new orders from the start.
-
-        Raises
-        ------
-        DesignError
-            A design whose poles depend on the order: its modes mean nothing to another one.
+        Projection of those that move counts from the start.
         """
-        new = self.orders.copy()
-        if integral_order is not None:
-            order = checks.floats("integral_order", integral_order, low=0.0, high=1.0)
-            new[..., 0] = 1.0 - order
-        if derivative_order is not None:
-            new[..., 1] = checks.floats("derivative_order", derivative_order, low=0.0, high=1.0)
-        if len(self._poles) > 1:
-            raise DesignError(
-                f"orders: expected a design with shared poles, got {type(self._design).__name__}"
-            )
-        steps = round(checks.number("ramp", ramp, low=0.0) / self.step)
-        if steps:
-            self._ramp = (self.orders, new, 0, steps)
-        else:
-            self._ramp = None
-            self._use(new)
-
-    def _climb(self) -> None:
-        """Move the orders by one step of their ramp."""
-        assert self._ramp is not None
-        first, last, done, steps = self._ramp
-        part = (done + 1) / steps
-        self._use(last if part >= 1.0 else first + part * (last - first))
-        self._ramp = None if part >= 1.0 else (first, last, done + 1, steps)
-
-    def _use(self, orders: FloatArray) -> None:
-        self.orders = orders
-        modes = modes_of(self._design, orders, step=self.step, horizon=self._horizon)
-        for name, value in modes.operator().items():
-            self._ops[name] = value
-        self._modes["weight"] = np.moveaxis(modes.weights, 0, -1)
-
-    def retire(self, run: int) -> None:
-        """See `State.retire`."""
-        super().retire(run)
-        self.joints[run] = 0.0
-        self.robots[run] = 0.0
-        self._modes["x"][run] = 0.0
-
-
-def _fill(robot: Any, joints: Any, controller: AdaptiveFpid, arm: Arm) -> None:
-    """Write a description into the records of one run."""
-    n = arm.n
-    joints["scale"] = controller.scale_on(arm)
-    for name in ("k0", "k1"):
-        joints[name] = checks.spread(name, getattr(controller, name), n)
-    guard = controller.safeguards
-    bounds = np.full((2, 3, n), [[[-np.inf]], [[np.inf]]]) if guard is None else guard.bounds(n)
-    for name, rate, low, high in zip(("kp", "ki", "kd"), controller.rates(n), *bounds, strict=True):
-        # Projection counts from the start.
-        gain = np.clip(checks.spread(name, getattr(controller, name), n), low, high)
-        joints[name] = joints[f"{name}_0"] = gain
-        joints[f"{name}_min"], joints[f"{name}_max"] = low, high
-        joints[f"gamma_{name[1]}"] = rate
-    robot["printed"] = controller.regressors == "integer"
-    if guard is not None:
-        robot["guarded"] = True
-        joints["sigma"], joints["nu"] = guard.sigma, guard.e_modification
-        joints["dead_zone"] = guard.dead_zone
-    if controller.supervisor is not None:
-        joints["bound"] = controller.supervisor.bound(n)
-        for name, value in controller.supervisor.record().items():
-            robot[name] = value
+        lam = checks.spread("integral_order", self.integral_order, n)
+        mu = checks.spread("derivative_order", self.derivative_order, n)
+        if self.moves_orders:
+            # D^0 e is e, but the limit for mu that falls to 0 is e - e(0): the one to start from.
+            mu = np.maximum(mu, np.finfo(float).tiny)
+        return np.clip(np.stack([1.0 - lam, mu], axis=1), *self.order_bounds(n))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -99,6 +100,8 @@ class LawState(State):
         if not self.alive.all():
             asked = np.where(self.alive[:, np.newaxis], asked, 0.0)
         np.clip(asked, -self._limit, self._limit, out=self.torque)
+        # As `kernels.limits.clip` has it: an overflow must not look like a torque at its limit.
+        np.copyto(self.torque, asked, where=np.isinf(asked))
         np.subtract(asked, self.torque, out=self.cut)
 
     def signals(self) -> Mapping[str, FloatArray]:
@@ -163,6 +166,13 @@ class KernelState(State):
         self.joints["limit"] = arm.effort_limit
         self._memory = law.memory
         self._runs = _over_runs(type(law).kernel)
+        # A tick of nobody: what cannot be compiled is known before anything moves.
+        try:
+            inputs = np.zeros((5, *self.torque.shape))
+            self._runs(np.zeros_like(self.alive), self.joints, self.step, inputs, self.torque)
+        except Exception as error:
+            reason = str(error).strip().splitlines()[-1]
+            raise SimulationError(f"the law's kernel cannot be compiled: {reason}") from error
 
     def tick(self, inputs: FloatArray) -> None:
         """See `State.tick`."""
@@ -173,6 +183,7 @@ class KernelState(State):
         return {name: self.joints[name] for name in self._memory}
 
 
+@cache
 def _over_runs(one: Callable[..., None]) -> Callable[..., None]:
     """Return a kernel that ticks all runs that are alive by a kernel of one robot."""
     import numba

@@ -24,6 +24,7 @@ from fpid_pin.fractional.exponential_sum import ExponentialSum
 from fpid_pin.fractional.history import GrunwaldLetnikov, HistoryDesign
 from fpid_pin.fractional.modes import INITIALISATIONS
 from fpid_pin.fractional.recorded import run_lags, run_modes
+from fpid_pin.text import shown
 
 _KERNEL_TOLERANCE = 1e-10
 _SPLINE_DEGREE = 5
@@ -181,7 +182,7 @@ def _time_first(name: str, array: ArrayLike, axis: int, step: float) -> FloatArr
     try:
         values = np.asarray(array, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ArgumentError(name, "an array of numbers", repr(array)) from None
+        raise ArgumentError(name, "an array of numbers", shown(array)) from None
     if not -values.ndim <= axis < values.ndim:
         raise ArgumentError("axis", f"an axis of {name} (shape {values.shape})", axis)
     values = np.moveaxis(values, axis, 0)

@@ -85,18 +85,7 @@ class ExponentialSum(Design):
         alpha = check_order(order)
         step, horizon = check_grid(step, horizon)
         table = self._table(step, horizon)
-        h = step ** (1.0 - alpha)
-        now = h * rgamma(3.0 - alpha)
-        return Modes(
-            order=alpha,
-            step=step,
-            poles=table.poles,
-            weights=table.weights(alpha),
-            now=now,
-            before=(1.0 - alpha) * now,
-            mean=6.0 * (1.0 - alpha) * h * rgamma(4.0 - alpha),
-            kick=step**-alpha,
-        )
+        return Modes.of_kernel(alpha, step, table.poles, table.weights(alpha))
 
     def poles(self, *, step: float, horizon: float) -> FloatArray:
         """Return the decay rates [1/s], (modes,), slowest first; the first is 0."""

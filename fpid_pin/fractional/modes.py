@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin.checks import FloatArray
+from fpid_pin.fractional.special import rgamma
 from fpid_pin.fractional.step_integrals import integrate_step
 
 ComplexArray = NDArray[np.complex128]
@@ -98,6 +99,23 @@ class Modes:
     mean: FloatArray
     kick: FloatArray
 
+    @classmethod
+    def of_kernel(
+        cls, order: FloatArray, step: float, poles: FloatArray, weights: FloatArray
+    ) -> Modes:
+        """Return modes whose newest step is that of the exact kernel, t^-alpha/Gamma(1 - alpha).
+
+        Parameters
+        ----------
+        order, step, poles, weights
+            See the class; ``sum_i weights_i exp(-poles_i t)`` stands for the kernel from one step
+            on.
+        """
+        h = step ** (1.0 - order)
+        now = h * rgamma(3.0 - order)
+        mean = 6.0 * (1.0 - order) * h * rgamma(4.0 - order)
+        return cls(order, step, poles, weights, now, (1.0 - order) * now, mean, step**-order)
+
     @property
     def shared_poles(self) -> bool:
         """Whether all orders use the same poles, so that an order can change without a bump."""
@@ -128,6 +146,10 @@ class Modes:
         modes = np.zeros((*shape, len(self.poles)), MODE)
         modes["weight"] = np.moveaxis(self.weights, 0, -1)
         return Records(ops, poles, modes)
+
+    def table(self) -> FloatArray:
+        """Return c1, c0, c2 and the modes' weights of each order, (3 + modes, orders)."""
+        return np.vstack([self.now, self.before, self.mean, self.weights])
 
     def recursion(self, index: int = 0, *, measured: bool = True) -> Recursion:
         """Return the difference equation of one order.

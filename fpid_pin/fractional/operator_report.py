@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin.checks import FloatArray
+from fpid_pin.files import replacing
 from fpid_pin.fractional.design import Design
 from fpid_pin.fractional.modes import ComplexArray
 
@@ -119,7 +120,7 @@ class OperatorReport:
         Parameters
         ----------
         path
-            File to write, by its suffix; None writes none.
+            File to write, by its suffix, whole or not at all; None writes none.
 
         Returns
         -------
@@ -150,5 +151,8 @@ class OperatorReport:
         figure.legend(lines, labels, loc="outside lower center", ncols=5)
         figure.suptitle(f"{self.design}, step {self.step:g} s, horizon {self.horizon:g} s")
         if path is not None:
-            figure.savefig(path, dpi=150)
+            path = Path(path)
+            kind = path.suffix.removeprefix(".") or "png"
+            with replacing(path) as temporary:
+                figure.savefig(temporary, format=kind, dpi=150)
         return figure

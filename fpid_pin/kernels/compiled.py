@@ -104,6 +104,9 @@ def _compile(function: F, *, inline: bool) -> F:
     _numba.config.CACHE_DIR = str(CACHE)
     try:
         compiled = _numba.njit(function, cache=True, **options)
+    except RuntimeError:
+        # A function that was typed in stands in no file whose changes could be seen.
+        return cast("F", _numba.njit(function, **options))
     finally:
         _numba.config.CACHE_DIR = before
     _forgive(getattr(compiled, "_cache", None))

@@ -11,6 +11,7 @@ which joints stick, solve, exchange those at fault, repeat.
 from __future__ import annotations
 
 from fpid_pin.kernels.compiled import kernel
+from fpid_pin.kernels.rigid_body import solve_tree
 
 #: Relative slack of the conditions on friction and speed, well above rounding.
 SLACK = 1e-12
@@ -103,6 +104,37 @@ def solve(matrix, right, chosen):
             for j in range(i + 1, n):
                 right[i] -= matrix[i, j] * right[j]
             right[i] /= matrix[i, i]
+
+
+@kernel(inline=True)
+def rub(bodies, factored, dry, stuck, force, v, room, response, matrix, h):
+    """Turn the free speeds v of one robot into those that dry friction leaves, in place.
+
+    `factored` is M as the forward dynamics left it. First every joint is taken to slide on as it
+    does; only where one would turn round is the box problem solved. The rest, (3, n) and twice
+    (n, n), is room to work in.
+    """
+    n = v.size
+    speed = room[0]
+    for j in range(n):
+        force[j] = dry[j] * sign(v[j])
+        speed[j] = force[j]
+    solve_tree(bodies, factored, speed)
+    turns = False
+    for j in range(n):
+        speed[j] = v[j] - h * speed[j]
+        against = dry[j] > 0.0 and not sign(v[j]) * speed[j] > 0.0
+        turns = turns or against
+        stuck[j] = against or stuck[j]
+    if turns:
+        for i in range(n):
+            for j in range(n):
+                response[i, j] = h if i == j else 0.0
+            solve_tree(bodies, factored, response[i])
+        stick_slip(response, dry, v, stuck, force, speed, room[1], room[2], matrix)
+    for j in range(n):
+        stuck[j] = turns and stuck[j]
+        v[j] = speed[j]
 
 
 @kernel

@@ -9,11 +9,15 @@ from fpid_pin.kernels.compiled import kernel
 
 @kernel(inline=True)
 def clip(x, limit):
-    """Return x within [-limit, limit]; NaN stays NaN, so that nobody takes it for a torque."""
-    if x > limit:
-        x = limit
-    elif x < -limit:
-        x = -limit
+    """Return x within [-limit, limit]; NaN and inf stay, so that nobody takes them for a torque.
+
+    A law whose numbers have overflowed would otherwise look like one at its limit.
+    """
+    if math.isfinite(x):
+        if x > limit:
+            x = limit
+        elif x < -limit:
+            x = -limit
     return x
 
 

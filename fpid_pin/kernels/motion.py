@@ -17,26 +17,33 @@ from fpid_pin.kernels.limits import clip
 PLANT = layout("limit viscous push runaway", "disturbance reference")
 
 
-@kernel
-def drive(alive, plants, torque, x, forces, k, rows, tau):
-    """Clip the torques at the drives' limits; record q, q' and torque as row k.
+@kernel(inline=True)
+def drive_one(r, plants, torque, x, forces, k, rows, tau):
+    """Clip a run's torques at its drives' limits; record q, q' and torque as row k.
 
-    `tau` is what turns the arms: the torque, what pushes from outside, and F_v q' against it.
+    `tau` is what turns the arm: the torque, what pushes from outside, and F_v q' against it.
     Returns whether a torque is not finite.
     """
     lost = False
+    for j in range(plants.shape[1]):
+        c = plants[r, j]
+        # Asked before the limits, which would hide it.
+        lost = lost or not math.isfinite(torque[r, j])
+        u = clip(torque[r, j], c.limit)
+        rows[0, k, r, j] = x[0, r, j]
+        rows[1, k, r, j] = x[1, r, j]
+        rows[2, k, r, j] = u
+        tau[r, j] = u + c.push - c.viscous * x[1, r, j] + forces[k, c.disturbance, j]
+    return lost
+
+
+@kernel
+def drive(alive, plants, torque, x, forces, k, rows, tau):
+    """Drive every run, those that have ended by zeros; return whether a torque is not finite."""
+    lost = False
     for r in range(alive.size):
-        for j in range(plants.shape[1]):
-            c = plants[r, j]
-            u = 0.0
-            if alive[r]:
-                # Asked before the limits, which would hide it.
-                lost = lost or not math.isfinite(torque[r, j])
-                u = clip(torque[r, j], c.limit)
-            rows[0, k, r, j] = x[0, r, j]
-            rows[1, k, r, j] = x[1, r, j]
-            rows[2, k, r, j] = u
-            tau[r, j] = u + c.push - c.viscous * x[1, r, j] + forces[k, c.disturbance, j]
+        if drive_one(r, plants, torque, x, forces, k, rows, tau) and alive[r]:
+            lost = True
     return lost
 
 
@@ -102,20 +109,27 @@ def runge_kutta(x, slopes, h):
                 x[i, r, j] += h / 6.0 * (slopes[0, i, r, j] + middle + slopes[3, i, r, j])
 
 
-@kernel
-def arrive(alive, plants, x, references, k, seen):
-    """Look up row k of the references, and return whether a run has run away or lost its numbers.
+@kernel(inline=True)
+def look(r, plants, x, references, k, seen):
+    """Look up row k of a run's reference; return whether it has run away or lost its numbers.
 
     `seen` is what the laws will see, (5, runs, n): angles, rates and accelerations to follow.
     """
     lost = False
+    for j in range(x.shape[2]):
+        c = plants[r, j]
+        slow = abs(x[1, r, j]) <= c.runaway
+        lost = lost or not slow or not math.isfinite(x[0, r, j])
+        for i in range(3):
+            seen[2 + i, r, j] = references[i, k, c.reference, j]
+    return lost
+
+
+@kernel
+def arrive(alive, plants, x, references, k, seen):
+    """Look up row k of the references of all runs; return whether one is lost."""
+    lost = False
     for r in range(alive.size):
-        if not alive[r]:
-            continue
-        for j in range(x.shape[2]):
-            c = plants[r, j]
-            slow = abs(x[1, r, j]) <= c.runaway
-            lost = lost or not slow or not math.isfinite(x[0, r, j])
-            for i in range(3):
-                seen[2 + i, r, j] = references[i, k, c.reference, j]
+        if alive[r] and look(r, plants, x, references, k, seen):
+            lost = True
     return lost

@@ -12,12 +12,15 @@ with E = exp(-p h). A trailing underscore is the value one sample ago.
 
 from __future__ import annotations
 
+import math
+
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.layout import layout
 
 #: An operator: its order; the weights c1, c0, c2 of the newest step; its start (what its modes
-#: hold of f(0), and its output for each unit of it); and the row of the poles that are its own.
-OPERATOR = layout("order c1 c0 c2 rest kick", "row")
+#: hold of f(0), and its output for each unit of it); dD/dalpha, where orders move, now and a sample
+#: ago; and the row of the poles that are its own.
+OPERATOR = layout("order c1 c0 c2 rest kick slope slope_", "row")
 #: A pole over one step: E and b1, b0, b2.
 POLE = layout("decay b1 b0 b2")
 #: A mode of one operator: its weight g and its value x.
@@ -53,6 +56,43 @@ def derivative(op, poles, modes, f, f_, rate, rate_, h):
     elif op.order == 1.0:
         y = rate
     return y
+
+
+@kernel(inline=True)
+def moving(op, table, poles, modes, f, f_, rate, rate_, h):
+    """Return D^alpha f for an order that moves, as `derivative` does, and write dD/dalpha.
+
+    `table` has c1, c0, c2 and the modes' weights, (3 + modes, nodes), at equally spaced orders from
+    0 to 1. The modes are the same for all orders: the outputs at the four nodes around alpha are
+    interpolated by a cubic, whose slope is the derivative with respect to the order. Towards alpha
+    = 0 it tends to f - f(0), Caputo's limit, unless the modes hold f(0) from their start.
+    """
+    last = table.shape[1] - 1
+    # Whole for the printed C as well, whose floor is not.
+    a = min(max(int(math.floor(op.order * last)) - 1, 0), last - 3)  # noqa: RUF046
+    t = op.order * last - a  # 0 to 3; the nodes are at 0, 1, 2, 3
+    m = (f - f_) / h - 0.5 * (rate + rate_)
+    y0 = table[0, a] * rate + table[1, a] * rate_ + table[2, a] * m
+    y1 = table[0, a + 1] * rate + table[1, a + 1] * rate_ + table[2, a + 1] * m
+    y2 = table[0, a + 2] * rate + table[1, a + 2] * rate_ + table[2, a + 2] * m
+    y3 = table[0, a + 3] * rate + table[1, a + 3] * rate_ + table[2, a + 3] * m
+    for i in range(modes.size):
+        pole = poles[i]
+        mode = modes[i]
+        past = pole.decay * mode.x
+        y0 += table[3 + i, a] * past
+        y1 += table[3 + i, a + 1] * past
+        y2 += table[3 + i, a + 2] * past
+        y3 += table[3 + i, a + 3] * past
+        mode.x = past + pole.b1 * rate + pole.b0 * rate_ + pole.b2 * m
+    # Newton's form, by forward differences.
+    d1 = y1 - y0
+    d2 = y2 - 2.0 * y1 + y0
+    d3 = y3 - 3.0 * y2 + 3.0 * y1 - y0
+    slope = d1 + (2.0 * t - 1.0) * d2 / 2.0 + (3.0 * t * t - 6.0 * t + 2.0) * d3 / 6.0
+    op.slope_ = op.slope
+    op.slope = slope * last
+    return y0 + t * (d1 + (t - 1.0) * (d2 / 2.0 + (t - 2.0) * d3 / 6.0))
 
 
 @kernel

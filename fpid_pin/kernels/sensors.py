@@ -23,38 +23,45 @@ def rounded(x):
     return low
 
 
-@kernel
-def measure(alive, joints, q, v, tick, history, noise, row, seen):
-    """Write the measured q and q' of every run into `seen`, (5, runs, n).
+@kernel(inline=True)
+def measure_one(r, joints, x, tick, history, noise, row, seen):
+    """Write the measured q and q' of run r into `seen`, (5, runs, n); x = [q, q'] is true.
 
     `history`, (depth, 2, runs, n), is a ring of true values; `noise` holds rows of white noise.
     """
     depth = history.shape[0]
     slot = tick % depth
+    for j in range(x.shape[2]):
+        c = joints[r, j]
+        history[slot, 0, r, j] = x[0, r, j]
+        history[slot, 1, r, j] = x[1, r, j]
+        # Before t = 0 the arm is taken to have been where it starts.
+        then = (tick - min(c.delay, tick)) % depth
+        angle = history[then, 0, r, j]
+        speed = history[then, 1, r, j]
+        if noise.shape[0] > 0:
+            angle += c.noise_q * noise[row, 0, r, j]
+            speed += c.noise_v * noise[row, 1, r, j]
+        speed += c.bias
+        if c.resolution > 0.0:
+            angle = rounded(angle / c.resolution) * c.resolution
+        if c.derived:
+            if tick == 0:
+                c.last = angle
+            c.filtered = c.keep * c.filtered + c.gain * (angle - c.last)
+            c.last = angle
+            speed = c.filtered
+        seen[0, r, j] = angle
+        seen[1, r, j] = speed
+
+
+@kernel
+def measure(alive, joints, x, tick, history, noise, row, seen):
+    """Write what is measured of every run; zeros of those that have ended."""
     for r in range(alive.size):
-        for j in range(q.shape[1]):
-            c = joints[r, j]
-            history[slot, 0, r, j] = q[r, j]
-            history[slot, 1, r, j] = v[r, j]
-            if not alive[r]:
+        if alive[r]:
+            measure_one(r, joints, x, tick, history, noise, row, seen)
+        else:
+            for j in range(x.shape[2]):
                 seen[0, r, j] = 0.0
                 seen[1, r, j] = 0.0
-                continue
-            # Before t = 0 the arm is taken to have been where it starts.
-            then = (tick - min(c.delay, tick)) % depth
-            angle = history[then, 0, r, j]
-            speed = history[then, 1, r, j]
-            if noise.shape[0] > 0:
-                angle += c.noise_q * noise[row, 0, r, j]
-                speed += c.noise_v * noise[row, 1, r, j]
-            speed += c.bias
-            if c.resolution > 0.0:
-                angle = rounded(angle / c.resolution) * c.resolution
-            if c.derived:
-                if tick == 0:
-                    c.last = angle
-                c.filtered = c.keep * c.filtered + c.gain * (angle - c.last)
-                c.last = angle
-                speed = c.filtered
-            seen[0, r, j] = angle
-            seen[1, r, j] = speed

@@ -19,6 +19,9 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references.reference import Motion
 from fpid_pin.references.splines import Splines, check_points, held, with_derivatives
 
+#: Characters of a file's path in a message that goes on with the line.
+_PATH = 40
+
 #: A recording whose step is this many times the median has lost something.
 GAP = 10.0
 
@@ -104,11 +107,13 @@ class RecordedMotion:
 
 def _rows(path: Path) -> list[list[float]]:
     """Read the numbers of a CSV file; an error names the line."""
+    if not path.is_file():
+        # Nor a device, which may have no end.
+        got = "something that is no file" if path.exists() else "no such file"
+        raise ArgumentError(f"{path}", "a CSV file", got)
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             lines = [(k, row) for k, row in enumerate(csv.reader(file), start=1) if any(row)]
-    except FileNotFoundError:
-        raise ArgumentError(f"{path}", "a CSV file", "no such file") from None
     except (OSError, UnicodeDecodeError, csv.Error):
         raise ArgumentError(f"{path}", "a CSV file", "something that is not text") from None
     rows: list[list[float]] = []
@@ -118,11 +123,11 @@ def _rows(path: Path) -> list[list[float]]:
             continue
         width = len(rows[0]) if rows else len(values)
         if len(values) != width:
-            raise ArgumentError(f"{path}, line {line}", f"{width} cells", f"{len(values)}")
+            raise ArgumentError(f"{_end(path)}, line {line}", f"{width} cells", f"{len(values)}")
         for column, value in enumerate(values, start=1):
             if value is None:
                 got = repr(cells[column - 1]) if cells[column - 1].strip() else "an empty cell"
-                raise ArgumentError(f"{path}, line {line}, column {column}", "a number", got)
+                raise ArgumentError(f"{_end(path)}, line {line}, column {column}", "a number", got)
         rows.append([value for value in values if value is not None])
     if len(rows) < 2:
         raise ArgumentError(f"{path}", "at least two rows of numbers", f"{len(rows)}")
@@ -135,3 +140,9 @@ def _number(cell: str) -> float | None:
     except ValueError:
         return None
     return value if math.isfinite(value) else None
+
+
+def _end(path: object) -> str:
+    # The file's own name: the line and the column after it are not to be cut off.
+    text = str(path)
+    return text if len(text) <= _PATH else f"...{text[-_PATH:]}"

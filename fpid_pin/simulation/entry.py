@@ -10,6 +10,7 @@ from typing import overload
 
 import numpy as np
 
+from fpid_pin.budget import require_memory
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.costs import Cost, QuadraticCost
@@ -24,6 +25,8 @@ from fpid_pin.simulation.run import Run, describe_run
 
 # More runs in one call gain nothing: their states no longer fit the processor's cache.
 MOST_RUNS = 240
+#: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
+_NUMBERS = 11
 
 
 def _overall(
@@ -85,6 +88,7 @@ def simulate(
         A joint whose effort limit is lower than gravity at the start pose.
     """
     experiments, controllers = pair(experiment, controller)
+    _require_room(experiments)
     distinct = {id(e): e for e in experiments}
     for line in dict.fromkeys(line for e in distinct.values() for line in overloaded_joints(e)):
         warnings.warn(line, FpidWarning, stacklevel=2)
@@ -104,6 +108,14 @@ def simulate(
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
     finished = [run for run in runs if run is not None]
     return finished[0] if single else finished
+
+
+def _require_room(experiments: Sequence[Experiment]) -> None:
+    """Refuse a record that would not fit into memory."""
+    size = sum(e.rows * (1 + _NUMBERS * e.arm.n) * 8.0 for e in experiments)
+    longest = max(e.rows for e in experiments)
+    what = f"{len(experiments)} runs" if len(experiments) > 1 else "a run"
+    require_memory("duration", f"{what} of {longest:.3g} rows", size)
 
 
 def _run(e: Experiment, c: Controller, record: FullRecord, row: int, outcome: Outcome) -> Run:

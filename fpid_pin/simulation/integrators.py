@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.arms import DryFriction, Fleet
+from fpid_pin.arms import Arm, CompiledFleet, DryFriction, Fleet
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.simulation.plant import ResolvedPlant
@@ -101,6 +101,40 @@ class SemiImplicitEuler(Integrator):
             self._dry.retire(run)
 
 
+class CompiledEuler(Integrator):
+    """`SemiImplicitEuler` by the compiled rigid-body kernel, each run with a plant of its own."""
+
+    offsets = (0.0,)
+
+    def __init__(self, plants: Sequence[ResolvedPlant], step: float, x: FloatArray) -> None:
+        super().__init__(plants, step, x)
+        # Imported late: it loads numba.
+        from fpid_pin.kernels import flight
+
+        dry, viscous = (
+            np.array([getattr(p, name) for p in plants])
+            for name in ("dry_friction", "viscous_friction")
+        )
+        fleet = CompiledFleet([p.arm for p in plants], step * viscous)
+        n = x.shape[-1]
+        self._steps: Any = flight.steps
+        self._alive = np.ones(len(plants), dtype=np.bool_)
+        self.a: FloatArray = np.zeros_like(self.tau)
+        still = np.zeros(dry.shape, dtype=np.bool_)
+        room = np.zeros((3, n)), np.zeros((n, n)), np.zeros((n, n))
+        rubbing = bool(dry.any()), dry, still, np.zeros_like(dry), *room
+        arms = fleet.model, fleet.bodies, fleet.gravity, fleet.frames, fleet.mass
+        self.records = (*arms, *rubbing, step)
+
+    def advance(self, plants: Any, forces: FloatArray, k: int) -> None:
+        """See `Integrator.advance`."""
+        self._steps(self._alive, *self.records, self._x, self.tau, self.a)
+
+    def retire(self, run: int) -> None:
+        """See `Integrator.retire`."""
+        self._alive[run] = False
+
+
 class RungeKutta4(Integrator):
     """The classical fourth-order rule; for smooth plants, and for checking the other.
 
@@ -117,7 +151,7 @@ class RungeKutta4(Integrator):
         for plant in plants:
             _refuse_stiff(plant, step)
         super().__init__(plants, step, x)
-        self._fleet = Fleet([p.arm for p in plants], len(plants))
+        self._fleet = self._dynamics([p.arm for p in plants])
         self._slopes: FloatArray = np.zeros((4, *x.shape))
         self._stage: FloatArray = np.zeros_like(x)
         self._tau: FloatArray = np.zeros_like(self.tau)
@@ -133,6 +167,9 @@ class RungeKutta4(Integrator):
             )  # fmt: skip
             self._slope(stage, self._tau, slopes[i + 1])
         self._kernels.runge_kutta(self._x, slopes, self._step)
+
+    def _dynamics(self, arms: Sequence[Arm]) -> Fleet | CompiledFleet:
+        return Fleet(arms, len(arms))
 
     def _slope(self, x: FloatArray, tau: FloatArray, out: FloatArray) -> None:
         out[0] = x[1]
@@ -160,5 +197,17 @@ def _refuse_stiff(plant: ResolvedPlant, step: float) -> None:
             )
 
 
-#: The rules by the names that experiments use.
-INTEGRATORS = {"semi_implicit_euler": SemiImplicitEuler, "rk4": RungeKutta4}
+class CompiledRungeKutta4(RungeKutta4):
+    """`RungeKutta4` by the compiled rigid-body kernel."""
+
+    def _dynamics(self, arms: Sequence[Arm]) -> Fleet | CompiledFleet:
+        return CompiledFleet(arms, np.zeros((len(arms), arms[0].n)))
+
+
+#: The rules by the names of integrator and dynamics that experiments use.
+INTEGRATORS = {
+    ("semi_implicit_euler", "pinocchio"): SemiImplicitEuler,
+    ("rk4", "pinocchio"): RungeKutta4,
+    ("semi_implicit_euler", "compiled"): CompiledEuler,
+    ("rk4", "compiled"): CompiledRungeKutta4,
+}

@@ -40,7 +40,7 @@ def batches(
     """Sort runs into calls of the engine: what must be alike in one call, at most `most` runs."""
     groups: dict[Hashable, list[int]] = {}
     for run, (e, c) in enumerate(zip(experiments, controllers, strict=True)):
-        key = (c.lockstep_key(), e.arm, e.step, e.rows, e.integrator)
+        key = (c.lockstep_key(), e.arm, e.step, e.rows, e.integrator, e.dynamics)
         groups.setdefault(key, []).append(run)
     return [
         group[start : start + most]

@@ -61,6 +61,7 @@ def paper_controller(orders: str = "symbol", *, supervised: bool = True) -> Adap
     integral, derivative = PUBLISHED_ORDERS[checks.choice("orders", orders, PUBLISHED_ORDERS)]
     supervisor = Supervisor(
         m_x=5.0,
+        kind="paper",
         reference_bound=1.0,  # sup ||[sin t, cos t]||
         disturbance_bound=(0.4, 0.6),  # N m, (37)
         gravity_bound=(

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import platform
-import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -18,15 +17,13 @@ from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.costs import Metrics
-from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
-from fpid_pin.files import replacing
+from fpid_pin.exceptions import FileFormatError, FpidError
+from fpid_pin.simulation import run_file
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.metrics import metrics_of
 from fpid_pin.simulation.recorders import Outcome
-from fpid_pin.simulation.run_table import from_json, to_json
 
-FORMAT = 1
-_KINEMATICS = ("q", "v", "q_ref", "v_ref", "torque")
+T = TypeVar("T")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -84,17 +81,27 @@ class Run:
     @cached_property
     def arm(self) -> Arm:
         """The nominal arm, rebuilt from the record."""
-        return descriptions.from_dict(self.meta["arm"], Arm, "arm")
+        return self._rebuilt("arm", Arm)
 
     @cached_property
     def controller(self) -> Controller:
         """The controller's description, rebuilt from the record."""
-        return descriptions.from_dict(self.meta["controller"], Controller, "controller")
+        return self._rebuilt("controller", Controller)
 
     @cached_property
     def experiment(self) -> Experiment:
         """The experiment, rebuilt from the record."""
-        return descriptions.from_dict(self.meta["experiment"], Experiment, "experiment")
+        return self._rebuilt("experiment", Experiment)
+
+    def _rebuilt(self, name: str, family: Callable[..., T]) -> T:
+        try:
+            return descriptions.from_dict(self.meta[name], family, name)
+        except FpidError:
+            raise
+        except Exception as error:
+            # A record may come from anybody; what its tables make of the libraries below is theirs.
+            kind = type(error).__name__
+            raise FileFormatError(f"{name}: expected a description, got {kind}: {error}") from error
 
     def __getattr__(self, name: str) -> FloatArray:
         signals = self.__dict__.get("signals", {})
@@ -106,10 +113,16 @@ class Run:
     def save(self, path: str | Path) -> Path:
         """Write the run as one ``.npz``: arrays and a JSON text, nothing pickled.
 
-        The file appears whole or not at all.
+        The file appears whole or not at all, and knows when it is damaged.
+
+        Raises
+        ------
+        ArgumentError
+            What `load` would not accept; a signal that is not (N,) or (N, n), for example.
+        FileFormatError
+            The file cannot be written.
         """
-        arrays = {"t": self.t} | {name: getattr(self, name) for name in _KINEMATICS}
-        arrays |= {f"signal_{name}": array for name, array in self.signals.items()}
+        arrays = {name: getattr(self, name) for name in ("t", *run_file.KINEMATICS)}
         meta = dict(self.meta) | {
             "outcome": dataclasses.asdict(self.outcome),
             "step": self.step,
@@ -118,9 +131,7 @@ class Run:
         path = Path(path)
         if path.suffix != ".npz":
             path = path.with_name(path.name + ".npz")
-        text = np.array(to_json(meta))
-        with replacing(path) as temporary, open(temporary, "wb") as file:
-            np.savez(file, meta=text, **arrays)
+        run_file.write(path, arrays, self.signals, meta)
         return path
 
     @classmethod
@@ -132,49 +143,14 @@ class Run:
         FileFormatError
             Missing, cut short, altered, of another format, or not a run.
         """
-        path = Path(path)
-        try:
-            # Opened here: np.load leaves a file that it cannot read open.
-            with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-            meta = from_json(str(arrays.pop("meta")))
-            if not isinstance(meta, dict):
-                raise TypeError
-        except FileNotFoundError:
-            raise FileFormatError(f"{path}: no such file") from None
-        except OSError as error:
-            raise FileFormatError(f"{path}: {error.strerror or 'cannot be read'}") from None
-        except (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, AttributeError):
-            raise FileFormatError(
-                f"{path}: expected a run file, got something else or one that is cut short"
-            ) from None
-        if meta.get("format") != FORMAT:
-            raise FileFormatError(
-                f"{path}: expected run format {FORMAT}, got {meta.get('format')!r}"
-            )
-        try:
-            return cls._from_parts(arrays, meta)
-        except (KeyError, TypeError, AttributeError) as error:
-            raise FileFormatError(f"{path}: expected a whole run, {error} is missing") from None
-        except FpidError as error:
-            raise FileFormatError(f"{path}: {error}") from None
-
-    @classmethod
-    def _from_parts(cls, arrays: dict[str, FloatArray], meta: dict[str, Any]) -> Run:
-        outcome = Outcome(**meta.pop("outcome"))
-        step, planned = float(meta.pop("step")), int(meta.pop("planned_rows"))
-        rows, n = arrays["q"].shape
-        kinematics = {name: arrays.pop(name) for name in _KINEMATICS}
-        t = arrays.pop("t")
-        for name, array in kinematics.items():
-            if array.shape != (rows, n) or array.dtype != np.float64:
-                raise ArgumentError(name, f"float64 of shape ({rows}, {n})", f"shape {array.shape}")
-        signals = {name.removeprefix("signal_"): array for name, array in arrays.items()}
-        for name, array in {"t": t, **signals}.items():
-            if array.shape not in ((rows,), (rows, n)) or array.dtype != np.float64:
-                raise ArgumentError(name, f"float64 with {rows} rows", f"shape {array.shape}")
-        return cls(t, **kinematics, signals=signals, outcome=outcome, step=step,
-                   planned_rows=planned, meta=meta)  # fmt: skip
+        arrays, signals, meta = run_file.read(path)
+        outcome, step, planned, *_ = (
+            meta.pop(name) for name in ("outcome", "step", "planned_rows", "rows", "joints")
+        )
+        return cls(
+            **arrays, signals=signals, outcome=Outcome(**outcome), step=float(step),
+            planned_rows=int(planned), meta=meta,
+        )  # fmt: skip
 
 
 def describe_run(experiment: Experiment, controller: Controller, name: str) -> dict[str, Any]:
@@ -183,7 +159,7 @@ def describe_run(experiment: Experiment, controller: Controller, name: str) -> d
     import scipy
 
     return {
-        "format": FORMAT,
+        "format": run_file.FORMAT,
         "name": name,
         "versions": {
             "fpid_pin": __version__,

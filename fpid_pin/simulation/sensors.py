@@ -91,16 +91,26 @@ class SensorState:
         self._history = np.zeros((int(self._joints["delay"].max()) + 1, 2, runs, n))
         self._tick = 0
 
-    def measure(self, alive: BoolArray, q: FloatArray, v: FloatArray, seen: FloatArray) -> None:
-        """Write what is measured of q and v at this tick, (runs, n), into `seen`, (5, runs, n)."""
+    def prepare(self) -> int:
+        """Draw the noise of the next ticks where it is used up; return this tick's row of it."""
         row = self._tick % _NOISE_ROWS
         if row == 0 and len(self._noise):
             for run, generator in enumerate(self._generators):
-                self._noise[:, :, run] = generator.standard_normal(
-                    (_NOISE_ROWS, 2, self._noise.shape[-1])
-                )
+                shape = (_NOISE_ROWS, 2, self._noise.shape[-1])
+                self._noise[:, :, run] = generator.standard_normal(shape)
+        return row
+
+    def flight(self, ticks: int) -> tuple[Any, ...]:
+        """Return records, ring, noise and tick for `kernels.flight`, which makes so many ticks."""
+        self.prepare()
+        self._tick += ticks
+        return self._joints, self._history, self._noise, self._tick - ticks
+
+    def measure(self, alive: BoolArray, x: FloatArray, seen: FloatArray) -> None:
+        """Write what is measured of x = [q, q'], (2, runs, n), into `seen`, (5, runs, n)."""
+        row = self.prepare()
         self._measure(
-            alive, self._joints, q, v, self._tick, self._history, self._noise, row, seen
+            alive, self._joints, x, self._tick, self._history, self._noise, row, seen
         )  # fmt: skip
         self._tick += 1
 

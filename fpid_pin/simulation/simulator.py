@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.integrators import INTEGRATORS
+from fpid_pin.simulation.integrators import INTEGRATORS, CompiledEuler, Integrator
 from fpid_pin.simulation.plant import ResolvedPlant, plant_of
 from fpid_pin.simulation.recorders import BLOCK_ROWS, Block, Outcome
 from fpid_pin.simulation.sensors import SensorState
@@ -24,6 +24,9 @@ from fpid_pin.simulation.sensors import SensorState
 #: Fractional operators are fitted to the first of these that a run fits in [s]: runs of different
 #: durations then agree to the last bit as long as both last.
 HORIZONS = tuple(base * 10.0**decade for decade in range(7) for base in (20.0, 60.0))
+
+#: Signals of a law that a flight keeps, in the order of `kernels.flight`.
+KEPT = ("kp", "ki", "kd", "u_fpid", "u_s", "s", "integral_order", "derivative_order")
 
 
 def horizon_of(duration: float) -> float:
@@ -84,7 +87,6 @@ class Simulator:
         self.ends: list[Outcome | None] = [None] * runs
         self._alive = self._state.alive
         self._last = np.full(runs, np.iinfo(np.int64).max)  # rows that count
-
         # What the laws see; its first two rows are the state itself where no run has sensors.
         self._seen = np.zeros((5, runs, n))
         self.q_ref = self._seen[2]
@@ -95,14 +97,14 @@ class Simulator:
         self._x = self._seen[:2] if self._sensors is None else np.zeros((2, runs, n))
         self.q, self.v = self._x
         self.q[:], self.v[:] = ([getattr(e, name) for e in experiments] for name in ("q0", "v0"))
-
         self._plants = np.zeros((runs, n), motion.PLANT)
         self._plants["limit"] = [p.effort_limit for p in plants]
         self._plants["viscous"] = [p.viscous_friction for p in plants]
         self._plants["runaway"] = [[e.runaway_speed] for e in experiments]
         self._push_ends = np.zeros((runs, n), dtype=np.int64)
         self._pushed = False
-        self._motion = INTEGRATORS[first.integrator](plants, h, self._x)
+        rule: Any = INTEGRATORS[first.integrator, first.dynamics]
+        self._motion: Integrator = rule(plants, h, self._x)
         self._references = _Table([(e.reference, e.motion) for e in experiments], 3, n)
         forces = [(p.disturbance, _sampler(p, n)) for p in plants]
         self._forces = _Table(forces, len(self._motion.offsets), n)
@@ -113,6 +115,7 @@ class Simulator:
         live = self._state.signals()
         names = list(live) if keep is None else [name for name in live if name in keep]
         self._kept = {name: np.zeros((BLOCK_ROWS, *live[name].shape)) for name in names}
+        self._flight = self._prepare_flight(names)
         self._live = [(live[name], self._kept[name]) for name in names]
 
     @property
@@ -158,9 +161,12 @@ class Simulator:
         now, torque, tau = forces[0], state.torque, self._motion.tau
         if first == 0:
             arrive(alive, plants, x, references, 0, seen)
+        if self._flight is not None and not self._pushed:
+            self._fly(first, count, now)
+            return
         for k in range(first, first + count):
             if sensors is not None:
-                sensors.measure(alive, self.q, self.v, seen)
+                sensors.measure(alive, x, seen)
             if self._pushed:
                 self._end_pushes()
             state.tick(seen)
@@ -173,6 +179,40 @@ class Simulator:
             if arrive(alive, plants, x, references, (k + 1) % BLOCK_ROWS, seen):
                 self._find_ends(self.row)
         self.torque = rows[2, k]
+
+    def _prepare_flight(self, names: list[str]) -> tuple[Any, ...] | None:
+        """Return what a flight needs and keeps; None where law or motion is not all kernels."""
+        law = getattr(self._state, "flight", None)
+        if law is None or not isinstance(self._motion, CompiledEuler):
+            return None
+        from fpid_pin.kernels.flight import fly
+        from fpid_pin.kernels.sensors import SENSOR
+
+        runs, n = self.q.shape
+        kept = np.zeros((len(KEPT), BLOCK_ROWS, runs, n) if names else (0, 0, 0, 0))
+        values = np.zeros((BLOCK_ROWS, runs) if names else (0, 0))
+        for name in names:
+            self._kept[name] = values if name == "lyapunov" else kept[KEPT.index(name)]
+        perfect = np.zeros((1, 1), SENSOR), np.zeros((1, 2, 1, 1)), np.zeros((0, 2, 1, 1)), 0
+        return fly, law, perfect, kept, values, np.zeros(runs, dtype=np.int64)
+
+    def _fly(self, first: int, count: int, forces: FloatArray) -> None:
+        """Make ticks of this block in one call."""
+        assert self._flight is not None
+        assert isinstance(self._motion, CompiledEuler)
+        fly, law, perfect, kept, values, ends = self._flight
+        sensors = self._sensors
+        senses = perfect if sensors is None else sensors.flight(count)
+        fly(
+            self._alive, *law, *self._motion.records, self._plants, self._x, self._seen,
+            self._state.torque, self._motion.tau, self._motion.a, self._references.values, forces,
+            self._rows, sensors is not None, *senses, kept.size > 0, kept, values, first, count,
+            ends,
+        )  # fmt: skip
+        row, self.row = self.row, self.row + count
+        self.torque = self._rows[2, first + count - 1]
+        for end in sorted(set(ends.tolist()) - {-1}):
+            self._find_ends(row + end - first, ends == end)
 
     def block(self) -> Block:
         """Return the rows since the last block, at most `BLOCK_ROWS`; views of live buffers."""
@@ -198,12 +238,13 @@ class Simulator:
         self._plants["push"][over] = 0.0
         self._pushed = not over.all()
 
-    def _find_ends(self, row: int) -> None:
+    def _find_ends(self, row: int, among: BoolArray | None = None) -> None:
         """End the runs whose state of this row, or whose torque, does not count any more."""
         torque, limit = self._state.torque, self._plants["runaway"]
         slow = np.abs(self.v) <= limit
         sound = slow & np.isfinite(self.q) & np.isfinite(torque)
-        for run in np.flatnonzero(self._alive & ~sound.all(axis=1)).tolist():
+        lost = self._alive & ~sound.all(axis=1)
+        for run in np.flatnonzero(lost if among is None else lost & among).tolist():
             joint = int(np.argmin(sound[run]))
             speed = self.v[run, joint]
             if not np.isfinite(speed):

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 import re
 import warnings
-import zipfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fpid_pin import checks, sealed
 from fpid_pin._version import __version__
+from fpid_pin.archive import Member
 from fpid_pin.exceptions import FileFormatError, FpidWarning, TuningError
 from fpid_pin.files import replacing
+from fpid_pin.simulation.run_table import from_json, to_json
 
-FORMAT = 1
+FORMAT = 2
+KIND = "checkpoint"
 _MOST_NAMED = 4
 
 
@@ -35,12 +36,11 @@ def versions() -> dict[str, str]:
 
 
 def plain(configuration: Mapping[str, Any]) -> Any:
-    """Return a configuration as it will be read back from JSON.
+    """Return a configuration as it will be read back from a file.
 
     Objects of a user's own appear as their repr; its address changes from process to process.
     """
-    text = json.dumps(configuration)
-    return json.loads(re.sub(r" at 0x[0-9a-fA-F]+", "", text))
+    return from_json(re.sub(r" at 0x[0-9a-fA-F]+", "", to_json(configuration)))
 
 
 def write(path: Path, arrays: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
@@ -49,46 +49,59 @@ def write(path: Path, arrays: Mapping[str, Any], meta: Mapping[str, Any]) -> Non
     Raises
     ------
     FileFormatError
-        The folder cannot be written.
+        The file cannot be written.
     """
-    meta = dict(meta) | {"format": FORMAT, "versions": versions()}
-    text = json.dumps(meta, sort_keys=True)
-    with replacing(path) as temporary:
-        try:
-            with open(temporary, "wb") as file:
-                np.savez(
-                    file, meta=np.array(text), digest=np.array(_digest(text, arrays)), **arrays
-                )
-        except OSError as error:
-            raise FileFormatError(f"{path}: cannot be written ({error.strerror})") from None
+    text = to_json(dict(meta) | {"versions": versions()})
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        sealed.write(file, KIND, FORMAT, text, arrays)
 
 
-def read(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+def read(
+    path: Path, expect: Callable[[dict[str, Any], Mapping[str, Member]], None]
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the arrays and the meta table of a checkpoint.
+
+    Parameters
+    ----------
+    path
+        The file.
+    expect
+        Called with the meta table and with types and shapes of the arrays before these are read;
+        raises an `FpidError` for what it does not accept.
 
     Raises
     ------
     FileFormatError
-        Cut short, altered, of another format, or not a checkpoint.
+        See `sealed.read`.
     """
+
+    def table_of(text: str, members: Mapping[str, Member]) -> dict[str, Any]:
+        try:
+            meta = from_json(text)
+        except ValueError as error:
+            raise FileFormatError(f"meta: expected the table of a search, got {error}") from None
+        checks.instance("meta", meta, dict, "the table of a search")
+        for name in ("configuration", "versions"):
+            checks.instance(f"meta.{name}", meta.get(name), dict, "a table")
+        checks.integer("meta.done", meta.get("done"), low=0)
+        expect(meta, members)
+        return dict(meta)
+
+    return sealed.read(path, KIND, FORMAT, table_of)
+
+
+def is_empty(path: Path) -> bool:
+    """Return whether a file is a checkpoint of a search that has no generation yet."""
+
+    def none(meta: dict[str, Any], members: Mapping[str, Member]) -> None:
+        if meta["done"] or members:
+            raise FileFormatError("a generation is done")
+
     try:
-        # Opened here: numpy leaves its own file open where the archive turns out to be broken.
-        with open(path, "rb") as raw, np.load(raw, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        text, digest = str(arrays.pop("meta")), str(arrays.pop("digest"))
-        meta = json.loads(text)
-        found = meta["format"]
-    except OSError as error:
-        raise FileFormatError(f"{path}: {error.strerror or 'cannot be read'}") from None
-    except (zipfile.BadZipFile, KeyError, ValueError, TypeError, EOFError, AttributeError):
-        raise FileFormatError(
-            f"{path}: expected a checkpoint, got something else or one that is cut short"
-        ) from None
-    if found != FORMAT:
-        raise FileFormatError(f"{path}: expected checkpoint format {FORMAT}, got {found!r}")
-    if _digest(text, arrays) != digest:
-        raise FileFormatError(f"{path}: expected an unaltered checkpoint, got one that was changed")
-    return arrays, meta
+        read(path, none)
+    except FileFormatError:
+        return False
+    return True
 
 
 def agree(path: Path, meta: Mapping[str, Any], configuration: Any) -> None:
@@ -136,12 +149,3 @@ def _differences(then: Any, now: Any, path: str = "") -> list[str]:
 def _brief(value: Any) -> str:
     text = "nothing" if value is None else repr(value)
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _digest(text: str, arrays: Mapping[str, Any]) -> str:
-    whole = hashlib.sha256(text.encode())
-    for name in sorted(arrays):
-        array = np.ascontiguousarray(arrays[name])
-        whole.update(f"{name} {array.dtype.str} {array.shape}".encode())
-        whole.update(array.tobytes())
-    return whole.hexdigest()

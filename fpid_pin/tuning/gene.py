@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import shown
 
 GENE_SCALES = ("linear", "log")
 
@@ -53,7 +54,7 @@ def gene_of(name: str, given: Gene | Sequence[Any] | Mapping[str, Any]) -> Gene:
         gene = _from_sequence(path, given)
     checks.choice(f"{path}.scale", gene.scale, GENE_SCALES)
     if not isinstance(gene.shared, bool):
-        raise ArgumentError(f"{path}.shared", "true or false", repr(gene.shared))
+        raise ArgumentError(f"{path}.shared", "true or false", shown(gene.shared))
     low = checks.floats(f"{path}.low", gene.low, max_ndim=1)
     high = checks.floats(f"{path}.high", gene.high, max_ndim=1)
     if low.ndim and high.ndim and low.shape != high.shape:
@@ -68,12 +69,12 @@ def gene_of(name: str, given: Gene | Sequence[Any] | Mapping[str, Any]) -> Gene:
 def _from_sequence(path: str, given: Sequence[Any]) -> Gene:
     expected = 'bounds (low, high), then "log" or "shared" as needed'
     if isinstance(given, str) or not isinstance(given, Sequence) or not 2 <= len(given) <= 4:
-        raise ArgumentError(path, expected, repr(given))
+        raise ArgumentError(path, expected, shown(given))
     words = list(given[2:])
     for word in words:
         checks.choice(path, word, ("linear", "log", "shared"))
     if len(set(words)) < len(words) or {"linear", "log"} <= set(words):
-        raise ArgumentError(path, expected, repr(given))
+        raise ArgumentError(path, expected, shown(given))
     return Gene(given[0], given[1], "log" if "log" in words else "linear", "shared" in words)
 
 

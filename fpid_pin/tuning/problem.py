@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import checks, descriptions
+from fpid_pin.budget import require_memory, require_time
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.costs import Cost, QuadraticCost
@@ -19,6 +20,9 @@ from fpid_pin.tuning.search_progress import SearchCallback
 from fpid_pin.tuning.settings import SearchSettings
 from fpid_pin.tuning.space import BoundSpace, Space
 from fpid_pin.tuning.workers import executor_of
+
+#: What a candidate takes in its generation, measured for two joints.
+_RUN_BYTES = 6e3
 
 
 def one_cost(cost: Cost | None) -> list[Cost]:
@@ -55,6 +59,7 @@ def searched(
     """Check what `tune` and `pareto` were given, search, and return the search at its end."""
     experiments, bound = problem_of(experiment, controller, space, costs)
     n = experiments[0].arm.n
+    _require_means(experiments, settings)
     points = [bound.point(start, n) for start in settings.initial]
     first = np.array(points).reshape(-1, bound.size)
     with executor_of(settings.executor, settings.workers) as pool:
@@ -66,9 +71,24 @@ def searched(
             initial=first,
             configuration=configuration(experiments, controller, space, costs, settings, first),
         )
-        search.prepare()
-        search.run(progress)
+        with search.alone():
+            search.prepare()
+            search.run(progress)
     return search
+
+
+def _require_means(experiments: Sequence[Experiment], settings: SearchSettings) -> None:
+    """Refuse a search that memory is too small or life too short for."""
+    seeds, runs = len(settings.seeds), settings.population * len(experiments)
+    rows, joints = sum(e.rows for e in experiments), experiments[0].arm.n
+    share = settings.workers or int(getattr(settings.executor, "_max_workers", 1))
+    what = f"{seeds} seeds of {runs} runs"
+    require_memory("search", f"{what} in a generation", seeds * runs * _RUN_BYTES)
+    require_time(
+        "search",
+        f"{what} of {max(e.rows for e in experiments):.3g} rows, {settings.generations} times",
+        float(seeds * settings.population * settings.generations * rows * joints) / share,
+    )
 
 
 def check_experiments(experiments: Sequence[Experiment]) -> None:

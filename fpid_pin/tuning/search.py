@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from fpid_pin.archive import Member
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import FileFormatError, TuningError
+from fpid_pin.exceptions import ArgumentError, FileFormatError, TuningError
+from fpid_pin.files import discard, kind_of, require_file
+from fpid_pin.locks import locked
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.tuning import checkpoint as files
 from fpid_pin.tuning.evolution import Evolution
@@ -70,6 +74,10 @@ class Search:
 
     # ------------------------------------------------------------------ checkpoints
 
+    def alone(self) -> AbstractContextManager[None]:
+        """Keep the checkpoint for a block: another search that wants it is refused."""
+        return nullcontext() if self._checkpoint is None else locked(self._checkpoint)
+
     def prepare(self) -> None:
         """Take up the checkpoint, or write the first: what cannot be written fails here.
 
@@ -83,7 +91,10 @@ class Search:
         path = self._checkpoint
         if path is None:
             return
-        if path.exists():
+        require_file(path)
+        # One without a generation holds nothing: it must not stand in the way of a search whose
+        # configuration has been corrected since.
+        if kind_of(path) is not None and not files.is_empty(path):
             if not self._settings.resume:
                 raise TuningError(
                     f"{path}: there is a checkpoint of an earlier search: resume it, or remove it"
@@ -96,37 +107,55 @@ class Search:
             return
         arrays: dict[str, Any] = {}
         if self.done:
-            for k, evolution in enumerate(self.evolutions):
-                arrays |= {f"seed{k}_{name}": value for name, value in evolution.state().items()}
+            states = [evolution.state() for evolution in self.evolutions]
+            arrays |= {name: np.array([state[name] for state in states]) for name in states[0]}
             arrays |= {f"history_{name}": np.array(rows) for name, rows in self._records.items()}
         meta = {"configuration": self._configuration, "done": self.done}
         files.write(self._checkpoint, arrays, meta)
 
     def _restore(self, path: Path) -> None:
-        arrays, meta = files.read(path)
-        files.agree(path, meta, self._configuration)
+        def expect(meta: dict[str, Any], members: Mapping[str, Member]) -> None:
+            files.agree(path, meta, self._configuration)
+            if meta["done"] > self._settings.generations:
+                raise TuningError(
+                    f"{path}: generations is {self._settings.generations} here, and "
+                    f"{meta['done']} are done"
+                )
+            self._expect_arrays(meta["done"], members)
+
+        arrays, meta = files.read(path, expect)
         done = int(meta["done"])
-        if done > self._settings.generations:
-            raise TuningError(
-                f"{path}: generations is {self._settings.generations} here, and {done} are done"
-            )
         if done:
             try:
                 for k, evolution in enumerate(self.evolutions):
-                    mark = f"seed{k}_"
-                    state = {
-                        name.removeprefix(mark): array
-                        for name, array in arrays.items()
-                        if name.startswith(mark)
-                    }
-                    evolution.restore(state)
-                for name in _RECORDS:
-                    self._records[name] = list(arrays[f"history_{name}"])
-            except (KeyError, ValueError) as error:
-                raise FileFormatError(
-                    f"{path}: expected a whole checkpoint, got {error!r}"
-                ) from None
+                    evolution.restore({name: array[k] for name, array in arrays.items()
+                                       if not name.startswith("history_")})  # fmt: skip
+            except ArgumentError as error:
+                raise FileFormatError(f"{path}: {error}") from None
+            for name in _RECORDS:
+                self._records[name] = list(arrays[f"history_{name}"])
         self.done = done
+
+    def _expect_arrays(self, done: int, members: Mapping[str, Member]) -> None:
+        """Refuse arrays that are not those of this search after `done` generations."""
+        seeds, size, costs = len(self.evolutions), self.space.size, self._costs
+        wanted: dict[str, tuple[str, tuple[int, ...]]] = {}
+        if done:
+            several = (done, seeds, costs)
+            wanted = {
+                "history_best": ("<f", several),
+                "history_mean": ("<f", several),
+                "history_best_parameters": ("<f", (done, seeds, size)),
+                "history_diverged": ("<i", (done, seeds)),
+                "history_simulated": ("<i", (done,)),
+            }
+            for name, (kind, shape) in self.evolutions[0].layout().items():
+                wanted[name] = (kind, (seeds, *shape))
+        found = {name: (member.dtype[:2], member.shape) for name, member in members.items()}
+        for name in sorted(wanted.keys() | found.keys()):
+            if wanted.get(name) != found.get(name):
+                expected = f"type and shape {wanted.get(name)}"
+                raise ArgumentError(name, expected, f"{found.get(name)}")
 
     # ------------------------------------------------------------------ generations
 
@@ -136,7 +165,7 @@ class Search:
         Raises
         ------
         TuningError
-            Every candidate of a seed's first generation diverged.
+            Every candidate of a seed's first generation diverged; no checkpoint is left then.
         """
         settings = self._settings
         size = settings.population * len(settings.seeds)
@@ -150,7 +179,12 @@ class Search:
 
             asked = [evolution.ask() for evolution in self.evolutions]
             costs, simulated = self._evaluate(np.concatenate(asked), told)
-            self._tell(asked, costs.reshape(len(asked), -1, self._costs), simulated)
+            try:
+                self._tell(asked, costs.reshape(len(asked), -1, self._costs), simulated)
+            except TuningError:
+                if self._checkpoint is not None:
+                    discard(self._checkpoint)
+                raise
             self.done = generation
             self._save()
             narrator.tell(generation, 1.0, best=self._best(), complete=True)

@@ -38,7 +38,7 @@ class Space:
     Space(integral_order=(0, 1), kp=(1, 100, 'log'), learning_rate=(1, 100, 'log', 'shared'))
     """
 
-    def __init__(self, **genes: Gene | Sequence[Any] | Mapping[str, Any]) -> None:
+    def __init__(self, /, **genes: Gene | Sequence[Any] | Mapping[str, Any]) -> None:
         if not genes:
             raise ArgumentError("space", "at least one parameter", "none")
         self.genes: dict[str, Gene] = {name: gene_of(name, given) for name, given in genes.items()}

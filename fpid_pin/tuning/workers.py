@@ -17,6 +17,7 @@ from concurrent.futures import (
 )
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from fpid_pin import checks
@@ -32,6 +33,21 @@ _THREAD_SETTINGS = (
     "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS",
 )
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Let processes that are started here not hear Ctrl-C, from their first instruction on.
+
+    A terminal sends it to them too, also while they import what they will need.
+    """
+    # It unblocks the signal where it starts, so that must have happened.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -121,7 +137,7 @@ class WorkerPool(Executor):
         return task.future
 
     def _send(self, task: _Task) -> None:
-        with self._lock, _one_thread():
+        with self._lock, _one_thread(), _deaf():
             for _ in range(2):
                 if self._pool is None:
                     self._pool = ProcessPoolExecutor(

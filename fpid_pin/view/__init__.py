@@ -10,15 +10,18 @@ from fpid_pin.view.export import export_html
 from fpid_pin.view.live_session import LiveReport, live
 from fpid_pin.view.paper_figures import figures
 from fpid_pin.view.player import play
+from fpid_pin.view.playground_page import Playground, playground
 from fpid_pin.view.plots import plot, save_figure
 from fpid_pin.view.report import report_html
 
 __all__ = [
     "LiveReport",
+    "Playground",
     "export_html",
     "figures",
     "live",
     "play",
+    "playground",
     "plot",
     "plots",
     "report_html",

@@ -13,11 +13,11 @@ from fpid_pin.exceptions import FpidError
 from fpid_pin.view.scene import to_script_json
 
 # Nothing may be fetched: whatever a run's file says, the page cannot call home.
-_SEALED = (
+SEALED = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'"
 )
-_LIVE = _SEALED + "; connect-src ws://127.0.0.1:* ws://localhost:*"
+_LIVE = SEALED + "; connect-src ws://127.0.0.1:* ws://localhost:*"
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -51,12 +51,13 @@ _PAGE = """<!DOCTYPE html>
 
 
 @cache
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """Return the text of a file of this room's assets."""
     return (resources.files("fpid_pin.view") / "assets" / name).read_text(encoding="utf-8")
 
 
 @cache
-def _meshcat_file(name: str) -> str:
+def meshcat_file(name: str) -> str:
     """Read a file of meshcat's viewer without importing meshcat, which starts much else."""
     spec = util.find_spec("meshcat")
     if spec is None or spec.origin is None:
@@ -73,9 +74,9 @@ def licences(credits: list[str]) -> str:
     text = "\n".join(
         [
             "This page embeds MeshCat (github.com/meshcat-dev/meshcat):",
-            _meshcat_file("LICENSE"),
+            meshcat_file("LICENSE"),
             "and, within it,",
-            _meshcat_file("dist/main.min.js.LICENSE.txt"),
+            meshcat_file("dist/main.min.js.LICENSE.txt"),
             *(f"Robot description: {credit}" for credit in credits),
         ]
     )
@@ -93,12 +94,12 @@ def render(scene: Mapping[str, Any], title: str) -> str:
         Plain text.
     """
     return _PAGE.format(
-        policy=_LIVE if scene["live"] else _SEALED,
+        policy=_LIVE if scene["live"] else SEALED,
         title=escape(title),
-        style=_asset("replay.css"),
+        style=asset("replay.css"),
         licences=licences(scene["credits"]),
-        meshcat=_meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
+        meshcat=meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
         scene=to_script_json(scene),
-        bodies=_asset("bodies.js"),
-        replay=_asset("replay.js"),
+        bodies=asset("bodies.js"),
+        replay=asset("replay.js"),
     )

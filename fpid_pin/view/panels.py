@@ -20,6 +20,7 @@ WIDTH = 7.0
 # Beside a curve in a cycle colour the reference must be told apart in grey, too: dashed.
 REFERENCE: dict[str, Any] = {"color": "#262626", "linestyle": (0, (4, 2)), "linewidth": 1.0}
 GAINS = (("kp", "$K_P$"), ("ki", "$K_I$"), ("kd", "$K_D$"))
+ORDERS = (("integral_order", r"$\lambda$"), ("derivative_order", r"$\mu$"))
 # Of the gains over rad, and over rad and the scale's kg m^2.
 GAIN_UNITS = {
     "none": ("N m/rad", r"N m/(rad s$^\lambda$)", r"N m s$^\mu$/rad"),
@@ -144,6 +145,11 @@ def draw_torque(panel: Axes, run: Run, joint: int, limit: float) -> None:
 def has_gains(run: Run) -> bool:
     """Whether a run recorded kp, ki and kd."""
     return all(name in run.signals for name, _ in GAINS)
+
+
+def has_orders(run: Run) -> bool:
+    """Whether a run recorded orders: they moved."""
+    return all(name in run.signals for name, _ in ORDERS)
 
 
 def has_supervisor(run: Run) -> bool:

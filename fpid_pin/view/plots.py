@@ -13,12 +13,14 @@ from fpid_pin.view.export import as_runs
 from fpid_pin.view.panels import (
     GAIN_UNITS,
     GAINS,
+    ORDERS,
     REFERENCE,
     WIDTH,
     draw_torque,
     draw_tracking,
     grid,
     has_gains,
+    has_orders,
     has_supervisor,
     legend,
     limits_of,
@@ -94,7 +96,7 @@ def torque(run: Run) -> Figure:
 
 @styled
 def gains(run: Run) -> Figure:
-    """Draw the adapted gains K_P, K_I, K_D of every joint over time.
+    """Draw the adapted gains K_P, K_I, K_D of every joint over time, and orders where they move.
 
     Raises
     ------
@@ -105,14 +107,19 @@ def gains(run: Run) -> Figure:
         raise ArgumentError(
             "run", "a run that recorded kp, ki, kd", f"one with {sorted(run.signals)}"
         )
-    figure, axes = new_figure(3, 1, WIDTH, 5.0)
-    units = GAIN_UNITS[
+    curves: tuple[tuple[str, str], ...] = GAINS
+    units: tuple[str, ...] = GAIN_UNITS[
         "none" if run.meta["controller"].get("scale", "none") == "none" else "scaled"
     ]
-    for (panel,), (name, label), unit in zip(axes, GAINS, units, strict=True):
+    if has_orders(run):
+        curves, units = (*GAINS, *ORDERS), (*units, "", "")
+    figure, axes = new_figure(len(curves), 1, WIDTH, 5.0 * len(curves) / len(GAINS))
+    for (panel,), (name, label), unit in zip(axes, curves, units, strict=True):
         for j, joint in enumerate(names_of(run)):
             line(panel, run.t, run.signals[name][:, j], joint)
-        panel.set(ylabel=f"{label}, {unit}")
+        panel.set(ylabel=f"{label}, {unit}".removesuffix(", "))
+        if not unit:
+            panel.set_ylim(-0.03, 1.03)
     axes[0][0].set_title(run.name)
     legend(axes[0][0], min(run.q.shape[1], 4))
     axes[-1][0].set_xlabel("time, s")
@@ -191,11 +198,14 @@ def comparison(runs: Sequence[Run]) -> Figure:
 
 @styled
 def plot(run: Run) -> Figure:
-    """Draw a run at a glance: angles and references, errors, torques, gains where it has any."""
+    """Draw a run at a glance: angles and references, errors, torques, gains where it has any.
+
+    Orders that move have a panel, too.
+    """
     n, names = run.q.shape[1], names_of(run)
-    rows = 4 if has_gains(run) else 3
+    rows = 3 + has_gains(run) + has_orders(run)
     figure, axes = new_figure(rows, 1, WIDTH, 1.7 * rows + 0.3)
-    angle, e, u = (row[0] for row in axes[:3])
+    angle, e, u, *more = (row[0] for row in axes)
     for j, name in enumerate(names):
         line(angle, run.t, run.q[:, j], name, color=f"C{j % 7}")
         line(angle, run.t, run.q_ref[:, j], "desired" if j == n - 1 else "", **REFERENCE)
@@ -206,13 +216,14 @@ def plot(run: Run) -> Figure:
     legend(angle, min(n + 1, 4))
     e.set(ylabel="$q_d - q$, rad")
     u.set(ylabel="torque, N m")
-    if rows == 4:
-        last = axes[3][0]
+    kinds = [kind for kind in (GAINS, ORDERS) if all(name in run.signals for name, _ in kind)]
+    for panel, kind, title in zip(more, kinds, ("gains", "orders"), strict=False):
         for j in range(n):
-            for (name, label), dash in zip(GAINS, ("-", "--", ":"), strict=True):
+            for (name, label), dash in zip(kind, ("-", "--", ":"), strict=False):
                 shown = label if j == 0 else ""
-                line(last, run.t, run.signals[name][:, j], shown, color=f"C{j % 7}", linestyle=dash)
-        last.set(ylabel="gains")
-        legend(last, 3)
+                look = {"color": f"C{j % 7}", "linestyle": dash}
+                line(panel, run.t, run.signals[name][:, j], shown, **look)
+        panel.set(ylabel=title)
+        legend(panel, 3)
     axes[-1][0].set_xlabel("time, s")
     return figure

@@ -42,7 +42,7 @@ _UNITS = {
 _CAPTIONS = {
     "fig4": "Integer orders: tracking, control signals, errors (the paper's Fig. 4)",
     "fig5": "Fractional orders: tracking, control signals, errors (the paper's Fig. 5)",
-    "gains": "Adapted gains over time",
+    "gains": "Adapted gains, and orders where they move",
     "lyapunov": "The supervisor's Lyapunov function and torque",
     "comparison": "Errors and torques compared",
 }
@@ -174,11 +174,14 @@ def _table(table: Table) -> str:
 
 
 def _figure(name: str, figure: Figure) -> str:
-    caption = escape(_CAPTIONS.get(name, name))
+    what, _, of = name.partition("-")
+    caption = _CAPTIONS.get(what, name)
+    if of and what in _CAPTIONS:
+        caption = f"{caption}: {of}"
     width, height = figure.get_size_inches()
     kind = ' class="broad"' if width > 8.0 and width > 1.3 * height else ""
     svg = inline_svg(figure, name)
-    return f"<figure{kind}>{svg}<figcaption>{caption}</figcaption></figure>"
+    return f"<figure{kind}>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
 def inline_svg(figure: Figure, name: str) -> str:

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 _CODES = {"float32": "f4", "uint16": "u2", "uint32": "u4"}
 _STEPS = 65535
+#: Of a replay: a run of nine hours at 30 a second, some ten megabytes a joint.
+MOST_FRAMES = 1_000_000
 
 
 class Buffers:
@@ -46,6 +48,10 @@ def sample_run(run: Run, fps: float) -> tuple[FloatArray, FloatArray, FloatArray
     """
     last = len(run.t) - 1
     end = last * run.step
+    if end * fps > MOST_FRAMES:
+        raise ArgumentError(
+            "fps", f"at most {MOST_FRAMES:g} frames", f"{end * fps:.3g}, a run of {end:g} s"
+        )
     times = np.append(np.arange(0.0, end, 1.0 / fps), end)
     if len(times) > 2 and times[-1] - times[-2] < 0.1 / fps:
         times = np.delete(times, -2)
@@ -81,7 +87,8 @@ def replay_scene(
     Raises
     ------
     ArgumentError
-        No runs, a run without samples, not one caption a run, `fps` out of range.
+        No runs, a run without samples, not one caption a run, `fps` out of range, or more than
+        `MOST_FRAMES` frames.
     """
     fps = checks.number("fps", fps, low=1.0, high=240.0)
     if not runs:
@@ -90,6 +97,9 @@ def replay_scene(
     for run, text in zip(runs, texts, strict=True):
         if len(run.t) == 0:
             raise ArgumentError("run", "at least one sample", f"none in {text!r}")
+        if not (np.isfinite(run.q).all() and np.isfinite(run.q_ref).all()):
+            # A file may say so; the engine ends a run before.
+            raise ArgumentError("run", "finite angles", f"NaN or inf in {text!r}")
     samples = [sample_run(run, fps) for run in runs]
     arms = [run.arm for run in runs]
     place = stage(arms, [np.concatenate([q, q_ref]) for _, q, q_ref, _ in samples])

@@ -16,6 +16,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
+from fpid_pin.text import shown
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -128,7 +129,7 @@ def save_figure(figure: Figure, path: str | Path, *, dpi: float = 150.0) -> Path
     path = Path(path)
     kind = path.suffix.removeprefix(".").lower()
     if kind not in FORMATS:
-        raise ArgumentError("path", "a name that ends in .svg, .pdf or .png", repr(str(path)))
+        raise ArgumentError("path", "a name that ends in .svg, .pdf or .png", shown(str(path)))
     data = figure_bytes(figure, kind, checks.number("dpi", dpi, above=0.0))
     with replacing(path) as temporary:
         temporary.write_bytes(data)

@@ -38,6 +38,13 @@ def test_the_wheel_holds_the_file(tmp_path):
     assert wheel_text(built(WheelBuilder, ROOT, tmp_path)) == CLONE.read_bytes()
 
 
+def test_the_wheel_holds_what_the_command_starts_with(tmp_path):
+    with zipfile.ZipFile(built(WheelBuilder, ROOT, tmp_path)) as wheel:
+        assert "fpid_pin_start.py" in wheel.namelist()
+        entry = next(name for name in wheel.namelist() if name.endswith("entry_points.txt"))
+        assert "fpid-pin = fpid_pin_start:main" in wheel.read(entry).decode()
+
+
 def test_the_sdist_holds_the_file_and_builds_the_same_wheel(tmp_path):
     path = built(SdistBuilder, ROOT, tmp_path)
     with tarfile.open(path) as sdist:

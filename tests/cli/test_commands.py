@@ -43,6 +43,24 @@ def test_compare_writes_runs_tables_figures_and_report(config, capsys):
     assert (out / "config.toml").read_text() == SHORT
 
 
+def test_orders_that_move_are_drawn_by_run_and_compare(config):
+    law = (
+        '[[controller]]\nname = "moving"\nkind = "adaptive_fpid"\nkp = 10.0\nki = 20.0\nkd = 15.0\n'
+    )
+    rate = "derivative_order = 0.9\norder_learning_rate = [[0.5, 0.5], [1.0, 1.0]]\n"
+    config.write_text(f"{SHORT}\n{law}{rate}")
+    assert main(["compare", str(config), "--out", "all"]) == 0
+    drawn = {path.stem for path in (config.parent / "all").glob("gains-*.svg")}
+    assert drawn == {"gains-moving"}
+    assert "Adapted gains, and orders where they move: moving" in (
+        config.parent / "all" / "report.html").read_text("utf-8")  # fmt: skip
+    assert main(["run", str(config), "--controller", "moving", "--out", "one"]) == 0
+    assert (config.parent / "one" / "gains.svg").exists()
+    run = fp.Run.load(config.parent / "one" / "moving.npz")
+    assert run.controller.order_learning_rate.tolist() == [[0.5, 0.5], [1.0, 1.0]]
+    assert run.derivative_order.shape == run.q.shape
+
+
 def test_run_takes_one_controller_by_name(config, capsys):
     assert main(["run", str(config), "--controller", "integer PID", "--out", "one"]) == 0
     assert (config.parent / "one" / "integer-pid.npz").exists()

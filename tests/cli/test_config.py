@@ -1,5 +1,6 @@
 """Configuration files: what they say, and every way in which they can be wrong."""
 
+import dataclasses
 import re
 from pathlib import Path
 
@@ -26,10 +27,13 @@ def faults(text):
 def test_the_demo_s_file_is_the_api_s_paper_experiment():
     config = demo_config()
     assert descriptions.to_dict(config.experiment) == descriptions.to_dict(fp.paper_experiment())
-    for controller, orders in zip(
-        config.controllers.values(), ("symbol", "sign", "integer"), strict=True
-    ):
-        expected = descriptions.to_dict(fp.paper_controller(orders))
+    crone = dataclasses.replace(
+        fp.paper_controller(), design=fp.fractional.Crone(), name="FPID, CRONE filter"
+    )
+    laws = [fp.paper_controller(orders) for orders in ("symbol", "sign", "integer")]
+    laws.insert(2, crone)
+    for controller, law in zip(config.controllers.values(), laws, strict=True):
+        expected = descriptions.to_dict(law)
         actual = descriptions.to_dict(controller)
         for key, value in expected.items():
             if isinstance(value, (dict, str)):
@@ -42,7 +46,7 @@ def test_the_demo_s_file_is_the_api_s_paper_experiment():
 
 def test_all_faults_are_reported_at_once_with_their_paths():
     bad = (
-        TEXT.replace("integral_order = [0.901, 0.931]", "integral_order = [0.9, 1.7]")
+        TEXT.replace("integral_order = [0.901, 0.931]", "integral_order = [0.9, 1.7]", 1)
         .replace("k1 = 2.0", "kk = 2.0", 1)
         .replace("amplitude = [0.4, 0.6]", 'amplitude = "x"')
         .replace("m_x = 5.0", "m_x = true", 1)
@@ -59,6 +63,8 @@ def test_all_faults_are_reported_at_once_with_their_paths():
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("step = 1e-3", "step = 5e-324", r"simulation.step: expected a number in \[1e-09, 10\]"),
+        ("duration = 20.0", "duration = 1e308", "simulation.duration: expected at most 9e"),
         ("format = 1", "format = 7", "format: expected 1, got 7"),
         ("format = 1", "", "format: expected 1, got 'none'"),
         ("step = 1e-3", "step = 0.0", "simulation.step: expected a number > 0, got 0"),
@@ -81,6 +87,36 @@ def test_bad_files(old, new, message):
     assert old in TEXT
     lines = faults(TEXT.replace(old, new, 1) if "kp" in old else TEXT.replace(old, new))
     assert any(re.search(message, line) for line in lines), lines
+
+
+def spoilt(value):
+    return TEXT.replace("amplitude = [0.4, 0.6]", f"amplitude = {value}")
+
+
+DEEP, LONG = "at most 32 tables and lists within each other", "a whole number of 64 bits"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (spoilt("[" * 5000 + "]" * 5000), f"disturbance.amplitude: expected {DEEP}"),
+        (spoilt("[\n" * 5000 + "]" * 5000), f"disturbance.amplitude: expected {DEEP}"),
+        (spoilt("{a=" * 5000 + "1" + "}" * 5000), f"disturbance.amplitude: expected {DEEP}"),
+        (spoilt("[" * 40 + "]" * 40), f"disturbance.0.amplitude: expected {DEEP}"),
+        (TEXT + "\n[" + "a." * 5000 + "a]\nb = 1", f"a.a.a: expected {DEEP}"),
+        (TEXT + "a." * 5000 + "a = 1", f"controller.3.a: expected {DEEP}"),
+        (spoilt("1" * 5000), f"disturbance.amplitude: expected {LONG}, got one of 5000 digits"),
+        (spoilt("1" * 4000), f"disturbance.0.amplitude: expected {LONG}, got one of 13285 bits"),
+        (spoilt("0x" + "f" * 5000), f"disturbance.0.amplitude: expected {LONG}, got one of 20000"),
+        (spoilt("9223372036854775808"), f"disturbance.0.amplitude: expected {LONG}"),
+        (re.sub(r"\[\[controller\]\].*", "", TEXT, flags=re.S).replace(
+            "format = 1", "format = 1\ncontroller = []"),
+         r"controller: expected at least one \[\[controller\]\], got none"),
+    ],
+)  # fmt: skip
+def test_what_no_parser_bears_is_one_line_that_names_the_key(text, message):
+    (line,) = faults(text)
+    assert re.match(message, line), line
 
 
 CONDITIONS = """
@@ -128,6 +164,19 @@ def test_conditions_replace_parts_of_the_nominal_experiment():
 def test_bad_surroundings(text, message):
     lines = faults(f"{TEXT}\n{text}\n")
     assert any(re.search(message, line) for line in lines), lines
+
+
+def test_an_endless_configuration_is_refused():
+    with pytest.raises(ConfigError, match="/dev/zero: expected at most 16777216 bytes, got more"):
+        load("/dev/zero")
+
+
+def test_a_recorded_reference_is_a_file_and_no_device(tmp_path):
+    start, end = TEXT.index("[reference]"), TEXT.index("[[disturbance]]")
+    for path, got in (("/dev/zero", "something that is no file"), ("a\\u0000b", "no such file")):
+        recorded = f'[reference]\nkind = "recorded"\npath = "{path}"\n'
+        (line,) = faults(TEXT[:start] + recorded + TEXT[end:])
+        assert line.endswith(f"expected a CSV file, got {got}")
 
 
 def test_missing_and_unreadable_files(tmp_path):

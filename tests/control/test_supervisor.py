@@ -1,4 +1,4 @@
-"""The supervisor's promises, checked on the plant's own dynamics."""
+"""The paper's supervisor: its promises, checked on the plant's own dynamics."""
 
 import dataclasses
 import functools
@@ -14,6 +14,7 @@ from fpid_pin.exceptions import ArgumentError
 
 def supervisor(**changes):
     values = {
+        "kind": "paper",
         "m_x": 5.0,
         "reference_bound": 1.0,
         "disturbance_bound": (0.4, 0.6),

@@ -1,7 +1,7 @@
 import pytest
 
 from fpid_pin.cli.operators import operators_table
-from fpid_pin.exceptions import ArgumentError, DesignError
+from fpid_pin.exceptions import ArgumentError, DesignError, FileFormatError
 
 
 def test_the_table_has_a_row_for_each_order_and_a_figure_where_asked(tmp_path):
@@ -29,4 +29,7 @@ def test_bad_arguments_are_named(tmp_path):
     with pytest.raises(DesignError, match="is met, with"):
         operators_table([0.5], 1e-3, 0.01, tolerance=1e-18)
     with pytest.raises(ArgumentError, match="plot: expected a file that can be written"):
-        operators_table([0.5], 1e-3, 2.0, plot=tmp_path / "none" / "x.png")
+        operators_table([0.5], 1e-3, 2.0, plot=tmp_path / "x.no-picture")
+    (tmp_path / "file").touch()
+    with pytest.raises(FileFormatError, match="file"):
+        operators_table([0.5], 1e-3, 2.0, plot=tmp_path / "file" / "x.png")

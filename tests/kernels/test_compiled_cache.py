@@ -159,3 +159,10 @@ def test_a_broken_cache_is_forgiven():
     assert cache.load_overload(1, 2) is None
     assert cache.save_overload(1, 2) == "saved"
     compiled._forgive(object())
+
+
+def test_a_function_that_was_typed_in_is_compiled_all_the_same():
+    """It stands in no file, so nothing says when a kept build of it would be stale."""
+    room = {}
+    exec("def twice(x):\n    return 2.0 * x\n", room)
+    assert compiled.kernel(room["twice"])(1.5) == 3.0

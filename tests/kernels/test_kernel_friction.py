@@ -15,7 +15,7 @@ def solved(response, dry, v_free, guess):
     stuck, force, speed = guess.copy(), np.zeros(n), np.zeros(n)
     friction.stick_slip(
         response, dry, v_free, stuck, force, speed,
-        np.zeros(n), np.zeros(n, bool), np.zeros((n, n)),
+        np.zeros(n), np.zeros(n), np.zeros((n, n)),
     )  # fmt: skip
     return stuck, force, speed
 

@@ -20,7 +20,8 @@ def robot(runs=1, n=2, **joint):
     ops = np.zeros((runs, n, 2), OPERATOR)
     ops["order"] = [0.0, 1.0]
     poles, modes = np.zeros((1, 1), POLE), np.zeros((runs, n, 2, 1), MODE)
-    return robots, joints, ops, poles, modes
+    # A table of orders is for those that move: test_kernel_moving.py.
+    return robots, joints, ops, poles, modes, np.zeros((4, 4))
 
 
 def ticks(records, inputs, alive=None):
@@ -106,9 +107,8 @@ def test_the_supervisor_adds_what_equation_20_says():
 
     records = robot(runs=3, kp=1.0, bound=2.0)
     robots, joints = records[:2]
-    factor = np.linalg.cholesky([[1.75, 1.0], [1.0, 1.5]])
-    robots["l11"], robots["l21"], robots["l22"] = factor[0, 0], factor[1, 0], factor[1, 1]
-    robots["p12"], robots["p22"], robots["k0"], robots["k1"] = 1.0, 1.5, 0.5, 1.0
+    robots["p11"], robots["p12"], robots["p22"] = 1.75, 1.0, 1.5
+    robots["k0"], robots["k1"] = 0.5, 1.0
     robots["threshold"] = [0.0, 0.0, np.inf]
     robots["layer"] = [0.0, 4.0, 0.0]
     robots["own_gravity"] = [1, 0, 0]

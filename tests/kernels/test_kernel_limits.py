@@ -17,10 +17,11 @@ def test_a_clipped_number_is_the_nearest_within(x, limit):
     assert clip(x, limit) == float(np.clip(x, -limit, limit))
 
 
-def test_nan_stays_and_inf_is_no_limit():
+def test_what_is_not_finite_stays_and_inf_is_no_limit():
     assert np.isnan(clip(np.nan, 1.0))
     assert clip(1e300, np.inf) == 1e300
-    assert clip(-np.inf, 2.0) == -2.0
+    assert clip(-np.inf, 2.0) == -np.inf
+    assert clip(np.inf, 2.0) == np.inf
 
 
 @given(numbers, numbers)

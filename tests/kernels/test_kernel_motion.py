@@ -36,7 +36,7 @@ def test_an_infinite_torque_is_not_hidden_by_a_limit():
     torque, alive = np.full((1, 1), np.inf), np.ones(1, bool)
     forces = np.zeros((1, 1, 1))
     assert motion.drive(alive, plants(1, 1, limit=5.0), torque, x, forces, 0, rows, x[0].copy())
-    assert rows[2, 0, 0, 0] == 5.0
+    assert rows[2, 0, 0, 0] == np.inf
 
 
 def test_semi_implicit_euler_uses_the_new_rate():

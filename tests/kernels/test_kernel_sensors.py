@@ -27,7 +27,8 @@ def test_delay_noise_bias_steps_and_filter_come_in_this_order():
     seen, kept, last = np.zeros((5, 3, 1)), 0.0, None
     q, v = np.random.default_rng(1).normal(size=(2, 6, 3, 1))
     for tick in range(6):
-        sensors.measure(alive, joints, q[tick], v[tick], tick, history, noise, tick, seen)
+        x = np.stack([q[tick], v[tick]])
+        sensors.measure(alive, joints, x, tick, history, noise, tick, seen)
         late = max(tick - 2, 0)
         assert seen[0, 0, 0] == pytest.approx(q[late, 0, 0] + 0.1 * noise[tick, 0, 0, 0])
         assert seen[1, 0, 0] == pytest.approx(v[late, 0, 0] + 0.2 * noise[tick, 1, 0, 0] + 0.3)
@@ -43,7 +44,7 @@ def test_perfect_sensors_tell_the_truth():
     joints = np.zeros((1, 2), sensors.SENSOR)
     q, v = np.random.default_rng(2).normal(size=(2, 1, 2))
     seen = np.zeros((5, 1, 2))
-    sensors.measure(np.ones(1, bool), joints, q, v, 0, np.zeros((1, 2, 1, 2)),
+    sensors.measure(np.ones(1, bool), joints, np.stack([q, v]), 0, np.zeros((1, 2, 1, 2)),
                     np.zeros((0, 2, 1, 2)), 0, seen)  # fmt: skip
     assert (seen[0] == q).all()
     assert (seen[1] == v).all()

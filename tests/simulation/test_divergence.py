@@ -36,6 +36,36 @@ def test_the_others_do_not_notice():
     assert (runs[2].q == first.q).all()
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Overflowing(fp.Controller):
+    """A law of one's own whose torque overflows."""
+
+    kp: float = 1e308
+
+    def torque(self, state, q, v, q_ref, v_ref, a_ref):
+        return self.kp * (q_ref - q) * 10.0
+
+
+@pytest.mark.parametrize(
+    "law",
+    [fp.AdaptiveFpid(1e308, 0, 0), dataclasses.replace(GOOD, kp=1e308), fp.Pid(1e308, 0, 0),
+     Overflowing()],
+)  # fmt: skip
+@pytest.mark.parametrize("where", ["nominal limit", "plant's limit"])
+@pytest.mark.parametrize("dynamics", ["pinocchio", "compiled"])
+def test_an_overflow_behind_an_effort_limit_is_a_cause_and_not_a_run(law, where, dynamics):
+    arm = fp.Arm.two_link()
+    limited = arm.with_limits(effort=(50.0, 50.0))
+    plant = fp.Plant(effort_limit=50.0)
+    experiment = fp.Experiment(
+        limited if where == "nominal limit" else arm, fp.references.Hold(0.0), q0=(3.0, -3.0),
+        plant=None if where == "nominal limit" else plant, duration=0.1, dynamics=dynamics,
+    )  # fmt: skip
+    run = fp.simulate(experiment, law)
+    assert str(run.outcome) == "diverged at 0 s, joint1: torque is not finite"
+    assert fp.evaluate(experiment, law) == np.inf
+
+
 class Broken:
     """A disturbance that turns into NaN."""
 

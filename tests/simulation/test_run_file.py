@@ -1,5 +1,7 @@
 """A run is one file that says everything and executes nothing."""
 
+import dataclasses
+import errno
 import json
 import os
 
@@ -7,9 +9,11 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin import sealed
 from fpid_pin.disturbances import Pulse
-from fpid_pin.exceptions import FileFormatError
+from fpid_pin.exceptions import FileFormatError, FpidError
 from fpid_pin.references import Hold
+from fpid_pin.simulation.run_table import from_json, to_json
 
 
 @pytest.fixture(scope="module")
@@ -35,42 +39,74 @@ def test_it_can_be_simulated_again_from_its_record(run, tmp_path):
 
 def test_nothing_in_it_is_pickled(run, tmp_path):
     with np.load(run.save(tmp_path / "run.npz"), allow_pickle=False) as file:
-        assert all(file[name].dtype.kind in "fU" for name in file.files)
+        assert all(file[name].dtype.kind in "fUS" for name in file.files)
         meta = json.loads(str(file["meta"]))
-    assert meta["format"] == 1
+    assert meta["format"] == 2
     assert {"fpid_pin", "pin", "numpy", "scipy", "python"} <= meta["versions"].keys()
 
 
-def altered(run, path, **changes):
-    run.save(path)
+def signed_again(path, change):
+    """Alter what a run file holds and seal it as if it had been written so."""
     with np.load(path) as file:
-        arrays = {name: file[name] for name in file.files}
-    meta = json.loads(str(arrays["meta"]))
-    for name, value in changes.items():
-        if name in arrays:
-            arrays[name] = value
-        elif value is None:
-            del meta[name]
-        else:
-            meta[name] = value
-    arrays["meta"] = np.array(json.dumps(meta))
-    np.savez(path, **arrays)
+        arrays = {name: file[name] for name in file.files if name != "members"}
+    meta = from_json(str(arrays.pop("meta")))
+    change(meta, arrays)
+    with open(path, "wb") as file:
+        sealed.write(file, "run file", 2, to_json(meta), arrays)
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("change", "message"),
     [
-        ({"format": 2}, "expected run format 1, got 2"),
-        ({"q": np.zeros((3, 2))}, "expected float64"),
-        ({"outcome": None}, "'outcome' is missing"),
-        ({"q": np.zeros((201, 2), dtype=int)}, r"q: expected float64 of shape|v: expected"),
+        (lambda m, a: m.update(format=3), "meta.format: expected 2, got 3"),
+        (lambda m, a: m.pop("outcome"), "meta.outcome: expected a table"),
+        (lambda m, a: m["outcome"].pop("cause"), "meta.outcome: expected completed, time"),
+        (lambda m, a: m["outcome"].update(time="soon"), "meta.outcome.time: expected numbers"),
+        (lambda m, a: m.update(step=1e6), r"meta.step: expected a number in \[1e-09, 10\]"),
+        (lambda m, a: m.update(step=True), "meta.step: expected numbers"),
+        (lambda m, a: m.update(rows=40), r"t: expected float64 of shape \(40,\)"),
+        (lambda m, a: m.update(rows=10**30), "meta.rows: expected a whole number in"),
+        (lambda m, a: m.update(planned_rows=1), "meta.planned_rows: expected a whole number in"),
+        (lambda m, a: m.update(joints=3), r"q: expected float64 of shape \(201, 3\)"),
+        (lambda m, a: m.update(name=5), "meta.name: expected a text"),
+        (lambda m, a: m.pop("arm"), "meta.arm: expected a table"),
+        (lambda m, a: a.update(q=np.zeros((3, 2))), "q: expected float64 of shape"),
+        (lambda m, a: a.update(q=np.zeros((201, 2), int)), "q: expected float64, got <i8"),
+        (lambda m, a: a.pop("torque"), "torque: expected float64 of shape"),
+        (lambda m, a: a.update(signal_x=np.zeros(3)), "signal_x: expected a signal with 201"),
+        (lambda m, a: a.update(more=np.zeros(201)), "more: expected a signal"),
     ],
-)
-def test_an_altered_file_is_refused_in_one_line(run, tmp_path, changes, message):
-    path = tmp_path / "bad.npz"
-    altered(run, path, **changes)
+)  # fmt: skip
+def test_an_altered_run_is_refused_in_one_line_also_where_its_seal_is_right(
+    run, tmp_path, change, message
+):
+    path = run.save(tmp_path / "bad.npz")
+    signed_again(path, change)
     with pytest.raises(FileFormatError, match=message) as caught:
         fp.Run.load(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_what_could_not_be_read_back_is_not_written(run, tmp_path):
+    signals = {"x": np.zeros((len(run.t), 2, 2))}
+    with pytest.raises(fp.exceptions.ArgumentError, match="signal_x: expected a signal with"):
+        dataclasses.replace(run, signals=signals).save(tmp_path / "run.npz")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_of_format_1_is_told_from_a_damaged_one(run, tmp_path):
+    np.savez(tmp_path / "old.npz", meta=np.array("{}"), q=run.q)
+    with pytest.raises(FileFormatError, match="without a list of its members: one of format 1"):
+        fp.Run.load(tmp_path / "old.npz")
+
+
+def test_a_record_whose_descriptions_mean_nothing_is_one_line(run, tmp_path):
+    path = run.save(tmp_path / "run.npz")
+    signed_again(path, lambda m, a: m["arm"].update(changes=[[0, 1], "x"]))
+    back = fp.Run.load(path)
+    with pytest.raises(FpidError) as caught:
+        _ = back.arm
     assert "\n" not in str(caught.value)
 
 
@@ -117,10 +153,10 @@ def test_a_save_that_fails_leaves_the_old_file(run, tmp_path, monkeypatch):
     before = path.read_bytes()
 
     def fail(*_, **__):
-        raise OSError("disk full")
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(np, "savez", fail)
-    with pytest.raises(OSError, match="disk full"):
+    monkeypatch.setattr(sealed, "write", fail)
+    with pytest.raises(FileFormatError, match=r"cannot be written \(No space left on device\)"):
         run.save(path)
     assert path.read_bytes() == before
     assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import fpid_pin as fp
 from fpid_pin.references import Hold
+from fpid_pin.simulation import run_table
 from fpid_pin.simulation.run_table import from_json, to_json
 
 URDF = """<robot name="nan"><link name="base"/>
@@ -38,6 +39,34 @@ def test_any_table_comes_back(table):
     json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     # repr tells inf from "inf", and is the same for NaN and NaN.
     assert repr(from_json(text)) == repr(table)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("[" * 3000 + "]" * 3000, "nested too deeply"),
+        ("[" * 200 + "]" * 200, "nested too deeply"),
+        ('{"a": ' * 200 + "1" + "}" * 200, "nested too deeply"),
+        ("[" + "[]," * 1_500_000 + "[]]", "too large for its text"),
+        ("[" + "{}," * 450_000 + "{}]", "too large for its text"),
+        ("1" * 400, "beyond the range of floats"),
+        ("1" * 5000, "integer string conversion"),
+        ('["\\ud800"]', "surrogates not allowed"),
+        ('{"\\ud800": 1}', "surrogates not allowed"),
+        ('{"name": "\\ud800"}', "surrogates not allowed"),
+        ("{", "Expecting property name"),
+    ],
+)
+def test_what_no_table_of_ours_is_is_refused(text, reason):
+    with pytest.raises(ValueError, match=reason):
+        from_json(text)
+
+
+def test_a_recorded_motion_is_never_too_large_however_long(monkeypatch):
+    monkeypatch.setattr(run_table, "MOST_MEMORY", 0)
+    for n in (2, 7):
+        rows = np.random.default_rng(0).normal(size=(1000, n)).tolist()
+        assert from_json(to_json({"positions": rows})) == {"positions": rows}
 
 
 def test_a_file_of_before_texts_were_told_apart_is_read_as_it_was():

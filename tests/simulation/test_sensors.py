@@ -18,7 +18,7 @@ def measured(sensors, q, v=None, seeds=None, n=1):
     v = np.zeros_like(q) if v is None else v
     alive, seen, found = np.ones(runs, bool), np.zeros((5, runs, n)), []
     for x, y in zip(q, v, strict=True):
-        state.measure(alive, x, y, seen)
+        state.measure(alive, np.stack([x, y]), seen)
         found.append(seen[:2].copy())
     return np.array(found)
 
@@ -97,11 +97,11 @@ def test_a_retired_run_stays_zero():
         STEP,
     )  # fmt: skip
     alive, seen = np.ones(1, bool), np.zeros((5, 1, 1))
-    state.measure(alive, np.ones((1, 1)), np.ones((1, 1)), seen)
+    state.measure(alive, np.ones((2, 1, 1)), seen)
     assert (seen[:2] != 0.0).all()
     alive[0] = False
     for _ in range(600):
-        state.measure(alive, np.zeros((1, 1)), np.zeros((1, 1)), seen)
+        state.measure(alive, np.zeros((2, 1, 1)), seen)
         assert (seen == 0.0).all()
 
 

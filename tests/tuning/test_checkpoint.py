@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin import sealed
 from fpid_pin.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.exceptions import FileFormatError, TuningError
+from fpid_pin.simulation.run_table import from_json, to_json
 from fpid_pin.tuning import SearchSettings, Space, pareto, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
@@ -48,6 +50,13 @@ def bits(result):
     return [array.tobytes() for array in arrays]
 
 
+def generation_of(path):
+    if not path.exists():
+        return 0
+    with np.load(path) as file:
+        return json.loads(str(file["meta"]))["done"]
+
+
 def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
     chance = random.Random(4)
     path = tmp_path / "search.npz"
@@ -68,18 +77,19 @@ def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
             break
         assert child.returncode == -signal.SIGKILL
         kills += 1
-        stopped_at.append(np.load(path)["seed0_generation"] if path.exists() else 0)
+        stopped_at.append(generation_of(path))
         if kills == 2:
             break
     assert kills == 2
-    assert len(set(map(int, stopped_at))) == 2
-    leftovers = [f for f in tmp_path.iterdir() if f != path and not f.name.endswith(".part")]
-    assert leftovers == []
+    assert len(set(stopped_at)) == 2
+    assert all(f == path or f.name.startswith(".fpid_pin-") for f in tmp_path.iterdir())
     resumed = tune(
         EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30, checkpoint=path, resume=True)
     )
     never = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30))
     assert bits(resumed) == bits(never)
+    # The lock that the killed ones left is taken over, and goes with the last of them.
+    assert not any(f.name.endswith(".lock") for f in tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("done", [1, 3])
@@ -161,31 +171,90 @@ def test_a_checkpoint_cut_anywhere_is_refused(checkpoint):
             resume(checkpoint)
 
 
-def rewritten(path, **changes):
-    with np.load(path, allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    np.savez(path, **(arrays | changes))
+def signed_again(path, change):
+    """Alter what a checkpoint holds and seal it as if it had been written so."""
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files if name != "members"}
+    meta = from_json(str(arrays.pop("meta")))
+    change(meta, arrays)
+    with open(path, "wb") as file:
+        sealed.write(file, "checkpoint", 2, to_json(meta), arrays)
 
 
-def test_an_altered_checkpoint_is_refused(checkpoint):
-    with np.load(checkpoint) as file:
-        costs, meta = file["seed0_costs"], json.loads(str(file["meta"]))
-    whole = checkpoint.read_bytes()
-    rewritten(checkpoint, seed0_costs=costs * 0.5)
-    with pytest.raises(FileFormatError, match="one that was changed"):
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda m, a: m.update(done=1), r"history_best: expected type and shape \('<f', \(1, 2,"),
+        (lambda m, a: m.update(done=-1), "meta.done: expected a whole number >= 0, got -1"),
+        (lambda m, a: m.update(done=2.0), "meta.done: expected a whole number"),
+        (lambda m, a: m.pop("done"), "meta.done: expected a whole number"),
+        (lambda m, a: m.pop("configuration"), "meta.configuration: expected a table"),
+        (lambda m, a: m.update(versions=[]), "meta.versions: expected a table"),
+        (lambda m, a: a.pop("costs"), "costs: expected type and shape"),
+        (lambda m, a: a.update(extra=np.zeros(3)), "extra: expected type and shape None"),
+        (lambda m, a: a.update(points=a["points"] + 1.0), "points.*expected a number in"),
+        (lambda m, a: a.update(points=a["points"].astype(int)), "points: expected type and shape"),
+        (lambda m, a: a["costs"].fill(np.nan), "costs.*expected a number finite, got nan"),
+        (lambda m, a: a["generation"].fill(0), "generation: expected a whole number >= 1"),
+        (lambda m, a: a.update(random=np.array(["[]", "{}"])), "random: expected the state of"),
+        (lambda m, a: a.update(random=np.array(["[" * 5000] * 2)), "random: expected the state of"),
+        (lambda m, a: a.update(random=np.array([t.replace('e": ', 'e": -', 2) for t in
+                                                a["random"]])), "random: expected the state of"),
+    ],
+)  # fmt: skip
+def test_an_altered_checkpoint_is_refused_also_where_its_seal_is_right(checkpoint, change, message):
+    signed_again(checkpoint, change)
+    before = checkpoint.read_bytes()
+    with pytest.raises(FileFormatError, match=message) as caught:
         resume(checkpoint)
-    checkpoint.write_bytes(whole)
-    rewritten(checkpoint, meta=np.array(json.dumps(meta | {"done": 1})))
-    with pytest.raises(FileFormatError, match="one that was changed"):
+    assert "\n" not in str(caught.value)
+    assert checkpoint.read_bytes() == before
+
+
+def test_a_checkpoint_of_format_1_is_refused_by_name(checkpoint):
+    np.savez(checkpoint, meta=np.array("{}"), digest=np.array(""))
+    with pytest.raises(FileFormatError, match="without a list of its members: one of format 1"):
         resume(checkpoint)
-    rewritten(checkpoint, meta=np.array(json.dumps(meta | {"format": 2})))
-    with pytest.raises(FileFormatError, match="expected checkpoint format 1, got 2"):
-        resume(checkpoint)
-    flipped = bytearray(whole)
-    flipped[len(whole) // 2] ^= 0x10
-    checkpoint.write_bytes(flipped)
-    with pytest.raises(FileFormatError):
-        resume(checkpoint)
+
+
+def test_a_search_that_was_stopped_in_its_first_generation_stands_in_nobody_s_way(tmp_path):
+    path = tmp_path / "search.npz"
+
+    def stop(progress):
+        raise KeyboardInterrupt
+
+    settings = small(generations=1, checkpoint=path)
+    with pytest.raises(KeyboardInterrupt):
+        tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings, progress=stop)
+    assert path.exists()
+    other = Space(integral_order=(0.5, 1))
+    tune(EXPERIMENT, CONTROLLER, other, settings=settings)
+    with pytest.raises(TuningError, match="resume it, or remove it"):
+        tune(EXPERIMENT, CONTROLLER, other, settings=settings)
+
+
+def test_a_first_generation_that_fails_leaves_no_checkpoint(tmp_path):
+    path = tmp_path / "search.npz"
+    lost = dataclasses.replace(CONTROLLER, kp=1e300, kd=1e300)
+    with pytest.raises(TuningError, match="diverged"):
+        tune(EXPERIMENT, lost, ORDERS, settings=small(generations=2, checkpoint=path))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_second_search_on_one_checkpoint_is_one_line_and_takes_nothing(tmp_path):
+    path, seen = tmp_path / "search.npz", []
+
+    def second(progress):
+        if progress.complete and not seen:
+            seen.append(path.read_bytes())
+            with pytest.raises(FileFormatError, match="got another fpid-pin at work there"):
+                resume(path)
+            assert path.read_bytes() == seen[0]
+
+    settings = small(generations=2, checkpoint=path)
+    first = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings, progress=second)
+    assert seen
+    assert bits(resume(path, generations=2)) == bits(first)
 
 
 def test_other_files_are_refused(tmp_path):
@@ -194,7 +263,7 @@ def test_other_files_are_refused(tmp_path):
     with pytest.raises(FileFormatError, match="expected a checkpoint"):
         resume(path)
     fp.simulate(EXPERIMENT, CONTROLLER).save(path)
-    with pytest.raises(FileFormatError, match="expected a checkpoint"):
+    with pytest.raises(FileFormatError, match="expected a checkpoint, got a run file"):
         resume(path)
 
 

@@ -100,6 +100,7 @@ plant = { payload = { mass = 0.5 } }
         (("quadratic_cost", "cubic_cost"), "tune.cost.kind: expected one of"),
         (("w2 = 0.0", "w2 = -1.0"), "tune.cost.w2: expected a number >= 0, got -1"),
         (("map_points = 3", 'reduce = "median"'), "tune.reduce: expected one of mean, worst"),
+        (("kp = [1", "self = [1"), "tune.space.self: expected one of kp, ki,"),
         (("high = 1,", "high = 1.5,"), "tune.space.derivative_order.high: expected a number in"),
         (("[tune.space]", "[tune.spice]"), "tune.space: expected a table of parameters"),
     ],

@@ -1,9 +1,11 @@
+import dataclasses
 import sys
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
+import fpid_pin as fp
 from fpid_pin import Arm
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view import figures, plots, save_figure
@@ -40,6 +42,26 @@ def test_every_axis_has_a_name_and_a_unit(pair, standard):
         for a in panels:
             unit = a.get_ylabel().rpartition(", ")[2]
             assert a.get_ylabel() == "$V$" or unit.startswith(("rad", "N m", "s$")), a.get_ylabel()
+
+
+@pytest.fixture(scope="module")
+def moving():
+    law = dataclasses.replace(fp.paper_controller(), order_learning_rate=1.0)
+    return fp.simulate(fp.paper_experiment(duration=1.0), law)
+
+
+def test_orders_stand_below_the_gains_where_they_move(pair, moving):
+    labels = [a.get_ylabel() for a in plots.gains(moving).axes]
+    assert labels[:3] == [a.get_ylabel() for a in plots.gains(pair[1]).axes]
+    assert labels[3:] == [r"$\lambda$", r"$\mu$"]
+    assert [a.get_ylabel() for a in plots.plot(moving).axes][3:] == ["gains", "orders"]
+    for panel, name in zip(plots.gains(moving).axes[3:], ("integral_order", "derivative_order"),
+                           strict=True):  # fmt: skip
+        for j, line in enumerate(panel.lines):
+            assert np.isin(line.get_ydata(), moving.signals[name][:, j]).all()
+            assert np.ptp(line.get_ydata()) > 0.05
+        low, high = panel.get_ylim()
+        assert low < 0.0 < 1.0 < high
 
 
 def test_curves_are_the_recorded_signals(pair):

@@ -1,0 +1,55 @@
+"""What work will take, in memory and time, so that it can be refused before it starts."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from fpid_pin.exceptions import ArgumentError
+
+#: Work longer than this is taken for a mistake [s].
+MOST_SECONDS = 30 * 86400.0
+#: A step of one joint on a usual processor [s]; a guess within a factor of some three.
+STEP_SECONDS = 3e-7
+# Where Linux tells a container how much it may have.
+_CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+
+
+def memory() -> int:
+    """Return how much memory there is for this process [bytes]."""
+    limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    for path in _CONTAINER:
+        try:
+            limits.append(int(Path(path).read_text(encoding="ascii")))
+        except (OSError, ValueError):  # another system, or "max"
+            continue
+    return min(limits)
+
+
+def require_memory(name: str, what: str, size: float) -> None:
+    """Refuse what takes `size` bytes where there are fewer.
+
+    Raises
+    ------
+    ArgumentError
+        Naming what there is, and what would be needed.
+    """
+    if size > (there := memory()):
+        raise ArgumentError(
+            name, f"work that fits into {there / 1e9:.3g} GB of memory",
+            f"{what}: about {size / 1e9:.3g} GB",
+        )  # fmt: skip
+
+
+def require_time(name: str, what: str, joint_steps: float) -> None:
+    """Refuse what takes longer than `MOST_SECONDS`, by the steps of single joints in it.
+
+    Raises
+    ------
+    ArgumentError
+        Naming both times.
+    """
+    seconds = joint_steps * STEP_SECONDS
+    if seconds > MOST_SECONDS:
+        most, asked = MOST_SECONDS / 86400.0, seconds / 86400.0
+        raise ArgumentError(name, f"work of {most:g} days at most", f"{what}: about {asked:.3g}")

@@ -1,0 +1,27 @@
+"""Which controller of a configuration a command is about."""
+
+from __future__ import annotations
+
+from fpid_pin import checks
+from fpid_pin.cli.config import Config
+from fpid_pin.exceptions import ArgumentError, ConfigError
+
+
+def pick(config: Config, name: str | None) -> str:
+    """Return which controller ``--controller`` chose, by its name; None: the only one.
+
+    Raises
+    ------
+    ConfigError
+        A name that is not there; none where there are several.
+    """
+    names = config.controllers
+    if name is None and len(names) > 1:
+        several = ", ".join(names)
+        raise ConfigError(
+            f"{config.path}: expected one controller, or --controller NAME, got {several}"
+        )
+    try:
+        return checks.choice("--controller", name or next(iter(names)), names)
+    except ArgumentError as error:
+        raise ConfigError(f"{config.path}: {error}") from None

@@ -1,0 +1,159 @@
+"""The subcommands of `fpid-pin`: their arguments, and whom they call."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
+OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
+
+
+@app.command()
+def demo(out: OutputPath = None) -> None:
+    """Run section 5.1 of the paper: fractional against integer adaptive PID."""
+    from fpid_pin.cli.experiments import run_demo
+
+    run_demo(out or Path("runs/demo"))
+
+
+@app.command()
+def run(
+    config: ConfigFile,
+    out: OutputPath = None,
+    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+) -> None:
+    """Simulate one controller of a configuration and record everything."""
+    from fpid_pin.cli.experiments import run_one
+
+    run_one(config, out or Path("runs") / config.stem, controller)
+
+
+@app.command()
+def compare(config: ConfigFile, out: OutputPath = None) -> None:
+    """Simulate every controller of a configuration under every condition, side by side."""
+    from fpid_pin.cli.experiments import run_comparison
+
+    run_comparison(config, out or Path("runs") / config.stem)
+
+
+@app.command()
+def tune(
+    config: ConfigFile,
+    out: OutputPath = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
+    workers: Annotated[int | None, typer.Option(help="Processes; none: this one.")] = None,
+) -> None:
+    """Search orders and gains by the genetic algorithm of a configuration's [tune]."""
+    from fpid_pin.cli.tune import run_tuning
+
+    run_tuning(config, out or Path("runs") / f"{config.stem}-tuned", resume, workers)
+
+
+@app.command()
+def operators(
+    order: Annotated[list[float] | None, typer.Option(help="An order in [0, 1]; repeat.")] = None,
+    step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
+    horizon: Annotated[float, typer.Option(help="Longest time [s].")] = 20.0,
+    design: Annotated[str, typer.Option(help="exponential_sum or crone.")] = "exponential_sum",
+    modes: Annotated[int | None, typer.Option(help="Modes of the exponential sum.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="Or the accuracy wanted.")] = None,
+    band: Annotated[tuple[float, float], typer.Option(help="Of CRONE [rad/s].")] = (1e-2, 1e3),
+    n: Annotated[int, typer.Option("--n", help="Of CRONE: order 2n+1.")] = 5,
+    widening: Annotated[float, typer.Option(help="Of CRONE's band [decades].")] = 0.0,
+    plot: Annotated[Path | None, typer.Option(help="Figure of the errors.")] = None,
+) -> None:
+    """Say how good a fractional operator is: errors, trusted range, noise, cost."""
+    from fpid_pin.cli.operators import operators_table
+
+    text = operators_table(
+        order or [0.1, 0.5, 0.9], step, horizon, design=design, modes=modes, tolerance=tolerance,
+        band=band, n=n, widening=widening, plot=plot,
+    )  # fmt: skip
+    typer.echo(text)
+
+
+@app.command()
+def arms() -> None:
+    """List the arms that work by name, with their limits and friction."""
+    from rich.console import Console
+
+    from fpid_pin.cli.arms import arms_table
+
+    Console().print(arms_table())
+
+
+@app.command()
+def view(
+    files: Annotated[list[Path], typer.Argument(metavar="RUN.npz ...", help="Recorded runs.")],
+    html: Annotated[Path | None, typer.Option(help="Write one page that opens anywhere.")] = None,
+    caption: Annotated[list[str] | None, typer.Option(help="A caption a run; repeat.")] = None,
+    fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
+    speed: Annotated[float, typer.Option(help="1 is real time.")] = 1.0,
+    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end.")] = False,
+    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
+    port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
+) -> None:
+    """Show recorded runs in meshcat: live, or as one self-contained page."""
+    from fpid_pin.cli.view import run_view
+
+    run_view(
+        files, html=html, captions=caption or (), fps=fps, speed=speed, loop=loop,
+        browser=browser, port=port,
+    )  # fmt: skip
+
+
+@app.command()
+def playground(
+    config: ConfigFile,
+    html: Annotated[Path, typer.Option(help="The page to write.")] = Path("playground.html"),
+    controller: Annotated[str | None, typer.Option(help="Which controller; none: all.")] = None,
+) -> None:
+    """Write one page with sliders that simulates again as they move; it needs no network."""
+    from fpid_pin.cli.playground import run_playground
+
+    run_playground(config, html, controller)
+
+
+@app.command()
+def live(
+    config: ConfigFile,
+    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    duration: Annotated[float | None, typer.Option(help="[s]; none: until Ctrl-C.")] = None,
+    fps: Annotated[float, typer.Option(help="Frames a second.")] = 40.0,
+    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
+    port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
+    joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
+    push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
+) -> None:
+    """Run the control loop in real time and watch it; key presses push a joint."""
+    from fpid_pin.cli.live import run_live
+
+    run_live(
+        config, controller=controller, duration=duration, fps=fps, browser=browser, port=port,
+        joint=joint, push=push,
+    )  # fmt: skip
+
+
+@app.command()
+def export(
+    config: ConfigFile,
+    out: Annotated[Path, typer.Option("--out", help="A new folder.")],
+    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    horizon: Annotated[float, typer.Option(help="Longest time that it will run [s].")] = 3600.0,
+    ticks: Annotated[int, typer.Option(help="Length of its test vectors.")] = 2000,
+) -> None:
+    """Write a controller as C99 for a robot, with test vectors that prove it."""
+    from fpid_pin.cli.export import run_export
+
+    run_export(config, out, controller, horizon, ticks)

@@ -1,0 +1,49 @@
+"""`playground`: a configuration as a page with sliders."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from fpid_pin.cli.choice import pick
+from fpid_pin.cli.config import Config, load
+from fpid_pin.control import AdaptiveFpid
+from fpid_pin.exceptions import ConfigError, FpidError
+from fpid_pin.files import require_file
+from fpid_pin.view.playground_page import Playground, playground
+
+
+def run_playground(path: Path, html: Path, name: str | None) -> None:
+    """Write the page of a configuration's controllers, or of one of them."""
+    require_file(html)
+    config = load(path)
+    if name is not None:
+        pick(config, name)
+    page, left = make(config, html, name)
+    for line in left:
+        sys.stderr.write(f"fpid-pin: left out: {line}\n")
+    sys.stdout.write(f"Written to {html} ({len(page.text.encode()) / 1e6:.1f} MB): open it\n")
+
+
+def make(config: Config, html: Path, name: str | None = None) -> tuple[Playground, list[str]]:
+    """Write a page of what it can hold; return it, and a line for each controller that it cannot.
+
+    Raises
+    ------
+    FpidError
+        It can hold none of them.
+    """
+    from fpid_pin.view.playground_engine import require_playable
+
+    kept: list[AdaptiveFpid] = []
+    left: list[str] = []
+    for label, controller in config.controllers.items():
+        if name not in (None, label):
+            continue
+        try:
+            kept.append(require_playable(controller, config.experiment, kept))
+        except FpidError as error:
+            left.append(f"{label}: {error}")
+    if not kept:
+        raise ConfigError("\n".join(f"{config.path}: {line}" for line in left))
+    return playground(config.experiment, kept, html, title=config.title), left

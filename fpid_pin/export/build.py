@@ -1,0 +1,94 @@
+"""Compiles an exported folder where there is a compiler, and asks it what it does."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from fpid_pin.exceptions import ExportError
+from fpid_pin.export.c_extras import FLAGS
+
+_SECONDS = 300
+_ANSWER = re.compile(
+    r"ticks (\d+) equal (\d+) of (\d+) difference (\S+) peak (\S+) N m state (\d+) bytes"
+)
+
+
+class Comparison(NamedTuple):
+    """What ``fpid_check`` found: ticks, equal numbers of all, largest difference, peak, bytes."""
+
+    ticks: int
+    equal: int
+    total: int
+    difference: float
+    peak: float
+    state: int
+
+
+def compiler() -> str | None:
+    """Return a C compiler that knows gcc's flags; None: there is none."""
+    return next((found for name in ("gcc", "clang", "cc") if (found := shutil.which(name))), None)
+
+
+def compile_check(folder: Path, to: Path, flags: Sequence[str] = ()) -> Path:
+    """Compile an exported folder and its check to the program `to`.
+
+    Raises
+    ------
+    ExportError
+        The compiler's first complaint.
+    """
+    names = ("fpid.c", "fpid_parameters.c", "fpid_check.c")
+    sources = [str(folder / name) for name in names]
+    command = [compiler() or "cc", *FLAGS, *flags, *sources, "-o", str(to), "-lm"]
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_SECONDS, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise ExportError(f"{command[0]}: cannot compile ({type(error).__name__})") from None
+    if done.returncode:
+        complaint = next((line for line in done.stderr.splitlines() if "error" in line), "failed")
+        raise ExportError(f"{Path(command[0]).name}: {complaint.replace(str(folder), folder.name)}")
+    return to
+
+
+def compare(program: Path, vectors: Path, torques: Path | None = None) -> Comparison:
+    """Run ``fpid_check``; `torques` receives the program's own, as doubles.
+
+    Raises
+    ------
+    ExportError
+        It does not get through the vectors.
+    """
+    command = [str(program), str(vectors), *([str(torques)] if torques else [])]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=_SECONDS, check=False)
+    found = _ANSWER.search(done.stdout)
+    if found is None or "returned" in done.stderr:
+        raise ExportError(f"fpid_check: {(done.stderr or done.stdout).strip()[:200]}")
+    ticks, equal, total, difference, peak, state = found.groups()
+    return Comparison(
+        int(ticks), int(equal), int(total), float(difference), float(peak), int(state)
+    )
+
+
+def code_size(folder: Path) -> int | None:
+    """Return the bytes of machine code of ``fpid.c`` at -Os here; None: no way to know."""
+    tool, compile_with = shutil.which("size"), compiler()
+    if tool is None or compile_with is None:
+        return None
+    with tempfile.TemporaryDirectory() as there:
+        target = str(Path(there) / "fpid.o")
+        flags = [flag for flag in FLAGS if flag != "-O2"]
+        command = [compile_with, *flags, "-Os", "-c", str(folder / "fpid.c"), "-o", target]
+        done = subprocess.run(command, capture_output=True, check=False, timeout=_SECONDS)
+        if done.returncode:
+            return None
+        listed = subprocess.run([tool, target], capture_output=True, text=True, check=False)
+    numbers = listed.stdout.split("\n")[1].split() if listed.returncode == 0 else []
+    return int(numbers[0]) if numbers else None

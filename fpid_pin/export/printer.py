@@ -1,0 +1,119 @@
+"""Prints the kernels that simulate, as they stand, as C99 or JavaScript.
+
+A kernel is printed for the kinds of its arguments, and so are those that it calls, each once for
+each combination of kinds: `Program` collects them, callees first. What is outside the kernels'
+subset is refused with file and line.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from fpid_pin.export.kinds import Array, Kind, Record
+from fpid_pin.export.language import Language, Parameter
+from fpid_pin.export.source import Source
+from fpid_pin.export.statements import Statements
+
+
+@dataclass
+class _Printed:
+    """A kernel printed for some kinds of arguments."""
+
+    name: str
+    source: Source
+    returns: Kind | None = None
+    parameters: list[Parameter] = field(default_factory=list)
+    done: bool = False
+
+
+class Program:
+    """Kernels in another language.
+
+    Parameters
+    ----------
+    language
+        `c99.C99` or `javascript.JavaScript`.
+
+    Attributes
+    ----------
+    functions
+        The text of each function, callees first.
+    records
+        Records that they take, in the order in which they were met.
+    """
+
+    def __init__(self, language: Language) -> None:
+        self.language = language
+        self.functions: list[str] = []
+        self.records: dict[str, Record] = {}
+        self._printed: dict[tuple[Any, tuple[Kind, ...]], _Printed] = {}
+
+    @property
+    def text(self) -> str:
+        """All functions."""
+        return "\n".join(self.functions)
+
+    def add(self, kernel: Any, kinds: Sequence[Kind]) -> str:
+        """Print a kernel and all that it calls; return the name of its function.
+
+        Parameters
+        ----------
+        kernel
+            See `kernels.compiled.kernel`.
+        kinds
+            Of its arguments.
+
+        Raises
+        ------
+        ExportError
+            A line that has no counterpart.
+        """
+        source = Source(kernel)
+        if len(kinds) != len(source.parameters):
+            what = f"{len(source.parameters)} arguments, given {len(kinds)}"
+            raise source.refusal(source.tree, what)
+        return self._print(source, tuple(kinds), source.tree, source).name
+
+    def _call(
+        self, kernel: Any, kinds: Sequence[Kind], node: ast.AST, caller: Source
+    ) -> tuple[str, Kind | None, list[bool]]:
+        source = Source(kernel)
+        if len(kinds) != len(source.parameters):
+            raise caller.refusal(node, f"{source.name} takes {len(source.parameters)} arguments")
+        printed = self._print(source, tuple(kinds), node, caller)
+        return printed.name, printed.returns, [p.written for p in printed.parameters]
+
+    def _print(
+        self, source: Source, kinds: tuple[Kind, ...], node: ast.AST, caller: Source
+    ) -> _Printed:
+        key = (source.function, kinds)
+        if key in self._printed:
+            if not self._printed[key].done:
+                raise caller.refusal(node, f"recursion: {source.name} calls itself")
+            return self._printed[key]
+        printed = self._printed[key] = _Printed(self._name(source), source)
+        for kind in kinds:
+            element = kind.element if isinstance(kind, Array) else kind
+            if isinstance(element, Record):
+                self.records.setdefault(element.name, element)
+        body = Statements(source, self.language, self._call, kinds)
+        printed.parameters, printed.returns = body.parameters, body.returns
+        head = self.language.head(printed.name, body.parameters, body.returns)
+        comment = f"/* {source.module}.{source.name}: {source.says.replace('*/', '* /')} */"
+        self.functions.append("\n".join([comment, *head, *body.lines, "}", ""]))
+        printed.done = True
+        return printed
+
+    def _name(self, source: Source) -> str:
+        """Return a name that no other function has, nor the language."""
+        taken = {printed.name for printed in self._printed.values()} | self.language.reserved
+        if source.name not in taken:
+            return source.name
+        name = f"{source.module}_{source.name}"
+        count = 2
+        while name in taken:
+            name, count = f"{source.module}_{source.name}_{count}", count + 1
+        return name

@@ -1,0 +1,248 @@
+"""Rigid-body dynamics of a tree of revolute and prismatic joints, in world coordinates.
+
+There inertias of subtrees just add, and nothing is transformed twice: positions, velocities and
+forces of all bodies on the way out (recursive Newton-Euler), inertias of subtrees and the rows of M
+on the way back (composite rigid bodies), then M = L^T D L without a fill-in, as the tree is sparse
+(Featherstone, *Rigid Body Dynamics Algorithms*, 2008, chapters 5, 6 and section 6.4). Spatial
+vectors are taken at the world's origin. Indices 0, 1, 2 stand for x, y, z of the world; a frame's
+own axes are x, y, z.
+"""
+
+from __future__ import annotations
+
+import math
+
+from fpid_pin.kernels.compiled import kernel
+from fpid_pin.kernels.layout import layout
+
+#: A body and the joint that carries it, the joint's axis being z of its frame. Constants: where the
+#: frame is in its parent's (axes x, y, z by components, origin p); mass, first moments and inertia
+#: about the frame's origin; rotor inertia. Which body carries it (n: none), and how it moves.
+BODY = layout(
+    "x0 x1 x2 y0 y1 y2 z0 z1 z2 p0 p1 p2 m h0 h1 h2 j00 j01 j02 j11 j12 j22 armature",
+    "parent slides",
+)
+#: Where a body is: axes and origin of its frame; what a unit of joint speed does (linear s, angular
+#: r); velocity v, w; acceleration a, b without joint accelerations; inertia m, h, j and force f, n
+#: of the body, then of its subtree.
+FRAME = layout(
+    "x0 x1 x2 y0 y1 y2 z0 z1 z2 o0 o1 o2 s0 s1 s2 r0 r1 r2 v0 v1 v2 w0 w1 w2 a0 a1 a2 b0 b1 b2 "
+    "m h0 h1 h2 j00 j01 j02 j11 j12 j22 f0 f1 f2 n0 n1 n2"
+)
+
+
+@kernel(inline=True)
+def place(b, c, u, q, v):
+    """Put a body's frame c where its joint's angle q and rate v have it; u is the frame below."""
+    # The joint's frame at rest, then turned about or moved along its z.
+    x0 = u.x0 * b.x0 + u.y0 * b.x1 + u.z0 * b.x2
+    x1 = u.x1 * b.x0 + u.y1 * b.x1 + u.z1 * b.x2
+    x2 = u.x2 * b.x0 + u.y2 * b.x1 + u.z2 * b.x2
+    y0 = u.x0 * b.y0 + u.y0 * b.y1 + u.z0 * b.y2
+    y1 = u.x1 * b.y0 + u.y1 * b.y1 + u.z1 * b.y2
+    y2 = u.x2 * b.y0 + u.y2 * b.y1 + u.z2 * b.y2
+    z0 = u.x0 * b.z0 + u.y0 * b.z1 + u.z0 * b.z2
+    z1 = u.x1 * b.z0 + u.y1 * b.z1 + u.z1 * b.z2
+    z2 = u.x2 * b.z0 + u.y2 * b.z1 + u.z2 * b.z2
+    o0 = u.o0 + u.x0 * b.p0 + u.y0 * b.p1 + u.z0 * b.p2
+    o1 = u.o1 + u.x1 * b.p0 + u.y1 * b.p1 + u.z1 * b.p2
+    o2 = u.o2 + u.x2 * b.p0 + u.y2 * b.p1 + u.z2 * b.p2
+    if b.slides:
+        o0 += z0 * q
+        o1 += z1 * q
+        o2 += z2 * q
+        c.x0, c.x1, c.x2, c.y0, c.y1, c.y2 = x0, x1, x2, y0, y1, y2
+        c.s0, c.s1, c.s2, c.r0, c.r1, c.r2 = z0, z1, z2, 0.0, 0.0, 0.0
+    else:
+        cosine, sine = math.cos(q), math.sin(q)
+        c.x0, c.y0 = cosine * x0 + sine * y0, cosine * y0 - sine * x0
+        c.x1, c.y1 = cosine * x1 + sine * y1, cosine * y1 - sine * x1
+        c.x2, c.y2 = cosine * x2 + sine * y2, cosine * y2 - sine * x2
+        c.s0, c.s1, c.s2 = o1 * z2 - o2 * z1, o2 * z0 - o0 * z2, o0 * z1 - o1 * z0
+        c.r0, c.r1, c.r2 = z0, z1, z2
+    c.z0, c.z1, c.z2, c.o0, c.o1, c.o2 = z0, z1, z2, o0, o1, o2
+    c.v0, c.v1, c.v2 = u.v0 + c.s0 * v, u.v1 + c.s1 * v, u.v2 + c.s2 * v
+    c.w0, c.w1, c.w2 = u.w0 + c.r0 * v, u.w1 + c.r1 * v, u.w2 + c.r2 * v
+    # What moves with the joint turns with the body: velocity x motion.
+    c.a0 = u.a0 + (c.w1 * c.s2 - c.w2 * c.s1 + c.v1 * c.r2 - c.v2 * c.r1) * v
+    c.a1 = u.a1 + (c.w2 * c.s0 - c.w0 * c.s2 + c.v2 * c.r0 - c.v0 * c.r2) * v
+    c.a2 = u.a2 + (c.w0 * c.s1 - c.w1 * c.s0 + c.v0 * c.r1 - c.v1 * c.r0) * v
+    c.b0 = u.b0 + (c.w1 * c.r2 - c.w2 * c.r1) * v
+    c.b1 = u.b1 + (c.w2 * c.r0 - c.w0 * c.r2) * v
+    c.b2 = u.b2 + (c.w0 * c.r1 - c.w1 * c.r0) * v
+
+
+@kernel(inline=True)
+def burden(b, c):
+    """Write a body's inertia at the world's origin, and the force that its motion takes."""
+    m = b.m
+    h0 = c.x0 * b.h0 + c.y0 * b.h1 + c.z0 * b.h2
+    h1 = c.x1 * b.h0 + c.y1 * b.h1 + c.z1 * b.h2
+    h2 = c.x2 * b.h0 + c.y2 * b.h1 + c.z2 * b.h2
+    # R J R^T, its upper half.
+    t00 = c.x0 * b.j00 + c.y0 * b.j01 + c.z0 * b.j02
+    t01 = c.x0 * b.j01 + c.y0 * b.j11 + c.z0 * b.j12
+    t02 = c.x0 * b.j02 + c.y0 * b.j12 + c.z0 * b.j22
+    t10 = c.x1 * b.j00 + c.y1 * b.j01 + c.z1 * b.j02
+    t11 = c.x1 * b.j01 + c.y1 * b.j11 + c.z1 * b.j12
+    t12 = c.x1 * b.j02 + c.y1 * b.j12 + c.z1 * b.j22
+    t20 = c.x2 * b.j00 + c.y2 * b.j01 + c.z2 * b.j02
+    t21 = c.x2 * b.j01 + c.y2 * b.j11 + c.z2 * b.j12
+    t22 = c.x2 * b.j02 + c.y2 * b.j12 + c.z2 * b.j22
+    # From the frame's origin to the world's (Steiner).
+    o0, o1, o2 = c.o0, c.o1, c.o2
+    shift = 2.0 * (o0 * h0 + o1 * h1 + o2 * h2) + m * (o0 * o0 + o1 * o1 + o2 * o2)
+    j00 = t00 * c.x0 + t01 * c.y0 + t02 * c.z0 + shift - 2.0 * o0 * h0 - m * o0 * o0
+    j11 = t10 * c.x1 + t11 * c.y1 + t12 * c.z1 + shift - 2.0 * o1 * h1 - m * o1 * o1
+    j22 = t20 * c.x2 + t21 * c.y2 + t22 * c.z2 + shift - 2.0 * o2 * h2 - m * o2 * o2
+    j01 = t00 * c.x1 + t01 * c.y1 + t02 * c.z1 - o0 * h1 - h0 * o1 - m * o0 * o1
+    j02 = t00 * c.x2 + t01 * c.y2 + t02 * c.z2 - o0 * h2 - h0 * o2 - m * o0 * o2
+    j12 = t10 * c.x2 + t11 * c.y2 + t12 * c.z2 - o1 * h2 - h1 * o2 - m * o1 * o2
+    h0 += m * o0
+    h1 += m * o1
+    h2 += m * o2
+    c.m, c.h0, c.h1, c.h2 = m, h0, h1, h2
+    c.j00, c.j01, c.j02, c.j11, c.j12, c.j22 = j00, j01, j02, j11, j12, j22
+    # Momentum, and the rate at which it has to change: I a + v x* (I v).
+    v0, v1, v2, w0, w1, w2 = c.v0, c.v1, c.v2, c.w0, c.w1, c.w2
+    l0 = m * v0 + w1 * h2 - w2 * h1
+    l1 = m * v1 + w2 * h0 - w0 * h2
+    l2 = m * v2 + w0 * h1 - w1 * h0
+    k0 = j00 * w0 + j01 * w1 + j02 * w2 + h1 * v2 - h2 * v1
+    k1 = j01 * w0 + j11 * w1 + j12 * w2 + h2 * v0 - h0 * v2
+    k2 = j02 * w0 + j12 * w1 + j22 * w2 + h0 * v1 - h1 * v0
+    a0, a1, a2, b0, b1, b2 = c.a0, c.a1, c.a2, c.b0, c.b1, c.b2
+    c.f0 = m * a0 + b1 * h2 - b2 * h1 + w1 * l2 - w2 * l1
+    c.f1 = m * a1 + b2 * h0 - b0 * h2 + w2 * l0 - w0 * l2
+    c.f2 = m * a2 + b0 * h1 - b1 * h0 + w0 * l1 - w1 * l0
+    turn0 = w1 * k2 - w2 * k1 + v1 * l2 - v2 * l1
+    turn1 = w2 * k0 - w0 * k2 + v2 * l0 - v0 * l2
+    turn2 = w0 * k1 - w1 * k0 + v0 * l1 - v1 * l0
+    c.n0 = j00 * b0 + j01 * b1 + j02 * b2 + h1 * a2 - h2 * a1 + turn0
+    c.n1 = j01 * b0 + j11 * b1 + j12 * b2 + h2 * a0 - h0 * a2 + turn1
+    c.n2 = j02 * b0 + j12 * b1 + j22 * b2 + h0 * a1 - h1 * a0 + turn2
+
+
+@kernel(inline=True)
+def carry(u, c):
+    """Add a subtree's inertia and force to those of the body that carries it."""
+    u.m += c.m
+    u.h0 += c.h0
+    u.h1 += c.h1
+    u.h2 += c.h2
+    u.j00 += c.j00
+    u.j01 += c.j01
+    u.j02 += c.j02
+    u.j11 += c.j11
+    u.j12 += c.j12
+    u.j22 += c.j22
+    u.f0 += c.f0
+    u.f1 += c.f1
+    u.f2 += c.f2
+    u.n0 += c.n0
+    u.n1 += c.n1
+    u.n2 += c.n2
+
+
+@kernel(inline=True)
+def along(c, f0, f1, f2, n0, n1, n2):
+    """Return the part of a force that a joint's motion feels."""
+    return c.s0 * f0 + c.s1 * f1 + c.s2 * f2 + c.r0 * n0 + c.r1 * n1 + c.r2 * n2
+
+
+@kernel(inline=True)
+def ground(frames, n, gravity):
+    """Set the world's frame, the last one: it falls upwards, which is what gravity amounts to."""
+    world = frames[n]
+    world.x0 = world.y1 = world.z2 = 1.0
+    world.a0, world.a1, world.a2 = -gravity[0], -gravity[1], -gravity[2]
+
+
+@kernel(inline=True)
+def terms(bodies, frames, q, v, bias, mass):
+    """Write C q' + G into `bias`, (n,), and M into the lower half of `mass`, (n, n): eq. (5).
+
+    Only entries of joints that carry one another are written: others are 0 and never read. The
+    last of the n + 1 frames is the world's; see `ground`.
+    """
+    n = bodies.size
+    for i in range(n):
+        b = bodies[i]
+        c = frames[i]
+        place(b, c, frames[b.parent], q[i], v[i])
+        burden(b, c)
+    for back in range(n):
+        i = n - 1 - back
+        b = bodies[i]
+        c = frames[i]
+        bias[i] = along(c, c.f0, c.f1, c.f2, c.n0, c.n1, c.n2)
+        # The force that a unit of acceleration of this joint takes from its subtree.
+        f0 = c.m * c.s0 + c.r1 * c.h2 - c.r2 * c.h1
+        f1 = c.m * c.s1 + c.r2 * c.h0 - c.r0 * c.h2
+        f2 = c.m * c.s2 + c.r0 * c.h1 - c.r1 * c.h0
+        n0 = c.j00 * c.r0 + c.j01 * c.r1 + c.j02 * c.r2 + c.h1 * c.s2 - c.h2 * c.s1
+        n1 = c.j01 * c.r0 + c.j11 * c.r1 + c.j12 * c.r2 + c.h2 * c.s0 - c.h0 * c.s2
+        n2 = c.j02 * c.r0 + c.j12 * c.r1 + c.j22 * c.r2 + c.h0 * c.s1 - c.h1 * c.s0
+        j = i
+        while j < n:
+            mass[i, j] = along(frames[j], f0, f1, f2, n0, n1, n2)
+            j = bodies[j].parent
+        mass[i, i] += b.armature
+        if b.parent < n:
+            carry(frames[b.parent], c)
+
+
+@kernel(inline=True)
+def factor_tree(bodies, mass):
+    """Turn M, its lower half, into L and 1/D of M = L^T D L, in place."""
+    n = bodies.size
+    for back in range(n):
+        i = n - 1 - back
+        mass[i, i] = 1.0 / mass[i, i]
+        k = bodies[i].parent
+        while k < n:
+            t = mass[i, k] * mass[i, i]
+            j = k
+            while j < n:
+                mass[k, j] -= t * mass[i, j]
+                j = bodies[j].parent
+            mass[i, k] = t
+            k = bodies[k].parent
+
+
+@kernel(inline=True)
+def solve_tree(bodies, factored, x):
+    """Turn x into M^-1 x, (n,), in place; `factored` by `factor_tree`."""
+    n = bodies.size
+    for back in range(n):
+        i = n - 1 - back
+        k = bodies[i].parent
+        while k < n:
+            x[k] -= factored[i, k] * x[i]
+            k = bodies[k].parent
+    for i in range(n):
+        x[i] *= factored[i, i]
+        k = bodies[i].parent
+        while k < n:
+            x[i] -= factored[i, k] * x[k]
+            k = bodies[k].parent
+
+
+@kernel(inline=True)
+def forward_dynamics(bodies, frames, q, v, tau, mass, a):
+    """Write q'' = M^-1 (tau - C q' - G), (n,); M's factor stays in `mass`."""
+    terms(bodies, frames, q, v, a, mass)
+    for i in range(bodies.size):
+        a[i] = tau[i] - a[i]
+    factor_tree(bodies, mass)
+    solve_tree(bodies, mass, a)
+
+
+@kernel
+def accelerations(alive, model, bodies, gravity, frames, q, v, tau, mass, a):
+    """Write q'' of every run, (runs, n); `model` says which of `bodies`, (plants, n), is its."""
+    for r in range(alive.size):
+        if alive[r]:
+            k = model[r]
+            ground(frames, bodies.shape[1], gravity[k])
+            forward_dynamics(bodies[k], frames, q[r], v[r], tau[r], mass, a[r])

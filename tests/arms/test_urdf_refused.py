@@ -1,0 +1,206 @@
+"""Robots that cannot be, or that would stop the process: one line each, and no long wait."""
+
+import time
+
+import pytest
+from test_from_urdf import LIMIT, MESH, joint, link, robot, write
+
+from fpid_pin import descriptions
+from fpid_pin.arms import Arm
+from fpid_pin.exceptions import ArgumentError, ArmError, FpidWarning
+
+MANY = 20_000
+
+
+def body(name, diagonal, off=(0, 0, 0), mass=1.0):
+    keys = zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), (*diagonal, *off), strict=True)
+    entries = " ".join(f'{key}="{value}"' for key, value in keys)
+    inertial = f'<inertial><mass value="{mass}"/><inertia {entries}/></inertial>'
+    return f'<link name="{name}">{inertial}</link>'
+
+
+def one_joint(tip, extra=LIMIT):
+    return robot(link("base"), tip, joint("j", "base", "tip", extra=extra))
+
+
+REFUSED = {
+    "negative mass": (one_joint(link("tip", -1.0)), r"link 'tip': expected a mass >= 0 .*got -1"),
+    "negative moment": (
+        one_joint(body("tip", (-0.1, 0.2, 0.2))),
+        r"link 'tip': expected principal moments of inertia >= 0 .*got -0\.1, 0\.2, 0\.2",
+    ),
+    "hidden negative moment": (
+        one_joint(body("tip", (1.0, 1.0, 1.0), (1.5, 0, 0))),
+        r"link 'tip': expected principal moments .*got -0\.5, 1, 2\.5",
+    ),
+    "triangle inequality": (
+        one_joint(body("tip", (0.1, 0.1, 0.3))),
+        r"none above the sum of the others, got 0\.1, 0\.1, 0\.3",
+    ),
+    "huge moments": (one_joint(body("tip", (1e308, 1e308, 0), (1e308, 1e308, 0))), "principal"),
+    "of the base, too": (
+        robot(body("base", (1, 1, 3)), link("tip"), joint("j", "base", "tip")),
+        "link 'base': expected principal moments",
+    ),
+    "negative damping": (
+        one_joint(link("tip"), LIMIT + '<dynamics damping="-0.5"/>'),
+        "joint 'j': <dynamics>: expected damping >= 0, got -0.5",
+    ),
+    "negative friction": (
+        one_joint(link("tip"), LIMIT + '<dynamics friction="-1"/>'),
+        "joint 'j': <dynamics>: expected friction >= 0, got -1",
+    ),
+    "negative effort": (
+        one_joint(link("tip"), LIMIT.replace('"10"', '"-10"')),
+        "joint 'j': <limit>: expected effort >= 0, got -10",
+    ),
+    "detached cycle": (
+        robot(
+            *map(link, ("base", "tip", "x", "y")),
+            joint("j", "base", "tip"), joint("k", "x", "y"), joint("l", "y", "x"),
+        ),
+        "expected every link below the base 'base', got 2 in a cycle: 'x', 'y'",
+    ),
+    "its own parent": (
+        robot(*map(link, ("base", "tip", "x")), joint("j", "base", "tip"), joint("k", "x", "x")),
+        "got 1 in a cycle: 'x'",
+    ),
+    "all in a cycle": (
+        robot(*map(link, "xy"), joint("k", "x", "y"), joint("l", "y", "x")),
+        "expected one base link, got 0, each link has a joint above it",
+    ),
+    "two inertias": (
+        one_joint(link("tip").replace("</inertial>", "</inertial><inertial/>")),
+        "link 'tip': expected one <inertial>, got 2",
+    ),
+    "two limits": (one_joint(link("tip"), LIMIT + LIMIT), "joint 'j': expected one <limit>, got 2"),
+    "another script's digits": (one_joint(link("tip", "１")), "expected a number in value"),
+    "elements within elements": (
+        f"<robot>{'<a>' * 101}{'</a>' * 101}</robot>",
+        "expected at most 100 elements within one another, got more around <a>",
+    ),
+    "an entity that grows": (
+        '<!DOCTYPE r [<!ENTITY a "' + "ha" * 500 + '">'
+        + "".join(f'<!ENTITY {b} "{f"&{a};" * 100}">' for a, b in ("ab", "bc", "cd", "de"))
+        + "]><robot>&e;</robot>",
+        "expected well-formed XML, got limit on input amplification",
+    ),
+    "another file": (
+        '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot>&a;</robot>',
+        "expected well-formed XML, got undefined entity",
+    ),
+    "half a character": ("<robot>\ud800</robot>", "expected well-formed XML"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "message"), REFUSED.values(), ids=REFUSED)
+def test_what_cannot_be_is_refused_on_one_line(text, message, capfd):
+    with pytest.raises(ArmError, match=message) as caught:
+        descriptions.from_dict({"kind": "urdf", "urdf": text}, Arm)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    "diagonal", [(0, 0.1, 0.1), (0.1, 0.2, 0.3), (0.1, 0.2, 0.302), (1e-9, 1e-9, 1e-9), (0, 0, 0)]
+)
+def test_rods_plates_points_and_rounded_numbers_are_bodies(diagonal):
+    tip = body("tip", diagonal).replace("<mass", '<origin xyz="0.1 0 0"/><mass')
+    table = {"kind": "urdf", "urdf": one_joint(tip)}
+    assert descriptions.from_dict(table, Arm).n == 1
+
+
+def chain(n, kind="revolute", extra=LIMIT):
+    links = [link(f"l{k}") for k in range(n + 1)]
+    joints = [joint(f"j{k}", f"l{k}", f"l{k + 1}", kind, extra) for k in range(n)]
+    return links + joints
+
+
+def star(n):
+    links = [link(f"x{k}") for k in range(n)]
+    return links + [joint(f"f{k}", "l0", f"x{k}", "fixed", "") for k in range(n)]
+
+
+def cycle(n):
+    links = [link(f"x{k}") for k in range(n)]
+    return links + [joint(f"f{k}", f"x{k}", f"x{(k + 1) % n}") for k in range(n)]
+
+
+LARGE = {
+    "loose": (lambda: [link(f"l{k}") for k in range(MANY)], "expected one base link, got 20000"),
+    "chain": (lambda: chain(MANY), "expected at most 500 joints from the base to a tip"),
+    "fixed": (lambda: chain(MANY, "fixed", ""), "expected at most 500 joints from the base"),
+    "one name": (lambda: [link("l")] * MANY, r"names? of their own, got 'l' 20000 time"),
+    "cycle": (lambda: chain(1) + cycle(MANY), "got 20000 in a cycle: 'x0', 'x1', 'x2', ..."),
+    "star": (lambda: chain(1) + star(MANY), "expected at most 5000 links, got 20002"),
+    "deep": (lambda: chain(501, "fixed", ""), "at most 500 joints .* above link 'l501'"),
+    "moving": (lambda: chain(201), "expected at most 200 joints that are not fixed, got 201"),
+    "nested": (lambda: ["<a>" * MANY, "</a>" * MANY], "elements within one another"),
+    "long name": (lambda: [link("x" * 10**6)] * 2, r"got 'x+\.\.\. \(1000000 characters\) 2 time"),
+}
+
+
+@pytest.mark.parametrize("name", LARGE)
+def test_large_files_are_refused_in_one_short_line_and_little_time(name, tmp_path):
+    parts, message = LARGE[name]
+    path = write(tmp_path, robot(*parts()))
+    began = time.process_time()
+    with pytest.raises(ArmError, match=message) as caught:
+        Arm.from_urdf(path)
+    # Four times what it takes here; the checks by lists took nine, a deep chain the whole process.
+    assert time.process_time() - began < 4.0
+    assert len(str(caught.value)) < 400
+    assert "\n" not in str(caught.value)
+
+
+def test_as_deep_as_may_be_is_an_arm():
+    parts = [*chain(499, "fixed", ""), link("tip"), joint("j", "l499", "tip")]
+    arm = descriptions.from_dict({"kind": "urdf", "urdf": robot(*parts)}, Arm)
+    assert arm.tool_pose([0.0])[0, 3] == pytest.approx(500 * 0.3)
+
+
+LONG = "n" * 300
+
+
+def test_a_path_that_the_system_cannot_hold_is_one_line(tmp_path):
+    with pytest.raises(ArmError, match="cannot be read: File name too long") as caught:
+        Arm.from_urdf(tmp_path / f"{LONG}.urdf")
+    assert len(str(caught.value)) < 300
+    with pytest.raises(ArmError, match="expected a URDF file, got none"):
+        Arm.from_urdf("a\0b.urdf")
+    with pytest.raises(ArgumentError, match="path: expected the path of a URDF file, got int"):
+        Arm.from_urdf(5)
+
+
+@pytest.mark.parametrize("address", [LONG, f"package://{LONG}/{LONG}", f"/{LONG * 20}", "a\x7fb"])
+def test_a_mesh_of_such_a_path_is_a_missing_one(address, tmp_path):
+    parts = [link("base"), link("tip", visual=MESH.format(address)), joint("j", "base", "tip")]
+    arm = Arm.from_urdf(write(tmp_path, robot(*parts)))
+    with pytest.warns(FpidWarning, match=r"1 mesh file\(s\) not found") as caught:
+        arm.visual()
+    text = str(caught[0].message)
+    assert text.isprintable()
+    assert len(text) < 400
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ({"path": 5}, "path: expected the path of a URDF file, got 5"),
+        ({"path": "a\0b"}, r"path: expected the path of a URDF file, got 'a\\x00b'"),
+        ({"package_dirs": 5}, "package_dirs: expected a list of folders, got int"),
+        ({"package_dirs": {"a": 1}}, "package_dirs: expected a list of folders, got dict"),
+    ],
+)
+def test_odd_paths_in_a_table_are_refused(entry, message):
+    """A run's file holds them; the first two were tracebacks, one of them only when drawn."""
+    table = {"kind": "urdf", "urdf": one_joint(link("tip"))}
+    with pytest.raises(ArgumentError, match=message):
+        descriptions.from_dict(table | entry, Arm)
+
+
+@pytest.mark.parametrize("entry", [{"path": LONG}, {"package_dirs": [LONG, "a\0b"]}])
+def test_folders_that_cannot_be_are_empty(entry):
+    table = {"kind": "urdf", "urdf": one_joint(link("tip", visual=MESH.format("a.stl")))}
+    with pytest.warns(FpidWarning, match="1 mesh file.* not found"):
+        descriptions.from_dict(table | entry, Arm).visual()

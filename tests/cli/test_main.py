@@ -1,0 +1,147 @@
+"""How the command ends: one line for what the system refuses, a status for Ctrl-C."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
+
+SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.1")
+
+
+def command(*arguments, **options):
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
+    return subprocess.Popen([sys.executable, "-m", "fpid_pin_start", *arguments], **options)
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (OSError(28, "No space left on device", "x.npz"), "x.npz: No space left on device"),
+        (OSError(28, "No space left on device"), "standard output: No space left on device"),
+        (OSError("no more"), "standard output: no more"),
+        (MemoryError(), "out of memory"),
+    ],
+)
+def test_what_the_system_refuses_is_one_line_and_status_2(monkeypatch, capsys, error, line):
+    def fail():
+        raise error
+
+    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", fail)
+    assert main(["arms"]) == 2
+    assert capsys.readouterr().err == f"fpid-pin: {line}\n"
+
+
+def test_our_own_faults_are_not_hidden(monkeypatch):
+    def fail():
+        raise ZeroDivisionError("a fault of ours")
+
+    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", fail)
+    with pytest.raises(ZeroDivisionError):
+        main(["arms"])
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["operators", "--order", "0.5"], ["arms"]])
+@pytest.mark.parametrize("where", ["full", "closed pipe"])
+def test_output_that_takes_no_more_is_one_line_and_status_2(arguments, where):
+    if where == "full":
+        with open("/dev/full", "w") as full, command(*arguments, stdout=full) as child:
+            said = child.communicate()[1]
+        assert said == "fpid-pin: standard output: No space left on device\n"
+    else:
+        reader, writer = os.pipe()
+        os.close(reader)
+        with command(*arguments, stdout=writer) as child:
+            os.close(writer)
+            said = child.communicate()[1]
+        assert said == "fpid-pin: standard output: Broken pipe\n"
+    assert child.returncode == 2
+
+
+def test_nothing_can_be_said_and_the_status_says_it():
+    with open("/dev/full", "w") as full, command("run", "none.toml", stderr=full) as child:
+        child.communicate()
+    assert child.returncode == 2
+
+
+@pytest.mark.parametrize("lost", [False, True])
+def test_ctrl_c_is_heard_also_where_python_would_lose_it(monkeypatch, capsys, lost):
+    class Careless:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+
+    def work():
+        if lost:
+            Careless()  # Python prints what a destructor raises, and goes on.
+        else:
+            signal.raise_signal(signal.SIGINT)
+        time.sleep(10.0)
+        pytest.fail("Ctrl-C was lost")
+
+    before = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", work)
+    assert main(["arms"]) == 130
+    assert capsys.readouterr().err.strip() == "fpid-pin: stopped"
+    assert (signal.getsignal(signal.SIGINT), sys.unraisablehook) == before
+
+
+def test_ctrl_c_that_a_library_made_an_error_of_is_still_ctrl_c(monkeypatch, capsys):
+    def work():
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise ImportError("initialisation failed") from None
+
+    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", work)
+    assert main(["arms"]) == 130
+    assert capsys.readouterr().err == "fpid-pin: stopped\n"
+
+
+def test_a_command_in_the_background_does_not_hear_ctrl_c():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as the shell does, and children inherit
+    try:
+        child = command("operators", "--order", "0.5")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    with child:
+        while child.poll() is None:
+            child.send_signal(signal.SIGINT)
+            time.sleep(0.02)
+        assert child.communicate()[1] == ""
+    assert child.returncode == 0
+
+
+STARTED = "import sys; sys.stderr.write('begun\\n'); sys.stderr.flush(); import runpy; \
+runpy.run_module('fpid_pin_start', run_name='__main__', alter_sys=True)"
+
+
+def interrupted(arguments, after, folder):
+    """Send Ctrl-C some time [s] after the first line of ours; return status and what was said."""
+    with subprocess.Popen(
+        [sys.executable, "-c", STARTED, *arguments], stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE, text=True, cwd=folder, start_new_session=True,
+    ) as child:  # fmt: skip
+        assert child.stderr.readline() == "begun\n"
+        time.sleep(after)
+        # As a terminal does it: to the workers too.
+        os.killpg(child.pid, signal.SIGINT)
+        said = child.communicate()[1]
+    return child.returncode, said
+
+
+def test_ctrl_c_at_any_moment_is_a_status_and_leaves_nothing(tmp_path):
+    (tmp_path / "short.toml").write_text(SHORT)
+    chance = random.Random(5)
+    arguments = ["run", "short.toml", "--controller", "integer PID", "--out", "out"]
+    for _ in range(4):
+        status, said = interrupted(arguments, 0.02 + chance.random(), tmp_path)
+        assert "Traceback" not in said
+        assert status in (0, 130, -signal.SIGINT), said
+        assert [p.name for p in tmp_path.iterdir() if p.name != "out"] == ["short.toml"]
+        assert (tmp_path / "out").exists() == (status == 0)

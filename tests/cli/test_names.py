@@ -1,0 +1,149 @@
+"""Names are shown, files are told apart: no name costs another its file."""
+
+import csv
+import tomllib
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import ArrayLike
+
+import fpid_pin as fp
+from fpid_pin.cli.config import load
+from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
+from fpid_pin.cli.names import file_names
+from fpid_pin.costs import QuadraticCost
+from fpid_pin.descriptions import described
+from fpid_pin.exceptions import ConfigError
+
+HEAD = demo_config().text.split("[[controller]]")[0].replace("= 20.0", "= 0.05")
+PID = '[[controller]]\nkind = "pid"\nname = "{}"\nkp = {}\nki = 0.0\nkd = 10.0\n'
+
+
+@given(st.lists(st.lists(st.text(max_size=20), min_size=1, max_size=2), max_size=8))
+def test_every_label_has_a_file_name_of_its_own_that_any_system_takes(labels):
+    names = file_names(labels, taken=["checkpoint"])
+    assert len({name.casefold() for name in [*names, "checkpoint"]}) == len(labels) + 1
+    for name in names:
+        assert name
+        assert not set(name) & set('/\\.:*?"<>| \0\n')
+        assert len(f"{name}.npz".encode()) <= 255
+
+
+@pytest.mark.parametrize(
+    ("labels", "expected"),
+    [
+        (["A b", "a-b"], ["a-b", "a-b-2"]),
+        (["PID +", "PID -", "PID"], ["pid", "pid-2", "pid-3"]),
+        (["a", "a-2", "a"], ["a", "a-2", "a-3"]),
+        (["", "...", "run"], ["run", "run-2", "run-3"]),
+        (["é", "e\u0301"], ["é", "é-2"]),
+        (["checkpoint"], ["checkpoint-2"]),
+    ],
+)
+def test_names_alike_are_numbered(labels, expected):
+    assert file_names([[label] for label in labels], taken=["checkpoint"]) == expected
+
+
+def test_a_name_beyond_what_a_file_s_may_have_is_refused_before_the_work(tmp_path, capsys):
+    assert file_names([["a" * 251]]) == ["a" * 251]
+    with pytest.raises(ConfigError, match="of 255 bytes at most, got 256"):
+        file_names([["ä" * 126]])
+    path = tmp_path / "long.toml"
+    path.write_text(HEAD + PID.format("a" * 300, 1.0))
+    for command in ("run", "compare"):
+        assert main([command, str(path), "--out", str(tmp_path / "out")]) == 2
+        assert "of 255 bytes at most, got 304" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["long.toml"]
+
+
+@pytest.mark.parametrize("names", [("A b", "a-b"), ("PID +", "PID -"), ("report", "Report")])
+def test_of_controllers_with_like_names_all_results_are_there(tmp_path, names):
+    path, out = tmp_path / "like.toml", tmp_path / "out"
+    path.write_text(HEAD + "".join(PID.format(name, 50.0 + k) for k, name in enumerate(names)))
+    assert main(["compare", str(path), "--out", str(out)]) == 0
+    with open(out / "summary.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["controller"] for row in rows] == list(names)
+    assert len({row["file"] for row in rows}) == 2
+    for k, row in enumerate(rows):
+        run = fp.Run.load(out / row["file"])
+        assert run.controller.kp == 50.0 + k
+        assert float(row["cost (33)"]) == QuadraticCost().of(run.metrics)
+        assert row["file"] in (out / "summary.md").read_text()
+
+
+def test_of_conditions_with_like_names_all_figures_are_there(tmp_path):
+    path, out = tmp_path / "like.toml", tmp_path / "out"
+    conditions = '[[condition]]\nname = "a b"\n[[condition]]\nname = "A-B"\nsensors = {{}}\n'
+    path.write_text(HEAD + PID.format("one", 50.0) + conditions.replace("{{}}", "{ delay = 2 }"))
+    assert main(["compare", str(path), "--out", str(out)]) == 0
+    names = {p.name for p in out.iterdir()}
+    assert {"comparison-a-b.svg", "comparison-a-b-2.svg"} <= names
+    assert (out / "comparison-a-b.svg").read_bytes() != (out / "comparison-a-b-2.svg").read_bytes()
+    assert {"a-b-one.npz", "a-b-one-2.npz"} <= names
+
+
+TUNE = """
+[tune]
+population = 4
+generations = 2
+map_points = 0
+[tune.space]
+kp = [20.0, 100.0]
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "label", "file"),
+    [
+        ("tuned", "tuned, as configured", "tuned-as-configured.npz"),
+        ("Tuned", "Tuned", "tuned-2.npz"),
+        ("checkpoint", "checkpoint", "checkpoint-2.npz"),
+    ],
+)
+def test_a_controller_called_as_a_result_takes_no_result_s_place(tmp_path, name, label, file):
+    path, out = tmp_path / "study.toml", tmp_path / "out"
+    path.write_text(HEAD + PID.format(name, 30.0) + TUNE)
+    assert main(["tune", str(path), "--out", str(out)]) == 0
+    (best,) = tomllib.loads((out / "tuned.toml").read_text())["controller"]
+    with open(out / "summary.csv", newline="") as table:
+        rows = {row["controller"]: row for row in csv.DictReader(table)}
+    assert {key: row["file"] for key, row in rows.items()} == {"tuned": "tuned.npz", label: file}
+    experiment = load(path).experiment
+    text = (out / "summary.md").read_text()
+    for key, kp in (("tuned", best["kp"]), (label, 30.0)):
+        run = fp.Run.load(out / rows[key]["file"])
+        assert np.allclose(run.controller.kp, kp, rtol=1e-15)
+        again = fp.simulate(experiment, run.controller)
+        assert np.array_equal(again.q, run.q)
+        cost = QuadraticCost().of(run.metrics)
+        assert float(rows[key]["cost (33)"]) == cost
+        assert f"| {key} | {cost:.4g} |" in text.split("## Seeds")[0]
+    # And so does the search for what was tuned before.
+    assert main(["run", str(out / "tuned.toml"), "--out", str(tmp_path / "again")]) == 0
+
+
+@described("nameless")
+@dataclass(frozen=True, eq=False)
+class Nameless(fp.Controller):
+    """A law of one's own that has no name to give."""
+
+    kp: ArrayLike
+
+    def torque(self, state, q, v, q_ref, v_ref, a_ref):
+        return self.kp * (q_ref - q) - 10.0 * v
+
+
+def test_a_law_without_a_name_keeps_its_own_row(tmp_path):
+    path, out = tmp_path / "study.toml", tmp_path / "out"
+    path.write_text(HEAD + '[[controller]]\nkind = "nameless"\nkp = 30.0\n' + TUNE)
+    assert main(["tune", str(path), "--out", str(out)]) == 0
+    with open(out / "summary.csv", newline="") as table:
+        rows = [(row["controller"], row["file"]) for row in csv.DictReader(table)]
+    assert rows == [("tuned", "tuned.npz"), ("nameless", "nameless.npz")]
+    assert fp.Run.load(out / "nameless.npz").controller.kp == 30.0
+    assert np.all(np.asarray(fp.Run.load(out / "tuned.npz").controller.kp) != 30.0)

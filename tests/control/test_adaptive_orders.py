@@ -1,0 +1,322 @@
+"""Orders that adapt, as a user meets them: the law from the record, bounds, files, refusals."""
+
+import dataclasses
+import tomllib
+
+import numpy as np
+import pytest
+import tomli_w
+
+import fpid_pin as fp
+from fpid_pin.control import adapt_orders
+from fpid_pin.descriptions import from_dict, to_dict
+from fpid_pin.exceptions import ArgumentError, DesignError
+
+RATE = 1.0
+PAPER = fp.paper_controller(supervised=False)
+
+
+def moving(rate=RATE, **changes):
+    return dataclasses.replace(PAPER, order_learning_rate=rate, **changes)
+
+
+def ran(controller, duration=1.0, **changes):
+    experiment = fp.paper_experiment(duration=duration)
+    return fp.simulate(dataclasses.replace(experiment, **changes), controller)
+
+
+def streamed(orders, f, rate, h, horizon):
+    """D^alpha of signals (N, n) whose orders change at every sample, and dD/dalpha.
+
+    By as many whole operators as there are samples: at each the one that always had its order.
+    The slope is the difference of two more, their orders 1e-4 to either side.
+    """
+    rows, n = f.shape
+    bend = 1e-4
+    low, high = np.maximum(orders - bend, 0.0), np.minimum(orders + bend, 1.0)
+    bank = fp.fractional.Bank(PAPER.design, np.stack([orders, low, high]), step=h, horizon=horizon)
+    shape = (3, rows, n)
+    out = np.empty((3, rows, n))
+    for k in range(rows):
+        seen = bank.update(np.broadcast_to(f[k], shape), np.broadcast_to(rate[k], shape))
+        out[:, k] = seen[:, k]
+    slope = (out[2] - out[1]) / (high - low)
+    slope[0] = 0.0
+    return out[0], slope
+
+
+@pytest.mark.parametrize("scale", ["none", "inertia"])
+def test_the_record_satisfies_the_law(scale):
+    """Orders, gains and torque recomputed from q alone; slopes by differences of operators.
+
+    A cubic over 1/200 of an order gives values within |ln h|^4/24/200^4, slopes within
+    |ln h|^3/4/200^3 of the largest: 6e-8 and 1e-5, what h = 1 ms lets through being the worst.
+    """
+    gamma = np.array([[0.7, 1.3], [0.9, 0.4]])
+    bounds = (0.05, 0.95)
+    controller = moving(
+        gamma, scale=scale, integral_order_bounds=bounds, derivative_order_bounds=bounds
+    )
+    run = ran(controller, 0.6)
+    h, e, rate = run.step, run.error, run.v_ref - run.v
+    integral = np.zeros_like(e)
+    steps = h * (e[1:] + e[:-1]) / 2 + h**2 * (rate[:-1] - rate[1:]) / 12
+    integral[1:] = np.cumsum(steps, axis=0)
+    s = controller.scale_on(run.arm)
+    i_e, i_slope = streamed(1.0 - run.integral_order, integral, e, h, 0.6)
+    d_e, d_slope = streamed(run.derivative_order, e, rate, h, 0.6)
+    u = s * (run.kp * e + run.ki * i_e + run.kd * d_e)
+    assert np.abs(run.u_fpid - u).max() < 1e-7 * np.abs(u).max()
+    surface = -(rate + 2.0 * e + integral)
+    for name, gains, slope, pace in (
+        ("integral_order", run.ki, -i_slope, gamma[0]),
+        ("derivative_order", run.kd, d_slope, gamma[1]),
+    ):
+        order = getattr(run, name)
+        # S and the gain of the last tick; the slope of the one before that.
+        growth = -h * pace * surface[1:-1] * s * gains[1:-1] * slope[:-2]
+        want = np.clip(order[1:-1] + growth, *bounds)
+        assert np.abs(order[2:] - want).max() < 1e-5 * np.abs(growth).max()
+        assert (order[:2] == order[0]).all()
+        assert np.ptp(order, axis=0).min() > 0.01
+    for gains, phi in zip((run.kp, run.ki, run.kd), (e, i_e, d_e), strict=True):
+        growth = -h * 25.0 * surface * phi
+        assert np.abs(np.diff(gains, axis=0) - growth[:-1]).max() < 1e-7 * np.abs(growth).max()
+
+
+def test_off_is_off_to_the_last_bit():
+    plain = ran(PAPER)
+    for off in (
+        moving(0.0), moving((0.0, 0.0)), moving(np.zeros((2, 2))),
+        moving(0.0, integral_order_bounds=(0.5, 0.6), derivative_order_bounds=(0.4, 0.5)),
+    ):  # fmt: skip
+        run = ran(off)
+        assert run.signals.keys() == plain.signals.keys()
+        for name in ("q", "v", "torque", *plain.signals):
+            assert (getattr(run, name) == getattr(plain, name)).all()
+    assert "integral_order" not in plain.signals
+
+
+def test_rates_may_be_one_or_one_a_joint_or_a_row_each_for_lambda_and_mu():
+    """What a rate of 0 leaves alone stays, whatever the bounds of those that move."""
+    one, each = ran(moving(0.5)), ran(moving((0.5, 0.5)))
+    assert (one.torque == each.torque).all()
+    assert (one.torque == ran(moving([[0.5, 0.5], [0.5, 0.5]])).torque).all()
+    lame = ran(moving((0.5, 0.0), integral_order_bounds=(0.1, 0.5)))
+    assert (lame.integral_order[:, 1] == 1.0 - (1.0 - 0.931)).all()
+    assert (lame.derivative_order[:, 1] == 0.932).all()
+    assert (lame.integral_order[:, 0] <= 0.5).all()
+    assert np.ptp(lame.derivative_order[:, 0]) > 0.1
+    rows = ran(moving([[0.0, 0.0], [0.5, 0.5]]))
+    assert np.ptp(rows.integral_order) == pytest.approx(0.03)
+    assert (np.ptp(rows.derivative_order, axis=0) > 0.1).all()
+
+
+def test_joints_whose_orders_stay_beside_some_that_move_do_what_they_did():
+    """Within a cubic's error, |ln h|^4/24/200^4 of what a rate of random signs gives."""
+    arm = fp.Arm.two_link()
+    loops = [c.start(arm, step=1e-3) for c in (PAPER, moving((0.0, 1.0)))]
+    inputs = 0.1 * np.random.default_rng(3).normal(size=(200, 4, 2))
+    inputs[:, ::2] = inputs[0, ::2]  # the angles
+    torques = np.array([[loop.torque(*row)[0] for loop in loops] for row in inputs])
+    assert np.ptp(loops[1].signals()["derivative_order"]) > 0.0
+    assert np.abs(torques[:, 0] - torques[:, 1]).max() < 1e-7 * np.abs(torques).max()
+
+
+def test_orders_stay_within_their_bounds_from_the_start():
+    controller = moving(
+        100.0, integral_order_bounds=(0.2, 0.9), derivative_order_bounds=(0.5, 0.92),
+        integral_order=(0.0, 1.0), derivative_order=(0.1, 1.0),
+    )  # fmt: skip
+    run = ran(controller, 2.0)
+    for order, low, high in (
+        (run.integral_order, 0.2, 0.9), (run.derivative_order, 0.5, 0.92)
+    ):  # fmt: skip
+        # 1 - (1 - lambda) is lambda to rounding.
+        assert order.min() == pytest.approx(low, abs=1e-15)
+        assert order.max() == pytest.approx(high, abs=1e-15)
+        assert order[0] == pytest.approx([low, high], abs=1e-15)
+
+
+def test_orders_are_held_while_the_torque_is_cut():
+    law = dataclasses.replace(
+        PAPER, kp=10.0, ki=20.0, kd=1.0, integral_order=0.8, derivative_order=0.9,
+        order_learning_rate=1.0,
+    )  # fmt: skip
+    loop = law.start(fp.Arm.planar([1.0], [1.0]).with_limits(effort=1.0), step=1e-3)
+    for _ in range(100):
+        loop.torque([0.0], [0.0], [1.0], [0.0])
+    held = loop.signals()
+    assert (held["integral_order"], held["derivative_order"]) == (pytest.approx(0.8), 0.9)
+    for _ in range(5):
+        loop.torque([0.95], [0.0], [1.0], [0.0])
+    freed = loop.signals()
+    assert freed["integral_order"] != held["integral_order"]
+
+
+def test_a_dead_zone_and_leakage_hold_orders_back():
+    free, still, leaking = (
+        ran(moving(0.3, safeguards=guard), 3.0)
+        for guard in (None, fp.Safeguards(dead_zone=100.0), fp.Safeguards(sigma=20.0))
+    )
+    assert (still.derivative_order == [0.921, 0.932]).all()
+
+    def away(run):
+        return np.abs(run.derivative_order - [0.921, 0.932]).mean()
+
+    assert 0.0 < away(leaking) < 0.5 * away(free)
+
+
+def test_white_noise_of_the_rate_does_not_drive_mu():
+    """E[S dD/dmu] of noise alone would be positive with both of one sample; not a sample apart.
+
+    The arm stands still where it should be, so that there is nothing but noise: 0.05 rad/s for
+    20 s moves mu by gamma h S K slope of random sign, a random walk; drift would be 60 times that.
+    """
+    law = moving(0.1, learning_rate=0.0)
+    loop = law.start(fp.Arm.two_link(), step=1e-3, horizon=20.0)
+    rest = np.zeros(2)
+    orders = np.empty((20000, 2))
+    for k, noise in enumerate(0.05 * np.random.default_rng(1).normal(size=orders.shape)):
+        loop.torque(rest, noise, rest, rest)
+        orders[k] = loop.signals()["derivative_order"]
+    steps = np.diff(orders, axis=0)
+    walk = np.sqrt(len(steps)) * steps.std(axis=0)
+    assert (np.abs(orders[-1] - orders[0]) < 3.0 * walk).all()
+
+
+def test_a_population_has_the_bits_of_its_members():
+    rng = np.random.default_rng(5)
+    laws = [
+        moving(rng.uniform(0.0, 2.0, (2, 2)), integral_order=rng.uniform(0, 1, 2),
+               derivative_order=rng.uniform(0, 1, 2), kp=rng.uniform(5, 30, 2))
+        for _ in range(7)
+    ]  # fmt: skip
+    laws.insert(3, PAPER)
+    experiment = fp.paper_experiment(duration=0.3)
+    for law, run in zip(laws, fp.simulate(experiment, laws), strict=True):
+        alone = fp.simulate(experiment, law)
+        for name in ("q", "torque", *alone.signals):
+            assert (getattr(run, name) == getattr(alone, name)).all()
+    costs = fp.evaluate(experiment, laws)
+    assert (costs == [fp.evaluate(experiment, law)[0] for law in laws]).all()
+
+
+def test_poles_of_their_own_are_refused_in_one_line():
+    law = moving(design=fp.fractional.Crone())
+    with pytest.raises(DesignError, match="a design with shared poles, got Crone") as caught:
+        law.start(fp.Arm.two_link(), step=1e-3)
+    assert "\n" not in str(caught.value)
+    dataclasses.replace(law, order_learning_rate=0.0).start(fp.Arm.two_link(), step=1e-3)
+
+
+def test_orders_that_are_set_go_on_adapting_from_there():
+    loop = moving().start(fp.Arm.two_link(), step=1e-3)
+    inputs = 0.1 * np.random.default_rng(4).normal(size=(60, 4, 2))
+    for row in inputs[:30]:
+        loop.torque(*row)
+    before = loop.signals()
+    loop.state.set_orders(integral_order=0.5)
+    seen = loop.signals()
+    assert seen["integral_order"] == pytest.approx(0.5)
+    # The other order is where adaptation had brought it, not where it began.
+    assert (seen["derivative_order"] == before["derivative_order"]).all()
+    assert (seen["derivative_order"] != [0.921, 0.932]).all()
+    for row in inputs[30:]:
+        loop.torque(*row)
+    after = loop.signals()
+    assert (after["integral_order"] != 0.5).all()
+    assert after["integral_order"] == pytest.approx(0.5, abs=0.1)
+
+
+# ------------------------------------------------------------------------------ files
+
+
+def test_a_run_file_has_the_orders_and_the_law_that_moved_them(tmp_path):
+    run = ran(moving([[0.5, 0.4], [0.3, 0.2]], derivative_order_bounds=(0.4, 0.95)))
+    back = fp.Run.load(run.save(tmp_path / "run.npz"))
+    for name in ("integral_order", "derivative_order"):
+        assert (getattr(back, name) == getattr(run, name)).all()
+    assert back.controller.derivative_order_bounds == (0.4, 0.95)
+    assert (back.controller.order_learning_rate == [[0.5, 0.4], [0.3, 0.2]]).all()
+    assert (fp.simulate(back.experiment, back.controller).torque == run.torque).all()
+
+
+def test_it_goes_through_toml():
+    law = moving((0.5, 0.4), integral_order_bounds=(0.1, 0.9))
+    table = tomllib.loads(tomli_w.dumps(to_dict(law)))
+    back = from_dict(table, fp.Controller)
+    assert (back.order_learning_rate == [0.5, 0.4]).all()
+    assert back.integral_order_bounds == (0.1, 0.9)
+    assert (ran(back, 0.1).torque == ran(law, 0.1).torque).all()
+
+
+# ------------------------------------------------------------------------------ rates to begin with
+
+
+def test_suggested_rates_move_an_order_by_1_in_five_seconds_of_a_twentieth_of_a_radian():
+    """S k1 e, the term's slope e for lambda and w e for mu, both times s K: as the rule says."""
+    arm = fp.Arm.from_example("ur5")
+    law = adapt_orders(fp.suggest_gains(arm), arm)
+    m = np.diag(arm.mass_matrix(arm.home))
+    w = np.sqrt(law.scale * law.kp / m)
+    e, wait = 0.05, 5.0
+    for row, gain, slope in zip(law.order_learning_rate, (law.ki, law.kd), (e, w**2 * e),
+                                strict=True):  # fmt: skip
+        assert row * 2.0 * e * law.scale * gain * slope * wait == pytest.approx(np.ones(arm.n))
+    assert law.integral_order_bounds == (0.02, 0.9)
+    assert law.derivative_order_bounds == (0.3, 0.95)
+    faster = adapt_orders(fp.suggest_gains(arm), arm, speed=3.0)
+    assert faster.order_learning_rate == pytest.approx(3.0 * law.order_learning_rate)
+
+
+def test_an_order_that_no_gain_or_surface_counts_stays():
+    arm = fp.Arm.two_link()
+    law = adapt_orders(dataclasses.replace(PAPER, ki=(0.0, 20.0)), arm)
+    assert (law.order_learning_rate[0] == 0.0).tolist() == [True, False]
+    assert (law.order_learning_rate[1] > 0.0).all()
+    assert not adapt_orders(dataclasses.replace(PAPER, k1=0.0), arm).moves_orders
+
+
+def test_adapted_orders_beat_the_published_ones_from_which_they_start():
+    """In the paper's experiment by more than a quarter of the cost; RECORD.md has the figures."""
+    law = adapt_orders(PAPER, fp.Arm.two_link())
+    costs = fp.evaluate(fp.paper_experiment(), [PAPER, law])
+    assert costs[1] < 0.75 * costs[0]
+
+
+# ------------------------------------------------------------------------------ bad input
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"order_learning_rate": -0.1}, r"order_learning_rate: expected a number >= 0, got -0.1"),
+        ({"order_learning_rate": np.nan}, r"order_learning_rate: .* got nan"),
+        ({"order_learning_rate": np.ones((3, 2))}, r"order_learning_rate: .*\(2, n\), got .*3, 2"),
+        ({"order_learning_rate": (1.0, 1.0, 1.0)}, r"one length for all joints"),
+        ({"integral_order_bounds": (-0.1, 1.0)}, r"integral_order_bounds.0: .*\[0, 1\], got -0.1"),
+        ({"derivative_order_bounds": (0.3, 1.2)}, r"derivative_order_bounds.1: .* got 1.2"),
+        ({"integral_order_bounds": (0.9, 0.2)}, r"a lower and an upper bound, got \[0.9, 0.2\]"),
+        ({"derivative_order_bounds": 0.5}, r"derivative_order_bounds: expected a lower and an"),
+        ({"derivative_order_bounds": (0.1, 0.5, 1.0)}, r"a lower and an upper bound"),
+    ],
+)
+def test_bad_arguments_give_one_clear_line(changes, message):
+    with pytest.raises(ArgumentError, match=message) as caught:
+        dataclasses.replace(PAPER, **changes)
+    assert "\n" not in str(caught.value)
+
+
+def test_bad_arguments_of_the_rule_give_one_clear_line():
+    arm = fp.Arm.two_link()
+    with pytest.raises(ArgumentError, match="controller: expected an AdaptiveFpid, got Pid"):
+        adapt_orders(fp.Pid(1.0, 0.0, 1.0), arm)
+    with pytest.raises(ArgumentError, match="speed: expected a number >= 0, got -1"):
+        adapt_orders(PAPER, arm, speed=-1.0)
+    with pytest.raises(ArgumentError, match=r"derivative_order_bounds: .* got \[0.3, 0.2\]"):
+        adapt_orders(dataclasses.replace(PAPER, derivative_order=0.2), arm)
+    three = moving(np.ones((2, 3)), kp=1.0, ki=1.0, kd=1.0, integral_order=1.0,
+                   derivative_order=1.0)  # fmt: skip
+    with pytest.raises(ArgumentError, match=r"order_learning_rate: expected shape \(2, 2\)"):
+        three.start(arm, step=1e-3)

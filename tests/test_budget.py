@@ -1,0 +1,99 @@
+"""What would take more than there is, in memory or in time, is refused before it starts."""
+
+import dataclasses
+import time
+
+import pytest
+
+import fpid_pin as fp
+from fpid_pin import budget
+from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.tuning import SearchSettings, Space, pareto, tune
+
+LAW = fp.paper_controller()
+TUNE = "\n[tune]\n{}\n[tune.space]\nkp = [1, 100]\n"
+
+
+def test_there_is_as_much_memory_as_the_machine_has():
+    assert 1e8 < budget.memory() < 1e14
+
+
+def test_a_container_s_limit_counts(tmp_path, monkeypatch):
+    whole = budget.memory()
+    for text, expected in (("1000000\n", 1_000_000), ("max\n", whole)):
+        (tmp_path / "memory.max").write_text(text)
+        monkeypatch.setattr(budget, "_CONTAINER", (str(tmp_path / "memory.max"), "/no/such/file"))
+        assert budget.memory() == expected
+
+
+def test_a_record_larger_than_memory_is_refused_with_both_sizes(monkeypatch):
+    monkeypatch.setattr(budget, "memory", lambda: 100_000)
+    experiment = fp.paper_experiment(duration=1.0)
+    expected = r"duration: expected work that fits into 0.0001 GB of memory, got .*0.000184 GB"
+    with pytest.raises(ArgumentError, match=expected):
+        fp.simulate(experiment, LAW)
+    # The cost alone keeps no record.
+    assert fp.evaluate(experiment, LAW) > 0.0
+
+
+def test_what_a_record_takes_is_foreseen():
+    run = fp.simulate(fp.paper_experiment(duration=1.0), LAW)
+    arrays = [run.t, run.q, run.v, run.q_ref, run.v_ref, run.torque, *run.signals.values()]
+    foreseen = len(run.t) * (1 + 11 * 2) * 8
+    assert sum(array.nbytes for array in arrays) == pytest.approx(foreseen, rel=0.05)
+
+
+@pytest.mark.parametrize("search", [tune, pareto])
+def test_a_search_of_a_life_s_length_is_refused_with_its_time(search):
+    space, settings = Space(kp=(1, 100)), SearchSettings(generations=10**9)
+    costs = () if search is tune else ([fp.costs.MetricCost("ise"), fp.costs.MetricCost("iae")],)
+    began = time.monotonic()
+    with pytest.raises(ArgumentError, match="search: expected work of 30 days at most, got 1 seed"):
+        search(fp.paper_experiment(), LAW, space, *costs, settings=settings)
+    assert time.monotonic() - began < 5.0
+
+
+@pytest.mark.parametrize(
+    ("command", "text", "message"),
+    [
+        ("run", ("duration = 20.0", "duration = 1e9"), "duration: expected work that fits into"),
+        ("compare", ("duration = 20.0", "duration = 1e9"), "runs of 1e+12 rows: about 7.36e+05 GB"),
+        ("compare", ("step = 1e-3", "step = 1e-9"), "runs of 2e+10 rows: about 1.47e+04 GB"),
+        ("tune", ("duration = 20.0", "duration = 1e9"), "search: expected work of 30 days at most"),
+        ("tune", None, "100000 seeds of 60 runs of 2e+04 rows, 80 times: about 66.7"),
+        ("tune", "population = 1_000_000_000_000", "search: expected work that fits into"),
+    ],
+)
+def test_no_command_starts_what_it_cannot_end(
+    tmp_path, capsys, monkeypatch, command, text, message
+):
+    config, settings = demo_config().text, ""
+    if isinstance(text, tuple):
+        config = config.replace(*text)
+    elif text is None:
+        # Where the memory would do.
+        monkeypatch.setattr(budget, "memory", lambda: 10**12)
+        settings = f"seeds = {list(range(100_000))}"
+    else:
+        settings = text
+    if command == "run":
+        head, first, *_ = config.split("[[controller]]")
+        config = f"{head}[[controller]]{first}"
+    path = tmp_path / "large.toml"
+    path.write_text(config + (TUNE.format(settings) if command == "tune" else ""))
+    began = time.monotonic()
+    assert main([command, str(path), "--out", str(tmp_path / "out")]) == 2
+    assert time.monotonic() - began < 20.0
+    err = capsys.readouterr().err
+    assert message in err
+    assert len(err.splitlines()) == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["large.toml"]
+
+
+def test_a_replay_of_more_frames_than_anybody_sees_is_refused(tmp_path):
+    run = fp.simulate(fp.paper_experiment(duration=20.0), LAW)
+    slow = dataclasses.replace(run, step=10.0)
+    with pytest.raises(ArgumentError, match=r"fps: expected at most 1e\+06 frames, got 6e\+06"):
+        fp.view.export_html(slow, tmp_path / "page.html")
