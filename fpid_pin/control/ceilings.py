@@ -95,9 +95,14 @@ class DerivativeBound:
             return 0.0, self.poses[0]
         root = np.sqrt(kd / self.critical)
         loads = np.linalg.eigvalsh(root[:, np.newaxis] * self._mobility * root)[:, -1]
-        starts = self.poses[np.argsort(-loads)[:3]]
-        polished = len(starts) if len(self.poses) > 1 else 0
-        return worst_pose(self.arm, lambda q: self.shares(kd, q)[0], starts, polished=polished)
+        starts = self.poses[np.argsort(-loads)[:2]]
+        if len(self.poses) == 1:
+            return float(loads[0]), self.poses[0]
+        load, pose = worst_pose(self.arm, lambda q: self.shares(kd, q)[0], starts)
+        # Where one Kd is worst another is not far from it.
+        self.poses = np.vstack([self.poses, pose])
+        self._mobility = np.concatenate([self._mobility, self.mobility(pose)[np.newaxis]])
+        return load, pose
 
 
 def gain_ceilings(
@@ -123,9 +128,7 @@ def gain_ceilings(
     """
     checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
     poses = checks.integer("poses", poses, low=1)
-    bound = DerivativeBound(
-        arm, controller, step=step, horizon=horizon, poses=poses, seed=seed
-    )  # fmt: skip
+    bound = DerivativeBound(arm, controller, step=step, horizon=horizon, poses=poses, seed=seed)
     return ceilings_within(bound, controller)
 
 

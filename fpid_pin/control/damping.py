@@ -42,6 +42,10 @@ class FrozenLoops:
         poles = np.asarray(np.linalg.eigvals(matrix), np.complex128)
         return float(damping_ratios(poles, self.step).min())
 
+    def ratios(self, gains: FloatArray) -> FloatArray:
+        """Return the least damping ratio at every pose, (poses,)."""
+        return np.array([self.damping(gains, pose) for pose in range(len(self.poses))])
+
     def slopes(self, gains: FloatArray, pose: int, count: int = 1) -> tuple[FloatArray, FloatArray]:
         """Return the least damping ratios of poles or pairs, and how they depend on the gains.
 

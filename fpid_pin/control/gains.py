@@ -16,7 +16,7 @@ from fpid_pin.control.box import GainBox
 from fpid_pin.control.ceilings import DerivativeBound, ceilings_within, controller_gains
 from fpid_pin.control.damping import FrozenLoops
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.lowering import nearest_gains
+from fpid_pin.control.lowering import SLACK, nearest_gains
 from fpid_pin.control.poses import seeded_poses, telling_poses
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.exceptions import FpidWarning
@@ -26,9 +26,8 @@ if TYPE_CHECKING:
 
 #: Derivative orders that are tried, from the best damping to the least demand on the step.
 ORDERS = (0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6)
-#: Parts of the sampled-data bound that gains may use up, and ln of the part of the wanted gains
-#: from which they are searched for: one attempt after another, until the loop is damped.
-ATTEMPTS = ((0.25, 0.0), (0.4, 0.0), (0.4, -1.0))
+#: Part of the sampled-data bound that Kd should use up, so that it can rise, and that it may.
+START_PART, MOST_PART = 0.25, 0.4
 #: Least damping ratio at home, and at the other poses that are looked at.
 HOME_DAMPING, POSE_DAMPING = 0.4, 0.2
 #: Error that dry friction may cost before the integral answers, rad.
@@ -122,8 +121,9 @@ def explain_gains(
     integral_order
         lambda.
     derivative_order
-        mu. None: the largest of `ORDERS` at which the sampled loop bears the Kd of the bandwidth
-        at every pose, or the least. The lower the order, the less the derivative asks of the step.
+        mu. None: the largest of `ORDERS` at which the Kd of the bandwidth uses up at most a quarter
+        of the sampled-data bound at every pose, or the least of them. The lower the order, the less
+        a derivative of the same weight at w asks of the step.
     adaptive
         False: the same gains, fixed.
     step, horizon
@@ -137,8 +137,8 @@ def explain_gains(
         With gains over the scale ``s_j = M_jj + F_v/w + F_d/(0.09 rad w^2) + max|G_j|/(0.5 rad
         w^2)`` (never so large that 0.05 rad of error alone ask for the effort limit), Kp = w^2,
         and Kd, Ki that at the frequency w weigh as 2 w and 0.3 w^3 do at orders 1. Gains are
-        lowered, no further than needed, until Kd uses up at most a quarter of the sampled-data
-        bound (`DerivativeBound`) at the worst pose, and damping ratios are at least 0.4 at home and
+        lowered, no further than needed, until Kd uses up at most 0.4 of the sampled-data bound
+        (`DerivativeBound`) at the worst pose, and damping ratios are at least 0.4 at home and
         0.2 at the heaviest, the lightest, the most toppling and some random poses. Projection
         keeps adapted gains within 0.7 and four times these, under the ceilings of `gain_ceilings`,
         in a `GainBox` that is damped at all those poses. Learning rates make 0.05 rad of error
@@ -164,23 +164,17 @@ def explain_gains(
     poses = telling_poses(arm, bound, scale)
     loops = FrozenLoops(arm, law, poses, step=step, horizon=200.0 / w)
     least = np.array([HOME_DAMPING] + [POSE_DAMPING] * (len(poses) - 1))
-    short = np.inf
-    for part, start in ATTEMPTS:
-        if short >= 0.02:
-            tried, missing = nearest_gains(
-                loops, bound, wanted, part=part, damping=least, start=start
-            )
-            if missing < short:
-                gains, short = tried, missing
+    gains = nearest_gains(loops, bound, wanted, part=MOST_PART, damping=least)
+    found = loops.ratios(gains)
     for joint, ratio in zip(arm.joint_names, (gains / wanted).T, strict=True):
         if ratio.min() < 0.99:
             names = zip(("Kp", "Ki", "Kd"), ratio, strict=True)
             cut = ", ".join(f"{k} at {100.0 * x:.2g} %" for k, x in names if x < 0.99)
             notes.append(f"joint {joint}: {cut} of what {w:g} rad/s ask for, to be damped")
-    if short >= 0.02:
+    short = float((least - found).max())
+    if short > 2.0 * SLACK:
         notes.append(f"damping ratios are {short:.2f} less than wanted: nothing better is found")
-    found = [loops.damping(gains, pose) for pose in range(len(poses))]
-    if min(found) <= 0.0:
+    if found.min() <= 0.0:
         warnings.warn(
             f"{arm.name}: at a step of {1e3 * step:g} ms no gains are found that are stable at "
             "every pose; a shorter step or less bandwidth may do", FpidWarning, stacklevel=3,
@@ -192,7 +186,13 @@ def explain_gains(
         if part < 1.0:
             way = f"{100.0 * part:.0f} % of the way to {LOWER:g} and {RAISE:g} times"
             notes.append(f"projection goes {way} the gains or to their ceilings, to stay damped")
-    return GainSuggestion(law, checks.read_only(np.sqrt(kp)), found[0], min(found), tuple(notes))
+    return GainSuggestion(
+        controller=law,
+        bandwidth=checks.read_only(np.sqrt(kp)),
+        damping_ratio=float(found[0]),
+        least_damping_ratio=float(found.min()),
+        notes=tuple(notes),
+    )
 
 
 def impossible_joints(arm: Arm) -> list[str]:
@@ -234,7 +234,7 @@ def _nominal(
         # One order for all joints: only the ratio of Kd and what a joint bears differs.
         share = kd / bound.critical[0]
         unit = unit or bound.worst(kd * scale)[0] / share
-        if unit * share <= ATTEMPTS[0][0]:
+        if unit * share <= START_PART:
             break
     return law, bound
 

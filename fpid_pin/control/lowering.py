@@ -15,20 +15,17 @@ from fpid_pin.control.damping import FrozenLoops
 PENALTY = 100.0
 #: Poles that are watched at a pose: the least damped changes as gains do, and would be a kink.
 PAIRS = 4
-#: How often a pose may be added at which the last gains were found wanting.
+#: How often poses may be added at which the last gains were found wanting.
 ROUNDS = 8
+#: Missing damping ratio, and share of the bound used in excess, that no round is spent on.
+SLACK = 0.01
 
 
 def nearest_gains(
-    loops: FrozenLoops,
-    bound: DerivativeBound,
-    wanted: FloatArray,
-    *,
-    part: float,
+    loops: FrozenLoops, bound: DerivativeBound, wanted: FloatArray, *, part: float,
     damping: FloatArray,
-    start: float = 0.0,
-) -> tuple[FloatArray, float]:
-    """Lower bandwidths and Kd, joint by joint, no further than damping and the bound ask.
+) -> FloatArray:  # fmt: skip
+    """Lower gains, joint by joint, no further than damping and the bound on Kd ask.
 
     Parameters
     ----------
@@ -42,29 +39,26 @@ def nearest_gains(
         Of the bound that may be used up.
     damping
         Least damping ratio at each pose of `loops`.
-    start
-        ln of the part of the wanted gains to begin with; below 0 with all poses at once.
 
     Returns
     -------
-    gains, short
-        (3, n), and by how much the damping ratio at the worst pose falls short of what is wanted
-        (below 0: does not).
+    FloatArray
+        (3, n).
 
     Notes
     -----
     Maximises the sum of all ln K, so that a gain gives up little where another can do as much, by
-    sequential quadratic programming (SLSQP) with exact derivatives of poles and loads. Where
-    nothing satisfies all constraints the damping ratios fall short by the same, least, amount.
+    sequential quadratic programming (SLSQP) with exact derivatives of poles and loads. A pose
+    counts from when gains have been found wanting there. Where nothing satisfies all constraints
+    the damping ratios fall short by the same, least, amount.
     """
     from scipy.optimize import minimize
 
     n = wanted.shape[1]
     merit = np.append(-np.ones(3 * n), PENALTY)
     limits = [(-8.0, 0.0)] * (3 * n) + [(0.0, 2.0)]
-    # Poses at which the bound, and the damping, have been found wanting.
-    loaded = [bound.worst(wanted[2])[1]] if start else []
-    shaken = list(range(len(damping))) if start else []
+    loaded: list[FloatArray] = []
+    shaken: list[int] = []
 
     def gains(y: FloatArray) -> FloatArray:
         return np.asarray(wanted * np.exp(y[:-1].reshape(3, n)))
@@ -90,27 +84,21 @@ def nearest_gains(
         "fun": lambda y: constraints(y.tobytes())[0],
         "jac": lambda y: constraints(y.tobytes())[1],
     }
-
-    y = np.append(np.full(3 * n, start), 0.0)
-    settled = not shaken
+    y = np.zeros(3 * n + 1)
     for _ in range(ROUNDS):
-        table = gains(y)
-        short = [least - loops.damping(table, k) - y[-1] for k, least in enumerate(damping)]
-        new = [k for k, missing in enumerate(short) if missing > 0.01 and k not in shaken]
-        load, pose = bound.worst(table[2])
-        if load > 1.01 * part:
-            loaded.append(pose)
-        shaken.extend(new)
-        if settled and not new and load <= 1.01 * part:
+        short = damping - loops.ratios(gains(y)) - y[-1]
+        new = [k for k in np.flatnonzero(short > SLACK).tolist() if k not in shaken]
+        load, pose = bound.worst(gains(y)[2])
+        heavy = load > (1.0 + SLACK) * part
+        if not new and not heavy:
             break
+        shaken.extend(new)
+        loaded.extend([pose] * heavy)
         constraints.cache_clear()
         y = minimize(
             lambda y: merit @ y, y, jac=lambda _: merit, method="SLSQP", bounds=limits,
             constraints=held, options={"maxiter": 20, "ftol": 1e-3},
         ).x  # fmt: skip
-        settled = True
-        if y[-1] > damping.max():
-            break  # unstable somewhere at best
     table = gains(y)
     table[2] *= min(1.0, part / max(bound.worst(table[2])[0], 1e-300))
-    return table, max(least - loops.damping(table, k) for k, least in enumerate(damping))
+    return table

@@ -29,7 +29,7 @@ def seeded_poses(arm: Arm, poses: int, seed: int) -> FloatArray:
 
 
 def worst_pose(
-    arm: Arm, measure: Callable[[FloatArray], float], poses: FloatArray, *, polished: int = 3
+    arm: Arm, measure: Callable[[FloatArray], float], poses: FloatArray, *, polished: int = 2
 ) -> tuple[float, FloatArray]:
     """Return the largest value of a positive measure of poses that is found, and where.
 
@@ -90,5 +90,5 @@ def telling_poses(arm: Arm, bound: DerivativeBound, scale: FloatArray) -> FloatA
         return max(1e-9, -float(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))[0]))
 
     poses = seeded_poses(arm, 200, 0)
-    found = [worst_pose(arm, measure, poses, polished=2)[1] for measure in (heaviness, topple)]
+    found = [worst_pose(arm, measure, poses)[1] for measure in (heaviness, topple)]
     return np.vstack([arm.home, *found, bound.worst(scale)[1], poses[1:4]])
