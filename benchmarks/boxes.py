@@ -5,8 +5,8 @@
 Gains are drawn inside the box of `suggest_gains` (every other draw at a random corner of it), each
 with a pose of its own within the joints' limits, every tenth at the pose that bears least Kd, found
 by a search of its own. Each is judged twice: by the poles of the sampled loop with 12 modes over
-200 s, and by a simulation of the whole arm under the law as it is, held against its weight, which is
-kicked by 1e-6 rad/s: unstable if it diverges or moves more in the last half of four seconds than
+200 s, and by a simulation of the whole arm under the law as it is, held against its weight, which
+is kicked by 1e-6 rad/s: unstable if it diverges or moves more in the last half of four seconds than
 over all of them. Wanted: none. Writes benchmarks/results/boxes.md.
 """
 
