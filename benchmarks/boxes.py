@@ -6,8 +6,8 @@ Gains are drawn inside the box of `suggest_gains` (every other draw at a random 
 with a pose of its own within the joints' limits, every tenth at the pose that bears least Kd, found
 by a search of its own. Each is judged twice: by the poles of the sampled loop with 12 modes over
 200 s, and by a simulation of the whole arm under the law as it is, held against its weight, which
-is kicked by 1e-6 rad/s: unstable if it diverges or moves more in the last half of four seconds than
-over all of them. Wanted: none. Writes benchmarks/results/boxes.md.
+is kicked by 1e-6 rad/s: unstable if it diverges or moves more in the last half of twelve seconds
+than over all of them. Wanted: none. Writes benchmarks/results/boxes.md.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from fpid_pin.control.frozen import terms_of
 from fpid_pin.control.poses import seeded_poses
 from fpid_pin.control.sampled import linear_arm
 
-SEED, DURATION, CHUNK = 20, 4.0, 100
+SEED, DURATION, CHUNK = 20, 12.0, 100
 
 
 class Growth(fp.costs.Cost):

@@ -3,6 +3,7 @@
 from fpid_pin.control.adaptive_orders import adapt_orders
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
+from fpid_pin.control.certificate import GainCertificate, certify_gains
 from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
@@ -19,6 +20,7 @@ __all__ = [
     "ComputedTorque",
     "Controller",
     "GainCeilings",
+    "GainCertificate",
     "GainSuggestion",
     "GravityOnly",
     "LawState",
@@ -33,6 +35,7 @@ __all__ = [
     "SuggestedFpid",
     "Supervisor",
     "adapt_orders",
+    "certify_gains",
     "explain_gains",
     "gain_ceilings",
     "lyapunov_matrix",
