@@ -58,8 +58,8 @@ class MovingGains:
         self._gains, self.radius = gains.T, radius.T
         a, b = np.zeros((5 * n, 5 * n)), np.vstack([plant.b, np.zeros((3 * n, n))])
         a[: 2 * n, : 2 * n] = plant.a
-        # int e, e, e' of the last sample, e and e' in terms of int e, d, e', q, q'. It is e - e_ that
-        # drives modes: bounds by the moduli of both would lose as much as e is larger.
+        # int e, e, e' of the last sample, e and e' in terms of int e, d, e', q, q'. It is e - e_
+        # that drives modes: bounds by the moduli of both would lose as much as e is larger.
         change = np.diag([1.0, step, 1.0, -1.0, -1.0])
         change[1, 3] = -1.0
         used = np.ones(5 * n, dtype=bool)
