@@ -1,12 +1,12 @@
 """Time the lockstep engine beside the loop that a user of Pinocchio would write.
 
-    python benchmarks/speed.py [--steps 2000] [--repeats 5] [--joints]
-    python benchmarks/speed.py --search 80 [--workers 2]
+    python benchmarks/speed.py [--steps 2000] [--repeats 5] [--joints] [--dynamics compiled]
+    python benchmarks/speed.py --search 80 [--workers 2] [--dynamics compiled]
 
 Both run the paper's experiment with the same law and the same 24 modes, in turn in this process;
 what counts is their ratio, since machines differ and are shared. Times are of the processor, in one
 thread; others on the machine lengthen the clock's, not these. Also: the part of the time that
-is Pinocchio's, the import time, and (--joints) the cost of a step against the number of joints.
+is the dynamics', the import time, and (--joints) the cost of a step against the number of joints.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from plain_loop import plain_loop
 
 import fpid_pin as fp
 from fpid_pin.arms import Fleet
+from fpid_pin.arms.bodies import CompiledFleet
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.references import Sinusoid
 from fpid_pin.tuning import SearchProgress, SearchSettings, Space, WorkerPool
@@ -55,9 +56,14 @@ def population(runs: int, seed: int = 0) -> list[fp.AdaptiveFpid]:
     ]
 
 
-def dynamics_ns(runs: int, repeats: int) -> float:
+def dynamics_ns(kind: str, runs: int, repeats: int) -> float:
     """Ns a run of one forward dynamics call for `runs` robots."""
-    fleet = Fleet([fp.Arm.two_link()], runs)
+    arm = fp.Arm.two_link()
+    fleet = (
+        CompiledFleet([arm] * runs, np.zeros((runs, 2)))
+        if kind == "compiled"
+        else Fleet([arm], runs)
+    )
     rng = np.random.default_rng(0)
     q, v, tau = rng.normal(size=(3, runs, 2))
     out = np.empty((runs, 2))
@@ -83,16 +89,16 @@ def aba_ns(repeats: int) -> float:
     return 1e9 * best(many, repeats) / 2000
 
 
-def headline(steps: int, repeats: int) -> None:
+def headline(steps: int, repeats: int, dynamics: str) -> None:
     controller = fp.paper_controller(supervised=False)
-    experiment = fp.paper_experiment(duration=steps * 1e-3)
+    experiment = dataclasses.replace(fp.paper_experiment(duration=steps * 1e-3), dynamics=dynamics)
     rows = experiment.rows
     check = plain_loop(experiment, controller, rows)
     apart = np.abs(check - fp.simulate(experiment, controller).q).max()
     unit = aba_ns(repeats)
     print(f"the two loops agree within {apart:.1e} rad; one pin.aba call takes {unit:.0f} ns here")
     print()
-    print("| runs | ns a run-step | plain / ours | in Pinocchio | pin.aba calls |")
+    print("| runs | ns a run-step | plain / ours | in the dynamics | pin.aba calls |")
     print("| ---: | ---: | ---: | ---: | ---: |")
     for runs in RUNS:
         controllers = population(runs)
@@ -106,7 +112,7 @@ def headline(steps: int, repeats: int) -> None:
             pairs.append(((middle - began) / steps, (end - middle) / steps / runs))
         ratio = float(np.median([plain / ours for plain, ours in pairs]))
         ours = 1e9 * min(ours for _, ours in pairs)
-        part = dynamics_ns(runs, repeats) / ours
+        part = dynamics_ns(dynamics, runs, repeats) / ours
         print(f"| {runs} | {ours:.0f} | {ratio:.1f} | {100 * part:.0f} % | {ours / unit:.2f} |")
     plain = 1e9 * best(lambda: plain_loop(experiment, controller, rows), repeats) / steps
     print(f"| plain loop, 1 | {plain:.0f} | 1 | | {plain / unit:.2f} |")
@@ -160,13 +166,26 @@ def joints(repeats: int, runs: int = 60) -> None:
     figure.savefig(Path(__file__).parent / "results" / "joints.png", dpi=110)
 
 
-def search(generations: int, workers: int) -> None:
+def panda(repeats: int) -> None:
+    """Time one run of twenty seconds of the Panda, with compiled dynamics."""
+    arm = fp.Arm.from_example("panda")
+    experiment = fp.Experiment(
+        arm, Sinusoid(0.2, 1.0, offset=arm.home), q0=arm.home, dynamics="compiled"
+    )
+    law = fp.suggest_gains(arm)
+    assert fp.simulate(experiment, law).outcome.completed
+    seconds = best(lambda: fp.evaluate(experiment, law), repeats)
+    print(f"\nPanda, 20 s at 1 ms, one run, compiled dynamics: {1e3 * seconds:.0f} ms")
+
+
+def search(generations: int, workers: int, dynamics: str) -> None:
     """Time the paper's whole search, 60 candidates a generation, 20 s at 1 ms each.
 
     The plain loop is timed on 2,000 steps between generations, the search's clock stopped, and
     extrapolated. Bit-identical candidates are simulated again, so that the count is honest.
     """
-    controller, experiment = fp.paper_controller(supervised=False), fp.paper_experiment()
+    controller = fp.paper_controller(supervised=False)
+    experiment = dataclasses.replace(fp.paper_experiment(), dynamics=dynamics)
     part, steps = fp.paper_experiment(duration=2.0), 2000
     plain: list[float] = []
     aba: list[float] = []
@@ -189,7 +208,8 @@ def search(generations: int, workers: int) -> None:
     with WorkerPool(workers) if workers else nullcontext() as pool:
         if pool is not None:
             # Workers have started and imported the package before the clock does.
-            fp.evaluate(fp.paper_experiment(duration=0.1), [controller] * 8, executor=pool)
+            short = dataclasses.replace(experiment, duration=0.1)
+            fp.evaluate(short, [controller] * 8, executor=pool)
         measure()
         paused = 0.0
         began = time.perf_counter()
@@ -216,11 +236,14 @@ def main() -> None:
     parser.add_argument("--joints", action="store_true", help="also the cost against joints")
     parser.add_argument("--search", type=int, metavar="GENERATIONS", help="only a whole search")
     parser.add_argument("--workers", type=int, default=2, help="of the search; 0: this process")
+    parser.add_argument("--dynamics", choices=("pinocchio", "compiled"), default="pinocchio")
     options = parser.parse_args()
     if options.search:
-        search(options.search, options.workers)
+        search(options.search, options.workers, options.dynamics)
         return
-    headline(options.steps, options.repeats)
+    headline(options.steps, options.repeats, options.dynamics)
+    if options.dynamics == "compiled":
+        panda(options.repeats)
     importing(options.repeats)
     if options.joints:
         joints(options.repeats)

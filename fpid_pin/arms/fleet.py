@@ -17,22 +17,21 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 
 #: Degrees of freedom of a forest. Larger ones save calls, but Pinocchio's Data grows with their
-#: cube: at 40 a thousand different seven-joint arms take some 300 MB.
-FOREST_SIZE = 40
+#: cube, and so do its misses of the cache.
+FOREST_SIZE = 20
 
 
 class _Segment:
-    """Consecutive runs that one call of Pinocchio serves.
+    """Consecutive runs that one call of Pinocchio serves, its columns forests of equal size."""
 
-    With `columns` the model is one plant, and a run is a column; else it is a forest of one plant
-    a run, and the runs are one long column.
-    """
-
-    def __init__(self, start: int, stop: int, columns: bool, model: Any) -> None:
-        self.rows = slice(start, stop)
-        self.columns = columns
+    def __init__(self, start: int, stop: int, model: Any) -> None:
+        self._rows = slice(start, stop)
         self.heavy = pin.ModelPool(model, 1)
         self._model = model
+
+    def views(self, *arrays: FloatArray) -> list[FloatArray]:
+        """Return the rows of these runs as Pinocchio wants them, (nv, columns)."""
+        return [array[self._rows].reshape(-1, self._model.nv).T for array in arrays]
 
     @cached_property
     def weightless(self) -> Any:
@@ -67,8 +66,8 @@ class Fleet:
     one of them. Shapes are checked (Pinocchio does not, and reads beyond the end); dtype and order
     are the caller's word.
 
-    Consecutive runs of one plant are the columns of one call. Different plants are rooted in one
-    model, a *forest*, as independent trees. Both give the bits that the run would have alone:
+    Plants are rooted in one model, a *forest*, as independent trees; consecutive runs of one plant
+    are also the columns of one call. Both give the bits that the run would have alone:
     nothing in the recursions joins trees or columns, and bodies are copied into a forest unaltered
     (``appendBodyToJoint`` would round them). So a population may be cut anywhere.
 
@@ -164,7 +163,7 @@ class Fleet:
         """Return `forward_dynamics` of these very arrays, checked once: for a loop."""
         self.forward_dynamics(q, v, tau, out)
         calls = [
-            partial(pin.abaInParallel, 1, segment.heavy, *self._views(segment, q, v, tau, out))
+            partial(pin.abaInParallel, 1, segment.heavy, *segment.views(q, v, tau, out))
             for segment in self._segments
         ]
         if len(calls) == 1:
@@ -202,14 +201,17 @@ class Fleet:
                 while last < min(first + size, stop) and self._same_gravity(first, last):
                     last += 1
                 members = [self._models[plant] for plant in self._plant[first:last]]
-                segments.append(_Segment(first, last, last - first == 1, _forest(members)))
+                segments.append(_Segment(first, last, _forest(members)))
                 first = last
 
         for start, stop in itertools.pairwise(edges):
             if stop - start < size and self.runs > stop - start:
                 continue
             plant_forests(start)
-            segments.append(_Segment(start, stop, True, self._models[self._plant[start]]))
+            # A call costs less a tree than a column: as many equal trees as divide the runs.
+            trees = max(k for k in range(1, size + 1) if (stop - start) % k == 0)
+            forest = _forest([self._models[self._plant[start]]] * trees)
+            segments.append(_Segment(start, stop, forest))
             first = stop
         plant_forests(self.runs)
         return segments
@@ -237,13 +239,7 @@ class Fleet:
             raise ArgumentError("out", "a C-contiguous float64 array", f"{out.dtype} array")
         for segment in self._segments:
             pool = segment.heavy if heavy else segment.weightless
-            recursion(1, pool, *self._views(segment, q, v, x, out))
-
-    @staticmethod
-    def _views(segment: _Segment, *arrays: FloatArray) -> list[FloatArray]:
-        """Return a segment's rows as Pinocchio wants them: a run a column, or one long column."""
-        rows = [array[segment.rows] for array in arrays]
-        return [part.T if segment.columns else part.reshape(-1, 1) for part in rows]
+            recursion(1, pool, *segment.views(q, v, x, out))
 
 
 def _forest(models: Sequence[Any]) -> Any:

@@ -9,6 +9,7 @@ from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import GainSuggestion, explain_gains, suggest_gains
 from fpid_pin.control.loop import Loop
+from fpid_pin.control.observer_bandwidth import suggest_observer
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.stability import StabilityReport, stability_report
 from fpid_pin.control.state import LawState, State
@@ -41,4 +42,5 @@ __all__ = [
     "lyapunov_matrix",
     "stability_report",
     "suggest_gains",
+    "suggest_observer",
 ]

@@ -17,6 +17,7 @@ from fpid_pin.control.ceilings import DerivativeBound, ceilings_within, controll
 from fpid_pin.control.damping import FrozenLoops
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.lowering import SLACK, nearest_gains
+from fpid_pin.control.observer_bandwidth import with_model
 from fpid_pin.control.poses import seeded_poses, telling_poses
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.exceptions import FpidWarning
@@ -81,6 +82,8 @@ def suggest_gains(
     integral_order: float = 0.9,
     derivative_order: float | None = None,
     adaptive: bool = True,
+    feedforward: bool = False,
+    observer: float | str = 0.0,
     step: float = 1e-3,
     horizon: float = 3600.0,
     name: str = "",
@@ -92,7 +95,8 @@ def suggest_gains(
     """
     found = explain_gains(
         arm, bandwidth, integral_order=integral_order, derivative_order=derivative_order,
-        adaptive=adaptive, step=step, horizon=horizon, name=name,
+        adaptive=adaptive, feedforward=feedforward, observer=observer, step=step, horizon=horizon,
+        name=name,
     )  # fmt: skip
     for note in found.notes:
         _log.info("%s: %s", arm.name, note)
@@ -106,6 +110,8 @@ def explain_gains(
     integral_order: float = 0.9,
     derivative_order: float | None = None,
     adaptive: bool = True,
+    feedforward: bool = False,
+    observer: float | str = 0.0,
     step: float = 1e-3,
     horizon: float = 3600.0,
     name: str = "",
@@ -126,6 +132,8 @@ def explain_gains(
         a derivative of the same weight at w asks of the step.
     adaptive
         False: the same gains, fixed.
+    feedforward, observer
+        See `AdaptiveFpid`; the observer may be ``"suggested"``: see `suggest_observer`.
     step, horizon
         Of the sampled loop [s].
     name
@@ -181,6 +189,9 @@ def explain_gains(
         )  # fmt: skip
     kp, ki, kd = gains / scale
     law = dataclasses.replace(law, kp=kp, ki=ki, kd=kd)
+    law = with_model(law, arm, feedforward=feedforward, observer=observer, step=step)
+    if law.observer:
+        notes.append("damping ratios and projection are those of the law without its observer")
     if adaptive:
         law, part = _adapting(arm, law, loops, bound, w)
         if part < 1.0:

@@ -12,8 +12,8 @@ from fpid_pin.checks import FloatArray
 
 ALL_SIGNALS = ("*",)
 
-#: Rows handed on at a time; fixed, since the grouping of a sum decides its last bits.
-BLOCK_ROWS = 128
+#: Rows handed on at a time: enough that what Python does for a block does not count.
+BLOCK_ROWS = 512
 
 
 @dataclass(frozen=True)

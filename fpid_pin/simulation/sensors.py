@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.descriptions import described
+from fpid_pin.simulation.recorders import BLOCK_ROWS
 
 VELOCITY_SOURCES = ("measured", "differentiated")
-_NOISE_ROWS = 256
 
 
 @described("sensors")
@@ -87,16 +87,16 @@ class SensorState:
             _fill(own, Sensors() if given is None else given, n, step)
         noisy = self._joints["noise_q"].any() or self._joints["noise_v"].any()
         self._generators = [np.random.default_rng(seed) for seed in seeds]
-        self._noise = np.zeros((_NOISE_ROWS if noisy else 0, 2, runs, n))
+        self._noise = np.zeros((BLOCK_ROWS if noisy else 0, 2, runs, n))
         self._history = np.zeros((int(self._joints["delay"].max()) + 1, 2, runs, n))
         self._tick = 0
 
     def prepare(self) -> int:
         """Draw the noise of the next ticks where it is used up; return this tick's row of it."""
-        row = self._tick % _NOISE_ROWS
+        row = self._tick % BLOCK_ROWS
         if row == 0 and len(self._noise):
             for run, generator in enumerate(self._generators):
-                shape = (_NOISE_ROWS, 2, self._noise.shape[-1])
+                shape = (BLOCK_ROWS, 2, self._noise.shape[-1])
                 self._noise[:, :, run] = generator.standard_normal(shape)
         return row
 

@@ -41,8 +41,6 @@ MOST_DELAY = 63
 _RECORDS = {"robots": "robot", "joints": "joint", "ops": "operator", "poles": "pole",
             "modes": "mode", "bodies": "body", "nominal": "body", "there": "frame",
             "frames": "frame", "plants": "plant", "sensors": "sensor", "sums": "sum"}  # fmt: skip
-#: Rows of white noise at a time, as `simulation.sensors` draws them.
-NOISE_ROWS = 256
 
 
 def encoded(values: FloatArray) -> str:
@@ -149,7 +147,7 @@ class Engine:
             "a": np.zeros((1, n)), "references": np.zeros((3, b, 1, n)),
             "forces": np.zeros((b, 1, n)), "rows": np.zeros((3, b, 1, n)), "sensors": sensors,
             "history": np.zeros((MOST_DELAY + 1, 2, 1, n)),
-            "noise": np.zeros((NOISE_ROWS, 2, 1, n)), "kept": np.zeros((8, b, 1, n)),
+            "noise": np.zeros((b, 2, 1, n)), "kept": np.zeros((8, b, 1, n)),
             "values": np.zeros((b, 1)), "ends": np.zeros(1, dtype=np.int64),
             "sums": np.zeros((1, n), SUM), "error": np.zeros((b, 1, n)),
             "valid": np.zeros(1, dtype=np.int64),

@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from fpid_pin.arms import Arm
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.paper import PUBLISHED_ORDERS
+from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS
 
 
 def presets(
@@ -28,9 +29,9 @@ def presets(
     """
     n = e.arm.n
     whole = {"integral_order": [1.0] * n, "derivative_order": [1.0] * n}
-    lam, mu = (list(PUBLISHED_ORDERS["symbol"][k]) for k in (0, 1))
-    printed = {"integral_order": lam, "derivative_order": mu} if n == 2 else {}
-    swapped = {"integral_order": mu, "derivative_order": lam}
+    # The paper's orders, and those tuned for it, mean something on its arm alone.
+    of_paper = e.arm == Arm.two_link()
+    printed = _orders(PUBLISHED_ORDERS["symbol"]) if of_paper else {}
     noisy = {"velocity_noise": 0.05}
     tight = {"effort_limit": [_round(0.6 * u) for u in peak]}
     weight = np.abs(e.arm.gravity_vector(np.asarray(e.q0))).max()
@@ -104,13 +105,21 @@ def presets(
         "how large that is. Dashed: without it.",
         {**push, "supervised": True, "m_x": close}, {**push, "supervised": False},
     ))  # fmt: skip
-    if n == 2:
-        found.insert(2, preset(
-            "The published orders, read twice",
-            "The paper prints a minus sign before μ: read by symbol, and (dashed) by sign, which "
-            "swaps the two.",
-            printed, swapped,
-        ))  # fmt: skip
+    if of_paper:
+        found[2:2] = [
+            preset(
+                "The published orders, read twice",
+                "The paper prints a minus sign before μ: read by symbol, and (dashed) by sign, "
+                "which swaps the two.",
+                printed, _orders(PUBLISHED_ORDERS["sign"]),
+            ),
+            preset(
+                "Tuned orders",
+                "The orders that a search finds for the paper's gains: joint 2 does without an "
+                "integral. Dashed: the published ones.",
+                _orders(TUNED_ORDERS), printed,
+            ),
+        ]  # fmt: skip
     if late > e.step:
         found.insert(-1, preset(
             "Too long a step",
@@ -119,6 +128,10 @@ def presets(
             {"step": slow}, {},
         ))  # fmt: skip
     return found
+
+
+def _orders(pair: Sequence[Sequence[float]]) -> dict[str, Any]:
+    return {"integral_order": list(pair[0]), "derivative_order": list(pair[1])}
 
 
 def _round(x: float) -> float:

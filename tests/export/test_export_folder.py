@@ -1,5 +1,6 @@
 """`export_c`: what is in the folder, what it says, and what is refused."""
 
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -91,6 +92,27 @@ def test_the_folder_says_what_it_holds_and_rebuilds_its_controller(tmp_path):
     assert np.array_equal(found.torque, proof.torque)
     for name in FILES - {"vectors.bin"}:
         assert str(tmp_path) not in (folder / name).read_text(), "a path of this machine"
+
+
+@pytest.mark.usefixtures("gcc")
+@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
+def test_cmake_builds_and_ctest_passes(single, tmp_path):
+    if shutil.which("cmake") is None:
+        pytest.skip("no cmake")
+    folder = fp.export_c(law(), ARM, 1e-3, tmp_path / "c", horizon=30.0, ticks=300)
+    built = str(tmp_path / "build")
+    flags = ["-DFPID_SINGLE=ON"] if single else []
+    for command in (
+        ["cmake", "-S", str(folder), "-B", built, *flags],
+        ["cmake", "--build", built],
+        ["ctest", "--test-dir", built, "--output-on-failure"],
+    ):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "warning" not in done.stdout + done.stderr
+    assert "100% tests passed" in done.stdout
+    example = subprocess.run([f"{built}/fpid_example"], capture_output=True, check=False)
+    assert example.returncode == 0
 
 
 def test_float_is_not_advised_for_a_long_memory(tmp_path):
@@ -212,11 +234,15 @@ def many(n):
     [
         refused("Numpy: expected a law that is a kernel.*missing is its `kernel`", Numpy()),
         refused("Pid: expected a law", fp.Pid(kp=1.0, ki=1.0, kd=1.0)),
+        refused("ComputedTorque: .* got ki = 3.0, observer = 0 rad/s", fp.ComputedTorque(ki=3.0)),
+        refused("got ki = 0.0, observer = 60 rad/s", fp.ComputedTorque(observer=60.0)),
         refused(r"test_export_folder.py:\d+: squares: cannot be printed: .*\*\* 3", Unprintable()),
         refused("expected at most 32 joints, got 33", law(), many(33)),
         refused("expected one with modes", law(design=fp.fractional.L1()), error=fp.FpidError),
         refused("expected a controller", 3, error=fp.FpidError),
         refused("horizon: expected more than one step", law(), error=fp.FpidError, horizon=1e-4),
+        refused(r"ticks: expected a whole number in \[1, 1e\+06\], got 10", law(),
+                error=fp.FpidError, ticks=10**12),
         refused(
             "give an experiment", law(observer=50.0, supervisor=fp.Supervisor(
                 1.02, 1.0, kind="paper", disturbance_bound=0.5)), horizon=10.0,
@@ -283,7 +309,7 @@ def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     assert main(command) == 0
     assert "fpid.h" in capsys.readouterr().out
     kept = (out / "controller.toml").read_text()
-    assert kept.startswith("# Exported: controller 'mine'.")
+    assert kept.startswith("# Exported: controller 'mine', --horizon 20 --ticks 2000.")
     assert tomllib.loads(kept) == tomllib.loads(CONFIG)
     proof = vectors.read(out / "vectors.bin")
     experiment = fp.Experiment(ARM, fp.references.Sinusoid(), duration=1.0, step=0.002)

@@ -12,6 +12,7 @@ from fpid_pin.disturbances import Cosine, Pulse
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold, Sinusoid
 from fpid_pin.simulation import Simulator
+from fpid_pin.simulation.recorders import BLOCK_ROWS
 
 
 def arms():
@@ -75,8 +76,8 @@ def test_a_flight_has_the_bits_of_tick_by_tick_and_the_motion_of_pinocchio(name,
     simulator = Simulator([experiment], [law], keep=None)
     assert simulator._flight is not None
     simulator._flight = None
-    for first in range(0, 1001, 128):
-        simulator.tick(min(128, 1001 - first))
+    for first in range(0, 1001, BLOCK_ROWS):
+        simulator.tick(min(BLOCK_ROWS, 1001 - first))
         block = simulator.block()
         rows = slice(first, first + len(block.t))
         for signal in SIGNALS:

@@ -123,7 +123,7 @@ function flyAssisted(S, X, rubs, senses, first, count) {
   const wide = Object.keys(joints).length;
   for (let k = 0; k < count; k++) {
     if (senses) {
-      K.measure(AT.alive, AT.sensors, X, first + k, AT.history, AT.noise, (first + k) % 256, AT.seen);
+      K.measure(AT.alive, AT.sensors, X, first + k, AT.history, AT.noise, (first + k) % B, AT.seen);
     }
     K.assisted(AT.alive, AT.asked, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table,
       AT.nominal, AT.pull, AT.there, AT.nominal_mass, AT.factored, AT.assistance, AT.seen, AT.torque);
@@ -239,7 +239,7 @@ function simulate(S) {
   for (let first = 0; first < rows; first += B) {
     const count = Math.min(B, rows - first);
     sample(first);
-    if (noisy && first % 256 === 0) for (let i = 0; i < 512 * N; i++) M[AT.noise + i] = draw(i);
+    if (noisy) for (let i = 0; i < 2 * B * N; i++) M[AT.noise + i] = draw(i);
     K.arrive(AT.alive, AT.plants, X, AT.references, 0, AT.seen);
     if (S.supervised) M[AT.ends] = flyAssisted(S, X, rubs, senses, first, count);
     else K.fly(AT.alive, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table, AT.model, AT.bodies,
