@@ -14,6 +14,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.ceilings import DerivativeBound, controller_gains
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.frozen import terms_of
+from fpid_pin.control.observed import beside, observer_system, under
 from fpid_pin.control.poses import telling_poses
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.sampled import linear_arm
@@ -82,14 +83,15 @@ def certify_gains(
     -------
     GainCertificate
         Proved, for each pose and to rounding: the sampled loop of the arm linearised at rest there
-        and of the law with all its modes is exponentially stable for every sequence of gains in the
-        box, however fast. So it is whatever the learning rates. Not covered: motion between poses,
-        torque limits, dry friction, moving orders.
+        and of the law with all its modes and its observer is exponentially stable for every
+        sequence of gains in the box, however fast. So it is whatever the learning rates. Not
+        covered: motion between poses, torque limits, dry friction, a wrong model.
 
     Raises
     ------
     ArgumentError
-        A fractional design that keeps the past instead of modes, or no gain that may move.
+        A fractional design that keeps the past instead of modes, orders that adapt, or no gain that
+        may move.
 
     Notes
     -----
@@ -97,6 +99,8 @@ def certify_gains(
     not necessary: a wider box may be stable, too.
     """
     checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
+    if np.any(controller.order_learning_rate):
+        raise checks.ArgumentError("controller", "orders that stay", "an order_learning_rate")
     step = checks.number("step", step, above=0.0)
     n, scale = arm.n, controller.scale_on(arm)
     initial = np.stack(controller_gains(controller, n))
@@ -111,12 +115,16 @@ def certify_gains(
         if where.shape[1:] != (n,):
             raise checks.ArgumentError("poses", f"shape (poses, {n})", f"shape {where.shape}")
     terms = terms_of(controller, n, step=step, horizon=horizon)
-    fixed = terms.weighed(initial * scale).observed()
     reaches = np.zeros(len(where))
     for k, q in enumerate(where):
         plant = linear_arm(arm, q, step=step, method="semi_implicit_euler")
-        if np.abs(np.linalg.eigvals(plant.closed(fixed))).max() < 1.0:
-            loop = MovingGains(plant, terms, initial * scale, width * scale, step=step)
+        law = terms.weighed(initial * scale).observed()
+        if controller.observer:
+            observer = observer_system(arm, q, controller.observer, step)
+            law = beside(law, observer)
+        if np.abs(np.linalg.eigvals(plant.closed(law))).max() < 1.0:
+            driven = under(plant, observer) if controller.observer else plant
+            loop = MovingGains(driven, terms, initial * scale, width * scale, step=step)
             reaches[k] = PART / least_size(loop)
     reach = float(reaches.min())
     low, high = np.maximum(initial - reach * width, 0.0), initial + reach * width

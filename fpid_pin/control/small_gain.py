@@ -41,7 +41,7 @@ class MovingGains:
     Parameters
     ----------
     plant
-        From torque to [q, q'].
+        From torque to [q, q'], its first states.
     terms
         Of the law.
     gains, radius
@@ -54,23 +54,24 @@ class MovingGains:
         self, plant: LinearSystem, terms: Terms, gains: FloatArray, radius: FloatArray,
         *, step: float,
     ) -> None:  # fmt: skip
-        n = gains.shape[1]
+        n, given = gains.shape[1], len(plant.a)
+        size = given + 3 * n
         self._gains, self.radius = gains.T, radius.T
-        a, b = np.zeros((5 * n, 5 * n)), np.vstack([plant.b, np.zeros((3 * n, n))])
-        a[: 2 * n, : 2 * n] = plant.a
+        a, b = np.zeros((size, size)), np.vstack([plant.b, np.zeros((3 * n, n))])
+        a[:given, :given] = plant.a
         # int e, e, e' of the last sample, e and e' in terms of int e, d, e', q, q'. It is e - e_
         # that drives modes: bounds by the moduli of both would lose as much as e is larger.
         change = np.diag([1.0, step, 1.0, -1.0, -1.0])
         change[1, 3] = -1.0
-        used = np.ones(5 * n, dtype=bool)
+        used = np.ones(size, dtype=bool)
         self._joints = []
         for j, system in enumerate(terms.joints):
-            own = 2 * n + 3 * j
+            own = given + 3 * j
             at = [own, own + 1, own + 2, j, n + j]
             whole = np.hstack([system.a[:, :3], system.b]) @ change
             direct = np.hstack([system.c[:, :3], system.d]) @ change
             a[own : own + 3, at] = whole[:3]
-            a[own + 1] = (a[j] - np.eye(5 * n)[j]) / step
+            a[own + 1] = (a[j] - np.eye(size)[j]) / step
             b[own + 1] = b[j] / step
             decay = np.diag(system.a)[3:]
             self._joints.append(_Operators(at, direct, system.c[:, 3:], whole[3:], decay))
@@ -183,7 +184,7 @@ class MovingGains:
     def _placed(self, rows: list[Any]) -> Any:
         """Return rows over each joint's own states, (K, 3, 5), as rows over all that are used."""
         n = len(rows)
-        full = np.zeros((len(rows[0]), 3 * n, 5 * n), rows[0].dtype)
+        full = np.zeros((len(rows[0]), 3 * n, self._used[-1] + 1), rows[0].dtype)
         for j, (joint, row) in enumerate(zip(self._joints, rows, strict=True)):
             full[:, 3 * j : 3 * j + 3, joint.at] = row
         return full[:, :, self._used]

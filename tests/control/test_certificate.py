@@ -10,6 +10,7 @@ from scipy.optimize import minimize
 import fpid_pin as fp
 from fpid_pin.control import Safeguards, certify_gains, gain_ceilings, suggest_gains
 from fpid_pin.control.frozen import terms_of
+from fpid_pin.control.observed import observer_system, under
 from fpid_pin.control.sampled import linear_arm
 from fpid_pin.control.scaling import best_scaling
 from fpid_pin.control.small_gain import MovingGains
@@ -67,6 +68,27 @@ def test_a_certified_box_keeps_the_scaled_norm_below_one_on_a_dense_grid(name, l
         grid = on_a_grid(arm, law, q, omega)
         assert reach * largest(grid, scaling) < 1.01  # this scaling is not quite the one used
         assert reach * largest(grid, np.ones(3 * arm.n)) > 1.0  # scaling is what does it
+
+
+def test_an_observer_counts():
+    arm = fp.Arm.two_link()
+    law = dataclasses.replace(suggest_gains(arm, adaptive=False), observer=80.0)
+    omega = np.geomspace(1e-6, np.pi / STEP, 400)
+    z, n, table = np.exp(1j * omega * STEP), arm.n, table_of(arm, law)
+    plant, terms = loop_of(arm, law, arm.home)
+    observer = observer_system(arm, arm.home, law.observer, STEP)
+    loop = MovingGains(under(plant, observer), terms, table, table, step=STEP)
+    # u = -W P u + V u_law with the observer's W and V, u_law = delta K0 T [e, e'].
+    seen, passed = np.split(observer.response(z), [2 * n], axis=2)
+    moved = plant.response(z)
+    driven = moved @ np.linalg.solve(np.eye(n) + seen @ moved, passed)
+    phi = np.einsum("kjti,kijm->kjtm", terms.response(z), driven.reshape(-1, 2, n, n))
+    weighed = table.T[:, :, np.newaxis] * phi
+    whole = -weighed @ np.linalg.inv(np.eye(n) + weighed.sum(axis=2))[:, np.newaxis]
+    found = loop.response(z)
+    assert found == pytest.approx(whole.reshape(found.shape), rel=1e-6, abs=1e-9)
+    alone = certify_gains(arm, dataclasses.replace(law, observer=0.0), poses=arm.home)
+    assert 0.05 < certify_gains(arm, law, poses=arm.home).reach < alone.reach
 
 
 def test_twice_as_wide_is_certified_by_no_scaling():
@@ -229,6 +251,12 @@ def test_orders_at_the_ends_have_no_modes_and_are_certified():
     near = suggest_gains(arm, integral_order=0.9999, derivative_order=0.9999)
     reaches = [certify_gains(arm, x, poses=arm.home).reach for x in (law, near)]
     assert reaches[0] == pytest.approx(reaches[1], rel=0.01)
+
+
+def test_orders_that_adapt_are_certified_by_nothing_here():
+    law = dataclasses.replace(suggest_gains(fp.Arm.two_link()), order_learning_rate=0.1)
+    with pytest.raises(ArgumentError, match="controller: expected orders that stay"):
+        certify_gains(fp.Arm.two_link(), law)
 
 
 @pytest.mark.parametrize(
