@@ -177,6 +177,15 @@ def test_a_given_order_is_kept():
     assert float(law.derivative_order) == 0.95
 
 
+def test_a_search_that_gets_stuck_begins_again_at_less_bandwidth():
+    # From the full bandwidth it ends at gains that are unstable.
+    found = explain_gains(
+        fp.Arm.from_example("finger_edu"), step=4e-3, derivative_order=0.95, adaptive=False
+    )
+    assert found.least_damping_ratio > 0.05
+    assert found.damping_ratio > 0.25
+
+
 def test_an_arm_for_which_no_stable_gains_are_found_is_warned_of():
     arm = fp.Arm.from_example("kinova")
     with pytest.warns(fp.FpidWarning, match="at a step of 20 ms no gains are found"):
