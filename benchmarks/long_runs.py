@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from fpid_pin.simulation.loop import lockstep
+from fpid_pin.simulation.lockstep import lockstep
 
 import fpid_pin as fp
 from fpid_pin.checks import FloatArray
