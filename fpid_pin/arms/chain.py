@@ -26,7 +26,7 @@ def require_serial(model: Any, name: str) -> None:
     """
     if model.njoints < 2:
         raise ArmError(
-            f"{cut(name)}: expected at least one revolute joint that is free to move, got none"
+            f"{cut(name)}: expected at least one joint that is free to move, got none"
         )
     children: dict[int, list[str]] = {}
     for joint in range(1, model.njoints):
