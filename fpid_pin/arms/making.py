@@ -130,7 +130,8 @@ class Making:
         """Read a fixed-base serial chain of hinges and slides from MuJoCo's MJCF.
 
         A saved run holds what was read (see `from_model`), and not the file. Effort limits are
-        the joints' ``actuatorfrcrange``; actuators themselves are not read.
+        the joints' ``actuatorfrcrange`` and the ``forcerange`` of actuators, or a motor's
+        ``ctrlrange``, times their gear; what else actuators do is not read.
 
         Parameters
         ----------

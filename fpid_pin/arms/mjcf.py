@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from fpid_pin.arms.mjcf_limits import mend_limits
 from fpid_pin.arms.model import ModelSource
 from fpid_pin.arms.physical import require_physical
 from fpid_pin.arms.pinocchio_model import source_of
@@ -54,6 +55,7 @@ def read_mjcf(
     _require_inertias(root, label)
     with one_line(label, "Pinocchio cannot build it"):
         model = pin.buildModelFromMJCF(str(path))
+    mend_limits(model, root)
     geometry = _geometry(model, path, label)
     option = root.find("option")
     if gravity is None:
@@ -87,6 +89,10 @@ def _require_numbers(root: ET.Element, label: str) -> None:
                 raise ArmError(f"{where}: expected {count} number(s) in {key}, got {named(text)}")
             if key in _NEVER_NEGATIVE and values[0] < 0.0:
                 raise ArmError(f"{where}: expected {key} >= 0, got {values[0]:g}")
+            if key == "ref" and values[0] != 0.0:
+                raise ArmError(
+                    f"{where}: expected angles from the drawn pose on, got ref {named(text)}"
+                )
             if key == "axis" and not np.linalg.norm(values) > 1e-9:
                 raise ArmError(f"{where}: expected a direction in axis, got {named(text)}")
 

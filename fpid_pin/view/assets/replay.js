@@ -57,7 +57,8 @@ class RunView {
     const arcs = new ArmBody(table.arm, torques, true);
     arcs.root.traverse((thing) => { if (thing.isMesh) thing.visible = false; });
     this.arcBody = arcs;
-    this.arcs = arcs.turns.map(([, axis], j) => new TorqueArc(arcs.frames[j], axis, 0.08 * reach));
+    this.arcs = arcs.turns.map(([, axis, slides], j) =>
+      new TorqueArc(arcs.frames[j], axis, 0.08 * reach, slides));
     const paths = node("path");
     this.wanted = new Tube(paths, 0.003 * reach, three(GHOST), 0.7);
     this.trail = new Tube(paths, 0.005 * reach, three(this.colour), 1);
