@@ -4,6 +4,7 @@ Importing the package takes a third of a second, in which Python would answer Ct
 traceback. A module of its own, since importing any part of a package imports its top first.
 """
 
+import atexit
 import os
 import signal
 import sys
@@ -25,6 +26,9 @@ def main() -> int:
 # Ignored is what `nohup` and a shell's background jobs want of it.
 if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, _stop)
+    # The first to be registered is the last to be called. What Python does after it, it does with
+    # signals as they were at birth: Ctrl-C would end by a signal what has already ended well.
+    atexit.register(signal.signal, signal.SIGINT, signal.SIG_IGN)
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -52,4 +52,6 @@ def require_time(name: str, what: str, joint_steps: float) -> None:
     seconds = joint_steps * STEP_SECONDS
     if seconds > MOST_SECONDS:
         most, asked = MOST_SECONDS / 86400.0, seconds / 86400.0
-        raise ArgumentError(name, f"work of {most:g} days at most", f"{what}: about {asked:.3g}")
+        raise ArgumentError(
+            name, f"work of {most:g} days at most", f"{what}: about {asked:.3g} days"
+        )

@@ -6,6 +6,8 @@ is visible, and cut where it would be too long for a line.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from fpid_pin.text import MOST, cut, visible
 
 __all__ = [
@@ -82,6 +84,11 @@ class ConfigError(FpidError):
         lines = str(message).split("\n")
         # Each on its own, past the base's one line.
         Exception.__init__(self, "\n".join(cut(visible(line), _LONGEST) for line in lines))
+
+    @classmethod
+    def of(cls, path: object, faults: Iterable[object]) -> ConfigError:
+        """Return the error of a file: a line for every fault, also where a name has a line end."""
+        return cls("\n".join(visible(f"{path}: {fault}") for fault in faults))
 
 
 class SimulationError(FpidError):

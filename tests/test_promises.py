@@ -17,6 +17,15 @@ ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "promises.md").read_text(encoding="utf-8")
 SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.05")
 
+TUNE = """
+[tune]
+population = 4
+generations = 2
+map_points = 0
+[tune.space]
+kp = [1, 100]
+"""
+
 
 def test_every_promise_has_tests_and_they_are_there():
     rows = re.findall(r"^\| (.*) \| (.*) \|$", PAGE, re.MULTILINE)
@@ -60,6 +69,7 @@ def watched(code, folder):
 @pytest.fixture
 def folder(tmp_path):
     (tmp_path / "short.toml").write_text(SHORT)
+    (tmp_path / "tune.toml").write_text(SHORT + TUNE)
     run = fp.simulate(fp.paper_experiment(duration=0.05), fp.paper_controller())
     run.save(tmp_path / "run.npz")
     return tmp_path
@@ -103,6 +113,10 @@ for words in (
     ["run", "short.toml", "--controller", "integer PID"],
     ["view", "run.npz", "--html", "page.html"],
     ["operators", "--order", "0.5", "--plot", "plot.png"],
+    ["compare", "short.toml", "--out", "compared"],
+    ["playground", "short.toml", "--html", "playground.html"],
+    ["export", "short.toml", "--controller", "integer PID", "--out", "c", "--ticks", "5"],
+    ["tune", "tune.toml", "--out", "tuned"],
     ["arms"],
 ):
     assert main(words) == 0

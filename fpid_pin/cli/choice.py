@@ -5,6 +5,7 @@ from __future__ import annotations
 from fpid_pin import checks
 from fpid_pin.cli.config import Config
 from fpid_pin.exceptions import ArgumentError, ConfigError
+from fpid_pin.text import named
 
 
 def pick(config: Config, name: str | None) -> str:
@@ -17,11 +18,10 @@ def pick(config: Config, name: str | None) -> str:
     """
     names = config.controllers
     if name is None and len(names) > 1:
-        several = ", ".join(names)
-        raise ConfigError(
-            f"{config.path}: expected one controller, or --controller NAME, got {several}"
-        )
+        several = ", ".join(map(named, names))
+        fault = f"expected one controller, or --controller NAME, got {several}"
+        raise ConfigError.of(config.path, [fault])
     try:
         return checks.choice("--controller", name or next(iter(names)), names)
     except ArgumentError as error:
-        raise ConfigError(f"{config.path}: {error}") from None
+        raise ConfigError.of(config.path, [error]) from None

@@ -86,11 +86,10 @@ def operators(
 @app.command()
 def arms() -> None:
     """List the arms that work by name, with their limits and friction."""
-    from rich.console import Console
-
     from fpid_pin.cli.arms import arms_table
+    from fpid_pin.cli.screen import screen
 
-    Console().print(arms_table())
+    screen().print(arms_table())
 
 
 @app.command()

@@ -30,8 +30,11 @@ from fpid_pin.disturbances import Disturbance, Sum
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.references import Reference
 from fpid_pin.simulation import Experiment, Plant, Sensors
+from fpid_pin.text import shown
 
 FORMAT = 1
+#: Faults told of one file, each in a line.
+MOST_FAULTS = 40
 TABLES = (
     "format", "title", "arm", "plant", "reference", "disturbance", "sensors", "simulation",
     "controller", "condition", "tune",
@@ -83,21 +86,19 @@ def load(path: str | Path) -> Config:
     return parse(read_text(path), str(path), path.parent)
 
 
-def line_of(name: str, fault: FpidError) -> str:
-    """Return a fault as a line, also where a key or a value has a line end in it."""
-    return f"{name}: {fault}".replace("\n", "\\n")
-
-
 def parse(text: str, name: str, folder: Path) -> Config:
     """Check a configuration's text; `folder` is where its relative paths start."""
     try:
         table = parse_table(text)
     except FpidError as error:
-        raise ConfigError(f"{name}: {error}") from None
+        raise ConfigError.of(name, [error]) from None
     faults: list[FpidError] = []
     config = _Reader(table, folder, faults).read(name, text)
     if faults or config is None:
-        raise ConfigError("\n".join(line_of(name, fault) for fault in faults))
+        # Conditions share what is wrong with the nominal experiment.
+        told = list(dict.fromkeys(map(str, faults)))
+        more = [f"faults: expected none, got {len(told)}"] if told[MOST_FAULTS:] else []
+        raise ConfigError.of(name, told[:MOST_FAULTS] + more)
     return config
 
 
@@ -109,8 +110,10 @@ class _Reader:
 
     def read(self, name: str, text: str) -> Config | None:
         table, faults = self._table, self._faults
-        if table.get("format") != FORMAT:
-            faults.append(ArgumentError("format", f"{FORMAT}", repr(table.get("format", "none"))))
+        number = table.get("format", "none")
+        # Of "true" and 1.0 Python says that they are 1.
+        if type(number) is not int or number != FORMAT:
+            faults.append(ArgumentError("format", f"{FORMAT}", shown(number)))
             return None
         self._known("", table, TABLES)
         for key in ("arm", "reference", "controller"):
@@ -137,11 +140,12 @@ class _Reader:
         say_if_compiling()
         for label, controller in controllers.items():
             self._try(
-                f"controller {label!r}", lambda c=controller: c.start(arm, step=experiment.step)
+                f"controller {shown(label)}",
+                lambda c=controller: c.start(arm, step=experiment.step),
             )
         title = table.get("title", "")
         if not isinstance(title, str):
-            faults.append(ArgumentError("title", "a text", repr(title)))
+            faults.append(ArgumentError("title", "a text", shown(title)))
         if faults:
             return None
         conditions_ = named or {"nominal": experiment}
@@ -157,13 +161,13 @@ class _Reader:
     def _section(self, path: str, value: Any) -> Mapping[str, Any]:
         if isinstance(value, Mapping):
             return value
-        self._faults.append(ArgumentError(path, "a table", repr(value)))
+        self._faults.append(ArgumentError(path, "a table", shown(value)))
         return {}
 
     def _list(self, path: str, value: Any) -> list[Any]:
         if isinstance(value, list):
             return value
-        self._faults.append(ArgumentError(path, f"a list of tables ([[{path}]])", repr(value)))
+        self._faults.append(ArgumentError(path, f"a list of tables ([[{path}]])", shown(value)))
         return []
 
     def _build(self, key: str, family: type) -> Any:
@@ -196,7 +200,7 @@ class _Reader:
             name = str(getattr(controller, "name", "") or getattr(type(controller), "_kind", path))
             if name in named:
                 self._faults.append(
-                    ArgumentError(f"{path}.name", "a name of its own", f"{name!r} again")
+                    ArgumentError(f"{path}.name", "a name of its own", f"{shown(name)} again")
                 )
             named[name] = controller
         return named
@@ -252,7 +256,7 @@ class _Reader:
             self._known(path, table, CONDITION_KEYS)
             name = table.get("name")
             if not isinstance(name, str) or not name or name in named:
-                self._faults.append(ArgumentError(f"{path}.name", "a name of its own", repr(name)))
+                self._faults.append(ArgumentError(f"{path}.name", "a name of its own", shown(name)))
                 continue
             named[name] = parts | self._surroundings(table, path, arm)
         return named
@@ -282,9 +286,7 @@ class _Reader:
             name = error.name
             if path and not name.startswith(("plant", "reference", "sensors")):
                 name = f"{path}.{name}"
-            fault = ArgumentError(name, error.expected, error.got)
-            if str(fault) not in map(str, self._faults):
-                self._faults.append(fault)
+            self._faults.append(ArgumentError(name, error.expected, error.got))
         except FpidError as error:
             self._faults.append(error)
         return None

@@ -13,6 +13,7 @@ from fpid_pin.cli.config import Config, load, parse
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.progress import progress_bar
+from fpid_pin.cli.screen import say, screen
 from fpid_pin.cli.summary import Entry
 from fpid_pin.simulation import simulate
 
@@ -112,9 +113,9 @@ def write(
     joints = summary.drop_constant(summary.joint_rows(entries), "condition")
     (folder / "summary.csv").write_text(summary.comma_separated(rows), encoding="utf-8")
     (folder / "joints.csv").write_text(summary.comma_separated(joints), encoding="utf-8")
-    remarks = "".join(f"- {line}\n" for line in summary.remarks(entries))
+    remarks = "".join(f"- {summary.in_markdown(line)}\n" for line in summary.remarks(entries))
     sections = [
-        f"# {config.title or config.path}\n",
+        f"# {summary.in_markdown(config.title or config.path)}\n",
         summary.markdown(rows),
         summary.markdown(joints),
         *([remarks] if remarks else []),
@@ -136,11 +137,9 @@ def write(
 
 def show(entries: Sequence[Entry], title: str, out: Path) -> None:
     """Print the comparison and say where everything is."""
-    from rich.console import Console
-
     rows = summary.drop_constant(summary.run_rows(entries), "condition")
-    console = Console()
+    console = screen()
     console.print(summary.rich_table(rows, title or "Result"))
     for line in summary.remarks(entries):
-        console.print(line, highlight=False, soft_wrap=True)
-    console.print(f"Written to {out}: report.html (open it in a browser), figures, tables, runs")
+        say(console, line)
+    say(console, f"Written to {out}: report.html (open it in a browser), figures, tables, runs")

@@ -6,13 +6,12 @@ from pathlib import Path
 
 from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import load
+from fpid_pin.cli.screen import say, screen
 from fpid_pin.export import export_c
 
 
 def run_export(path: Path, out: Path, name: str | None, horizon: float, ticks: int) -> None:
     """Write the folder, and say what is in it."""
-    from rich.console import Console
-
     config = load(path)
     chosen = pick(config, name)
     experiment = config.experiment
@@ -22,5 +21,4 @@ def run_export(path: Path, out: Path, name: str | None, horizon: float, ticks: i
         config.controllers[chosen], experiment.arm, experiment.step, out,
         horizon=horizon, ticks=ticks, experiment=experiment, toml=toml,
     )  # fmt: skip
-    Console().print(f"{folder}: fpid.h, fpid.c, fpid_parameters.c, example, check, README.md",
-                    soft_wrap=True)  # fmt: skip
+    say(screen(), f"{folder}: fpid.h, fpid.c, fpid_parameters.c, example, check, README.md")

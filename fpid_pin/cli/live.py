@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.console import Console
 
 from fpid_pin import checks
 from fpid_pin.cli.config import load
+from fpid_pin.cli.screen import say, screen
 from fpid_pin.exceptions import ArgumentError, ConfigError
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 def run_live(
@@ -47,33 +51,33 @@ def run_live(
     """
     from fpid_pin.view.live_session import HELP, live
 
-    console = console or Console()
+    console = console or screen()
     config = load(config_path)
     try:
         chosen = controller or next(iter(config.controllers))
         law = config.controllers[checks.choice("--controller", chosen, config.controllers)]
         wait = checks.number("--baseline", baseline, low=0.0)
     except ArgumentError as error:
-        raise ConfigError(f"{config_path}: {error}") from None
+        raise ConfigError.of(config_path, [error]) from None
 
-    def say(text: str) -> None:
-        console.print(text, highlight=False)
+    def tell(text: str) -> None:
+        say(console, text)
 
     if wait:
-        say(f"{wait:g} s without the view, to compare ...")
+        tell(f"{wait:g} s without the view, to compare ...")
         alone = live(config.experiment, law, duration=wait, view=False, priority=priority)
-        say(f"without the view: {alone.timing}")
-    say(HELP)
+        tell(f"without the view: {alone.timing}")
+    tell(HELP)
     report = live(
         config.experiment, law, duration=duration, fps=fps, open_browser=browser, port=port,
-        push_joint=joint or 0, push_torque=push, priority=priority, announce=say,
+        push_joint=joint or 0, push_torque=push, priority=priority, announce=tell,
     )  # fmt: skip
-    say(f"with the view:    {report.timing}")
+    tell(f"with the view:    {report.timing}")
     if report.send_times.size:
         median = 1e3 * float(np.median(report.send_times))
-        say(
+        tell(
             f"{report.send_times.size} frames sent, median {median:.3f} ms each, "
             f"{report.dropped} dropped"
         )
     if report.fault:
-        say(report.fault)
+        tell(report.fault)

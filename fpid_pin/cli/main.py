@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from typing import Any
 
 from fpid_pin.exceptions import FpidError, FpidWarning
+from fpid_pin.text import cut, visible
 
 #: What a shell makes of a program that Ctrl-C has ended.
 STOPPED = 130
@@ -72,7 +73,7 @@ def _tell(error: Exception) -> int:
     elif isinstance(error, MemoryError):
         _say("out of memory")
     elif usage is not None:
-        _say(usage())
+        _say(cut(usage()))
     else:
         raise error
     return 2
@@ -81,7 +82,7 @@ def _tell(error: Exception) -> int:
 def _say(text: str) -> None:
     # Standard error may be as full or as closed as standard output.
     with suppress(OSError, ValueError):
-        sys.stderr.write(f"fpid-pin: {text}\n")
+        sys.stderr.write(f"fpid-pin: {visible(text)}\n")
         sys.stderr.flush()
 
 

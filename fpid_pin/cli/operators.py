@@ -53,6 +53,8 @@ def operators_table(
     checks.choice("design", design, DESIGNS)
     if len(orders) == 0:
         raise ArgumentError("orders", "at least one order in [0, 1]", "none")
+    step = checks.number("step", step, low=checks.STEPS[0], high=checks.STEPS[1])
+    horizon = checks.number("horizon", horizon, above=0.0, high=step * checks.MOST_ROWS)
     chosen: Design
     crone = design == "crone"
     chosen = Crone(*band, n, widening) if crone else ExponentialSum(modes, tolerance)

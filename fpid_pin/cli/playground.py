@@ -7,9 +7,11 @@ from pathlib import Path
 
 from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import Config, load
+from fpid_pin.cli.screen import say, screen
 from fpid_pin.control import AdaptiveFpid
 from fpid_pin.exceptions import ConfigError, FpidError
 from fpid_pin.files import require_file
+from fpid_pin.text import visible
 from fpid_pin.view.playground_page import Playground, playground
 
 
@@ -21,8 +23,8 @@ def run_playground(path: Path, html: Path, name: str | None) -> None:
         pick(config, name)
     page, left = make(config, html, name)
     for line in left:
-        sys.stderr.write(f"fpid-pin: left out: {line}\n")
-    sys.stdout.write(f"Written to {html} ({len(page.text.encode()) / 1e6:.1f} MB): open it\n")
+        sys.stderr.write(f"fpid-pin: left out: {visible(line)}\n")
+    say(screen(), f"Written to {html} ({len(page.text.encode()) / 1e6:.1f} MB): open it")
 
 
 def make(config: Config, html: Path, name: str | None = None) -> tuple[Playground, list[str]]:
@@ -45,5 +47,5 @@ def make(config: Config, html: Path, name: str | None = None) -> tuple[Playgroun
         except FpidError as error:
             left.append(f"{label}: {error}")
     if not kept:
-        raise ConfigError("\n".join(f"{config.path}: {line}" for line in left))
+        raise ConfigError.of(config.path, left)
     return playground(config.experiment, kept, html, title=config.title), left

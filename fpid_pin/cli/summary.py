@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -12,6 +13,7 @@ import numpy as np
 
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.simulation import Run, limit_report
+from fpid_pin.text import visible
 
 
 @dataclass(frozen=True)
@@ -115,9 +117,21 @@ def markdown(rows: Sequence[Row]) -> str:
     lines = ["| " + " | ".join(heads) + " |"]
     lines.append("|" + "|".join(" ---: " if _numeric(rows, h) else " --- " for h in heads) + "|")
     for row in rows:
-        cells = [cell(row[h]).replace("|", "\\|") for h in heads]
+        cells = [in_markdown(cell(row[h])) for h in heads]
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
+
+
+def in_markdown(text: str) -> str:
+    """Return text that Markdown takes for text: one line, no mark-up, link or end of a cell."""
+    # Spaces before it would make code of it.
+    return _LEADS.sub(r"\1\\\2", _MARKS.sub(r"\\\g<0>", visible(text).strip()))
+
+
+# What Markdown may take for its own; an underscore within a word it leaves alone. At the start of
+# a line these make lists, rules and headings.
+_MARKS = re.compile(r"[\\`*\[\]<>|&~$#]|(?<![^\W_])_|_(?![^\W_])")
+_LEADS = re.compile(r"^(\d*)([-+.)])(?=[\s-]|$)")
 
 
 def comma_separated(rows: Sequence[Row]) -> str:
@@ -141,7 +155,11 @@ def rich_table(rows: Sequence[Row], title: str) -> Any:
     hidden = ("outcome", "file")
     rows = [{head: value for head, value in row.items() if head not in hidden} for row in rows]
     table = Table(
-        title=title, title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0)
+        title=Text(visible(title), style="table.title"),
+        title_justify="left",
+        header_style="bold",
+        box=None,
+        padding=(0, 2, 0, 0),
     )
     for head in rows[0]:
         justify: Any = "right" if _numeric(rows, head) else "left"
@@ -151,7 +169,7 @@ def rich_table(rows: Sequence[Row], title: str) -> Any:
             no_wrap=head == "controller",
         )
     for row in rows:
-        table.add_row(*(Text(cell(value)) for value in row.values()))
+        table.add_row(*(Text(visible(cell(value))) for value in row.values()))
     return table
 
 

@@ -31,15 +31,15 @@ def read_text(path: Path) -> str:
         with open(path, "rb") as file:
             data = file.read(MOST_BYTES + 1)
         if len(data) > MOST_BYTES:
-            raise ConfigError(f"{path}: expected at most {MOST_BYTES} bytes, got more")
+            raise ConfigError.of(path, [f"expected at most {MOST_BYTES} bytes, got more"])
         # Line ends as TOML and the results' copy have them.
         return data.decode("utf-8").replace("\r\n", "\n")
     except FileNotFoundError:
-        raise ConfigError(f"{path}: no such file") from None
+        raise ConfigError.of(path, ["no such file"]) from None
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read ({error.strerror})") from None
+        raise ConfigError.of(path, [f"cannot be read ({error.strerror})"]) from None
     except ValueError:
-        raise ConfigError(f"{path}: cannot be read (not a text file)") from None
+        raise ConfigError.of(path, ["cannot be read (not a text file)"]) from None
 
 
 def parse_table(text: str) -> dict[str, Any]:

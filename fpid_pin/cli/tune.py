@@ -11,11 +11,11 @@ from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import load
 from fpid_pin.cli.output import output_folder
+from fpid_pin.cli.screen import say, screen
 from fpid_pin.cli.search_bar import search_bar
 from fpid_pin.cli.summary import Row
 from fpid_pin.cli.tune_plan import Plan, read_plan
@@ -50,9 +50,7 @@ def run_tuning(
             try:
                 result = _search(plan, pool, checkpoint, resume)
             except KeyboardInterrupt:
-                Console(stderr=True).print(
-                    f"{checkpoint}: --resume goes on from here", highlight=False
-                )
+                say(screen(error=True), f"{checkpoint}: --resume goes on from here")
                 raise
             figures = draw(plan, result, pool)
         entries = compare(plan, result)
@@ -95,11 +93,10 @@ def _search(plan: Plan, pool: Executor | None, checkpoint: Path, resume: bool) -
 
 
 def _show(rows: Sequence[Row], result: TuningResult, out: Path) -> None:
-    console = Console()
+    console = screen()
     console.print(summary.rich_table(rows, "Tuned"))
-    console.print(str(result), highlight=False)
+    say(console, str(result))
     for name, value in result.parameters.items():
         shown = ", ".join(f"{v:.4g}" for v in np.atleast_1d(value))
-        console.print(f"  {name}: {shown}", highlight=False)
-    console.print(f"{out}: tuned.toml, report.html, figures, history.csv, summary, runs (.npz)",
-                  highlight=False)  # fmt: skip
+        say(console, f"  {name}: {shown}")
+    say(console, f"{out}: tuned.toml, report.html, figures, history.csv, summary, runs (.npz)")

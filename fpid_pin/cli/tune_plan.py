@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any
 
 from fpid_pin import checks, descriptions
-from fpid_pin.cli.config import Config, line_of
+from fpid_pin.cli.config import Config
 from fpid_pin.control import Controller
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
@@ -93,7 +93,7 @@ def read_plan(config: Config) -> Plan:
     if controller is not None and "space" in made:
         attempt("bound", lambda: made["space"].bind(controller, config.experiment.arm.n))
     if faults or controller is None:
-        raise ConfigError("\n".join(line_of(config.path, fault) for fault in faults))
+        raise ConfigError.of(config.path, faults)
     robust = isinstance(made["cost"], RobustCost)
     return Plan(
         controller=controller,

@@ -187,7 +187,8 @@ def write(
         "history.csv": result.history.comma_separated(),
         "summary.csv": summary.comma_separated(rows),
         "joints.csv": summary.comma_separated(joints),
-        "summary.md": f"# {title}, tuned\n\n{result}\n\n{text}",
+        "summary.md": f"# {summary.in_markdown(title)}, tuned\n\n"
+        f"{summary.in_markdown(str(result))}\n\n{text}",
     }
     for name, content in files.items():
         (folder / name).write_text(content, encoding="utf-8")

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from rich.console import Console
-
+from fpid_pin.cli.screen import say, screen
 from fpid_pin.files import require_file
 from fpid_pin.simulation import Run
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 
 def run_view(
@@ -42,7 +45,7 @@ def run_view(
     """
     from fpid_pin.view import export_html, play
 
-    console = console or Console()
+    console = console or screen()
     if html is not None:
         require_file(html)
     runs = [Run.load(file) for file in files]
@@ -50,11 +53,11 @@ def run_view(
     if html is not None:
         path = export_html(runs, html, captions=given, fps=fps)
         size = path.stat().st_size / 1e6
-        console.print(f"{path}: {size:.2f} MB, opens in any browser", highlight=False)
+        say(console, f"{path}: {size:.2f} MB, opens in any browser")
         return
 
     def announce(text: str) -> None:
-        console.print(text, highlight=False)
+        say(console, text)
 
     announce("Ctrl-C ends it; in the page, the space bar halts and q ends it")
     play(

@@ -7,6 +7,7 @@ from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import gain_ceilings, suggest_gains
 from fpid_pin.control.loop import Loop
+from fpid_pin.control.observer_bandwidth import suggest_observer
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.stability import StabilityReport, stability_report
 from fpid_pin.control.state import LawState, State
@@ -34,4 +35,5 @@ __all__ = [
     "lyapunov_matrix",
     "stability_report",
     "suggest_gains",
+    "suggest_observer",
 ]

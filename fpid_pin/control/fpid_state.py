@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
+from fpid_pin.control.disturbance import observer_gains
 from fpid_pin.control.model_terms import ModelTerms
 from fpid_pin.control.state import State
 from fpid_pin.exceptions import DesignError, FpidWarning
@@ -56,7 +57,7 @@ class FpidState(State):
             nodes = np.linspace(0.0, 1.0, NODES)
             table = modes_of(self._design, nodes, step=self.step, horizon=horizon).table()
         self._model = None
-        if first.supervisor is not None or first.feedforward or first.bandwidth:
+        if first.supervisor or first.feedforward or any(c.bandwidth for c in controllers):
             self._model = ModelTerms(controllers, arm, self.robots, self.joints)
         self._records = (self.robots, self.joints, self._ops, self._poles, self._modes, table)
         # A tick of nobody: what is yet to be compiled is so now, not in a robot's first period.
@@ -189,8 +190,7 @@ def _fill(robot: Any, joints: Any, controller: AdaptiveFpid, arm: Arm) -> None:
         joints[f"i_order_{name}"], joints[f"d_order_{name}"] = bound.T
     joints["viscous"] = arm.viscous_friction
     if controller.bandwidth:
-        pole = np.exp(-controller.bandwidth * robot["h"])
-        robot["l1"], robot["l2"] = 1.0 - pole**2, (1.0 - pole) ** 2 / robot["h"]
+        robot["l1"], robot["l2"] = observer_gains(controller.bandwidth, float(robot["h"]))
     if guard is not None:
         robot["guarded"] = True
         joints["sigma"], joints["nu"] = guard.sigma, guard.e_modification

@@ -14,8 +14,10 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.baselines import Pid
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.observed import beside, observer_system
 from fpid_pin.control.parameters import joint_scale
 from fpid_pin.control.sampled import ComplexArray, LinearSystem, operators
+from fpid_pin.control.state import LawState
 from fpid_pin.fractional import Design, ExponentialSum
 
 if TYPE_CHECKING:
@@ -98,31 +100,51 @@ def gain_table(
     return np.array(table) * joint_scale(controller.scale, arm)
 
 
-def without_memory(arm: Arm, controller: Controller, step: float) -> LinearSystem:
-    """Linearise the first tick of a law without memory about home, by central differences.
+def linearised(arm: Arm, controller: Controller, step: float) -> LinearSystem:
+    """Linearise a law about home by central differences of its first tick.
+
+    What a law in NumPy has from `LawState.integral` and `LawState.disturbance` counts as what it
+    is, an integral and an observer; what it keeps itself, such as parameters that adapt, stays.
 
     Raises
     ------
     ArgumentError
         The torque jumps there, as sgn without a boundary layer does: half as wide a difference
-        gives another slope.
+        gives another slope. A kernel with a memory: nobody knows what that does.
     """
+    if controller.memory:
+        got = f"{type(controller).__name__}, which remembers {', '.join(controller.memory)}"
+        raise checks.ArgumentError("controller", "a law without a memory of its own", got)
     n = arm.n
     free = arm.with_limits(effort=np.zeros(n))
     still, home = np.zeros(n), np.asarray(arm.home)
 
     def torque(shift: FloatArray) -> FloatArray:
-        loop = controller.start(free, step=step)
-        return loop.torque(home + shift[:n], shift[n:], home, still, still)
+        q, v, integral, lost = np.split(shift, 4)
+        state = controller.start_many([controller], free, step=step, horizon=3600.0)
+        if isinstance(state, LawState):
+            state.int_e[:] = integral
+            state.known = lost[np.newaxis]
+        state.tick(np.array([[home + q], [v], [home], [still], [still]]))
+        found: FloatArray = state.torque[0].copy()
+        return found
 
     def slopes(width: float) -> FloatArray:
-        ends = [(torque(shift), torque(-shift)) for shift in width * np.eye(2 * n)]
+        ends = [(torque(shift), torque(-shift)) for shift in width * np.eye(4 * n)]
         return np.stack([(up - down) / (2.0 * width) for up, down in ends], axis=1)
 
     slope = slopes(1e-6)
     if not np.allclose(slope, slopes(5e-7), rtol=1e-3, atol=1e-3 * np.abs(slope).max()):
         got = f"a jump in {type(controller).__name__}"
         raise checks.ArgumentError("controller", "a law that is smooth about home", got)
-    empty = np.zeros((0, 0))
-    # The systems of a law see e and e', which fall as q and q' rise.
-    return LinearSystem(empty, np.zeros((0, 2 * n)), np.zeros((n, 0)), -slope)
+    angle, rate, integral, answer = np.split(slope, 4, axis=1)
+    one = operators((1.0, 1.0), ExponentialSum(modes=24), step=step, horizon=3600.0)
+    terms = Terms((one,) * n).together  # e, int e, e', joint by joint
+    # e and e' fall as q and q' rise.
+    weights = np.stack([-angle, integral, -rate], axis=2).reshape(n, 3 * n)
+    law = LinearSystem(terms.a, terms.b, weights @ terms.c, weights @ terms.d).observed()
+    state = controller.start_many([controller], free, step=step, horizon=3600.0)
+    if isinstance(state, LawState) and state.observer is not None:
+        bandwidth = float(state.observer.bandwidths[0])
+        return beside(law, observer_system(arm, home, bandwidth, step, answer))
+    return law

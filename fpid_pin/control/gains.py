@@ -11,6 +11,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.observer_bandwidth import with_model
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.sampled import critical_derivative
 from fpid_pin.exceptions import FpidWarning
@@ -149,6 +150,8 @@ def suggest_gains(
     integral_order: float = 0.9,
     derivative_order: float = 0.95,
     adaptive: bool = True,
+    feedforward: bool = False,
+    observer: float | str = 0.0,
     step: float = 1e-3,
     horizon: float = 3600.0,
     name: str = "",
@@ -165,6 +168,8 @@ def suggest_gains(
         lambda and mu.
     adaptive
         False: the same gains, fixed.
+    feedforward, observer
+        See `AdaptiveFpid`; the observer may be ``"suggested"``: see `suggest_observer`.
     step, horizon
         Of the sampled loop [s].
     name
@@ -209,6 +214,7 @@ def suggest_gains(
         kp=kp, ki=ki, kd=kd, integral_order=integral_order, derivative_order=derivative_order,
         learning_rate=0.0, scale=scale, design=design, name=name,
     )  # fmt: skip
+    first = with_model(first, arm, feedforward=feedforward, observer=observer, step=step)
     if not adaptive:
         return first
     ceilings = gain_ceilings(arm, first, step=step, horizon=horizon)
@@ -222,6 +228,7 @@ def suggest_gains(
         kp=kp, ki=ki, kd=kd, integral_order=integral_order, derivative_order=derivative_order,
         learning_rate=initial / strength, scale=scale, design=design, name=name,
         safeguards=Safeguards(minimum=LOWER * initial, maximum=highest),
+        feedforward=feedforward, observer=first.observer,
     )  # fmt: skip
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpid_pin import checks
 from fpid_pin.arms.fleet import Fleet
 from fpid_pin.checks import BoolArray, FloatArray
 
@@ -32,11 +31,6 @@ class ModelTerms:
     robots, joints
         Records of `kernels.law`.
 
-    Raises
-    ------
-    ArgumentError
-        An observer whose bandwidth is more than 1/step.
-
     Warns
     -----
     FpidWarning
@@ -50,16 +44,16 @@ class ModelTerms:
         from fpid_pin.kernels import observer, supervisor
 
         first, h = controllers[0], float(robots["h"][0])
-        for controller in controllers:
-            _check_observer(controller.bandwidth, h)
         for guard in {id(c.supervisor): c.supervisor for c in controllers}.values():
             if guard is not None and first.bandwidth == 0.0:
                 guard.warn(arm, h)
         self._observe: Any = observer
         self._supervise: Any = supervisor
         self._robots, self._joints = robots, joints
-        self._feedforward, self._compensates = first.feedforward, first.observer > 0.0
-        self._observes = first.bandwidth > 0.0
+        self._feedforward = first.feedforward
+        # A suggested observer may be none for some.
+        self._compensates = any(c.observer > 0.0 for c in controllers)
+        self._observes = any(c.bandwidth > 0.0 for c in controllers)
         self._kind = None if first.supervisor is None else first.supervisor.kind
         runs, n = joints.shape
         self._fleet = Fleet([arm], runs)
@@ -150,15 +144,3 @@ class ModelTerms:
         self._fleet.mass_times(q, a_ref, feedforward)
         self._fleet.inverse_mass_times(q, self._b, w)
         self._supervise.supervise(alive, self._robots, self._joints, *self._paper, torque)
-
-
-def _check_observer(bandwidth: float, step: float) -> None:
-    """Refuse an observer that is faster than its samples.
-
-    At 1/step what it estimates, once cancelled, still bears two samples of delay that nobody told
-    it of, or a model 5.7 times too heavy; from 1.4/step on two samples make it unstable. The noise
-    of xi is 0.44 sigma/step there where that of speeds is sigma, and 0.016 at 0.1/step.
-    """
-    if bandwidth * step > 1.0 + 1e-9:
-        expected = f"at most 1/step ({1.0 / step:g} rad/s)"
-        raise checks.ArgumentError("observer", expected, f"{bandwidth:g} rad/s")

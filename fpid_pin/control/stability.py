@@ -13,8 +13,9 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.baselines import Pid
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.frozen import gain_table, terms_of, without_memory
+from fpid_pin.control.frozen import gain_table, linearised, terms_of
 from fpid_pin.control.gains import gain_ceilings
+from fpid_pin.control.observed import beside, observer_system
 from fpid_pin.control.sampled import (
     ComplexArray,
     LinearSystem,
@@ -134,7 +135,8 @@ def stability_report(
         The nominal arm, which is also taken for the plant.
     controller
         Adaptive laws count with fixed parameters: adaptation is slow beside the loop. Torque
-        limits and dry friction are left out, and so is a supervisor: it is silent at rest.
+        limits and dry friction are left out, and so is a supervisor: it is silent at rest. A
+        disturbance observer counts, and so does the integral of a law in NumPy.
     step, horizon
         [s].
     gains
@@ -147,7 +149,7 @@ def stability_report(
     ------
     ArgumentError
         A fractional design that keeps the past instead of modes, or a law whose torque jumps at
-        home: sgn without a boundary layer.
+        home: sgn without a boundary layer; a kernel that has a memory.
 
     Notes
     -----
@@ -171,8 +173,12 @@ def stability_report(
         path = np.zeros((len(z), n, 2 * n), dtype=np.complex128)
         for j in range(n):
             path[:, j, [j, n + j]] = seen[j]
+        if isinstance(controller, AdaptiveFpid) and controller.observer:
+            observer = observer_system(arm, arm.home, controller.observer, step)
+            direct, asked = np.split(observer.response(z), [2 * n], axis=2)
+            law, path = beside(law, observer), direct + asked @ path
     else:
-        law = without_memory(arm, controller, step)
+        law = linearised(arm, controller, step)
         path = law.response(z)
     radius, dominant = _poles(plant, law.observed(), step)
     loop = path @ plant.response(z)

@@ -12,6 +12,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.arms.fleet import Fleet
 from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.control.disturbance import DisturbanceObserver
 from fpid_pin.control.parameters import number_fields, stack
 from fpid_pin.exceptions import SimulationError
 
@@ -70,6 +71,12 @@ class LawState(State):
         Signals for the record, (runs, n), likewise.
     cut : ndarray, (runs, n)
         By how much the last torque was cut by the effort limit [N m].
+    int_e : ndarray, (runs, n)
+        What `integral` has come to [rad s].
+    observer : DisturbanceObserver or None
+        See `observe`.
+    known : ndarray or None
+        What `disturbance` is to answer, whatever an observer makes of it: to linearise laws by.
     """
 
     def __init__(self, controllers: Sequence[Any], arm: Arm, step: float) -> None:
@@ -82,7 +89,9 @@ class LawState(State):
         self._limit = np.broadcast_to(arm.effort_limit, shape)
         self._fleet = Fleet([arm], self.runs)
         self._last: tuple[FloatArray, FloatArray] | None = None
-        self._int_e: FloatArray = np.zeros(shape)
+        self.int_e: FloatArray = np.zeros(shape)
+        self.observer: DisturbanceObserver | None = None
+        self.known: FloatArray | None = None
         self.law.begin(self)
 
     def tick(self, inputs: FloatArray) -> None:
@@ -111,9 +120,11 @@ class LawState(State):
     def retire(self, run: int) -> None:
         """See `State.retire`."""
         super().retire(run)
-        for array in (*self.memory.values(), *self.shown.values(), self._int_e):
+        for array in (*self.memory.values(), *self.shown.values(), self.int_e):
             if isinstance(array, np.ndarray):
                 array[run] = 0.0
+        if self.observer is not None:
+            self.observer.retire(run)
 
     # ------------------------------------------------------------------ for the law
 
@@ -132,9 +143,36 @@ class LawState(State):
             e_, e_dot_ = self._last
             growth = 0.5 * h * (e + e_) + h * h / 12.0 * (e_dot_ - e_dot)
             growth[self.winds_up(e)] = 0.0
-            self._int_e += growth
+            self.int_e += growth
         self._last = (e.copy(), e_dot.copy())
-        return self._int_e
+        return self.int_e
+
+    def observe(self, bandwidth: FloatArray) -> None:
+        """Ask, in `Controller.begin`, for the disturbance observer that `AdaptiveFpid` has.
+
+        Parameters
+        ----------
+        bandwidth
+            [rad/s], (runs, n), one for all joints of a run; 0: none.
+
+        Raises
+        ------
+        ArgumentError
+            An observer faster than the sampling allows.
+        """
+        if bandwidth.any():
+            self.observer = DisturbanceObserver(self.arm, bandwidth[:, 0], self.step)
+
+    def disturbance(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        """Return the torque that acts and that the nominal model knows nothing of, once a tick.
+
+        (runs, n) [N m], as observed; 0 where `observe` was not asked for.
+        """
+        if self.known is not None:
+            return self.known
+        if self.observer is None:
+            return np.zeros_like(q)
+        return self.observer.observe(self.alive, q, v, self.torque)
 
     def gravity(self, q: FloatArray) -> FloatArray:
         """Return G(q) of the nominal model, (runs, n) [N m]."""

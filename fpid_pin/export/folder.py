@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from fpid_pin.control import Controller
     from fpid_pin.simulation import Experiment
 
+#: Of test vectors: some hundred megabytes.
+MOST_TICKS = 1_000_000
 #: Ticks over which operations are counted, line by line, in Python.
 _COUNTED = 20
 
@@ -53,7 +55,7 @@ def export_c(
     horizon
         Longest time that it will run [s]; fractional memories are fitted for it.
     ticks
-        Length of ``vectors.bin``, at most.
+        Length of ``vectors.bin``, at most; a million is the most.
     experiment
         What ``vectors.bin`` is recorded in; None: motions within the joints' limits, and errors
         from none to half a radian, whatever the controller answers.
@@ -79,7 +81,7 @@ def export_c(
     if kind_of(path) is not None:
         raise ExportError(f"{path}: expected a new folder, got one that exists")
     step = checks.number("step", step, above=0.0)
-    ticks = checks.integer("ticks", ticks, low=1)
+    ticks = checks.integer("ticks", ticks, low=1, high=MOST_TICKS)
     law = law_of(controller, arm, step, horizon)
     source = CSource(law, step)
     ticks = min(ticks, round(horizon / step))

@@ -138,7 +138,8 @@ def law_of(controller: Controller, arm: Arm, step: float, horizon: float) -> Law
     Raises
     ------
     ExportError
-        More joints than `MOST_JOINTS`, or a law without kernel.
+        More joints than `MOST_JOINTS`, a law without kernel, or computed torque with an integral or
+        an observer.
     ArmError
         A law that needs the model, of an arm with other joints than revolute and prismatic ones.
     ArgumentError
@@ -150,6 +151,12 @@ def law_of(controller: Controller, arm: Arm, step: float, horizon: float) -> Law
     if isinstance(controller, AdaptiveFpid):
         return _fpid(controller, arm, step, horizon)
     if type(controller) is ComputedTorque:
+        if np.any(controller.ki) or controller.observer:
+            raise ExportError(
+                "ComputedTorque: expected one without an integral or an observer, got "
+                f"ki = {controller.ki}, observer = {controller.observer:g} rad/s: only an "
+                "AdaptiveFpid is exported with those"
+            )
         return _computed(controller, arm)
     if type(controller).kernel is not None:
         return _own(controller, arm, step, horizon)

@@ -7,6 +7,7 @@ import fcntl
 import json
 import logging
 import os
+import secrets
 import subprocess
 import sys
 import time
@@ -23,6 +24,8 @@ from fpid_pin.exceptions import FpidError
 
 PORT = 7000
 _START_LIMIT = 20.0
+# Keys taken at a time, and reads of 64 kB to find them: whatever the server has, the loop goes on.
+_KEYS, _READS = 128, 4
 _log = logging.getLogger("fpid_pin")
 
 Announce = Callable[[str], None]
@@ -31,7 +34,8 @@ Announce = Callable[[str], None]
 class LiveLink:
     """A live page and the process that serves it; a context manager.
 
-    Sending never waits: a frame that the server has no room for is dropped.
+    Sending never waits: a frame that the server has no room for is dropped. The page's address
+    holds a token of 144 random bits; who does not know it is neither served nor heard.
 
     Parameters
     ----------
@@ -65,13 +69,17 @@ class LiveLink:
         assert self._process.stdout is not None
         self._out, self._in = self._process.stdin.fileno(), self._process.stdout.fileno()
         _unblock(self._in)
+        token, once = secrets.token_urlsafe(18), secrets.token_urlsafe(18)
         try:
+            os.write(self._out, f"{token}\n{once}\n".encode())
             self.port = self._wait_for_port()
             self._send_whole(b"P", page.encode("utf-8"))
         except BaseException:
             self.close()
             raise
-        self.url = f"http://127.0.0.1:{self.port}/"
+        self.url = f"http://127.0.0.1:{self.port}/{token}/"
+        # A browser's arguments are in the list of processes, which every user can read.
+        self._once = f"http://127.0.0.1:{self.port}/{once}/"
         _unblock(self._out)
         if self.port != asked:
             self._announce(f"port {asked} is in use; taking {self.port}")
@@ -125,9 +133,12 @@ class LiveLink:
 
     def _listen(self) -> None:
         try:
-            while chunk := os.read(self._in, 65536):
+            for _ in range(_READS):
+                chunk = os.read(self._in, 65536)
+                if not chunk:
+                    self.alive = False
+                    break
                 self._lines += chunk
-            self.alive = False
         except BlockingIOError:
             pass
         except OSError:
@@ -139,17 +150,17 @@ class LiveLink:
             self.viewers = int(news.get("viewers", self.viewers))
 
     def keys(self) -> str:
-        """Return the keys pressed in the page since last asked; never waits."""
+        """Return the keys pressed in the page since last asked, the first 128; never waits."""
         self._listen()
-        pressed = "".join(str(news["key"]) for news in self._news if "key" in news)
+        pressed = [str(news["key"]) for news in self._news if "key" in news]
         self._news.clear()
-        return pressed
+        return "".join(pressed[:_KEYS])
 
     def show(self, open_browser: bool) -> None:
         """Open the page in a browser, or say where it is."""
         if open_browser and can_open_browser():
             try:
-                opened = webbrowser.open(self.url, new=2)
+                opened = webbrowser.open(self._once, new=2)
             except webbrowser.Error:
                 opened = False
             if opened:

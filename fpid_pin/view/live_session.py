@@ -24,6 +24,8 @@ from fpid_pin.view.scene import live_scene
 
 HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"
 _PUSH_TIME = 0.2
+# Keys obeyed between two frames; a held key comes at some 30 Hz.
+_KEYS = 16
 # The reference is looked at this far ahead to place the camera, s.
 _PREVIEW = 20.0
 
@@ -76,10 +78,10 @@ class _Hands:
         self.pushes: list[tuple[float, str, float]] = []
 
     def take(self, keys: str) -> bool:
-        """Obey keys; False for the one that ends the session."""
-        for key in keys:
-            if key == "q":
-                return False
+        """Obey keys, the first few; False for the one that ends the session, wherever it is."""
+        if "q" in keys:
+            return False
+        for key in keys[:_KEYS]:
             if key.isdecimal() and 1 <= int(key) <= self._arm.n:
                 self._joint = int(key) - 1
                 self.say(f"joint {self._arm.joint_names[self._joint]}")
@@ -167,9 +169,8 @@ def live(
     if view:
         motion = experiment.motion(np.linspace(0.0, _PREVIEW, 200))[0]
         motion = np.concatenate([np.asarray(experiment.q0).reshape(1, -1), motion])
-        scene = live_scene([arm], [""], stage([arm], [motion]))
-        title = getattr(controller, "name", "") or "live"
-        scene["runs"][0]["caption"] = title
+        title = str(getattr(controller, "name", "") or "live")
+        scene = live_scene([arm], [title], stage([arm], [motion]))
         link = LiveLink(render(scene, title), port=port, announce=announce)
 
     def tick() -> bool:

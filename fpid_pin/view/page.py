@@ -5,55 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from html import escape
-from importlib import resources, util
+from importlib import util
 from pathlib import Path
 from typing import Any
 
 from fpid_pin.exceptions import FpidError
+from fpid_pin.text import cut, visible
+from fpid_pin.view.document import asset, document
 from fpid_pin.view.scene import to_script_json
 
-# Nothing may be fetched: whatever a run's file says, the page cannot call home.
-SEALED = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'"
-)
-_LIVE = SEALED + "; connect-src ws://127.0.0.1:* ws://localhost:*"
-
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{title}</title>
-<link rel="icon" href="data:,">
-<style>{style}</style>
-<!--
-{licences}
--->
-</head>
-<body>
-<div id="meshcat-pane"></div>
+_BODY = """<div id="meshcat-pane"></div>
 <details id="panel" open><summary>{title}</summary><div id="runs"></div>
 <p id="legend"></p></details>
 <div id="message" role="alert" hidden></div>
 <div id="clock"><button id="play" type="button" >Pause</button>
 <input id="seek" type="range" min="0" max="1" step="any" value="0" aria-label="time">
-<output id="time">t = 0.00 s</output></div>
-<script>{meshcat}</script>
-<script>const SCENE = {scene};</script>
-<script>{bodies}</script>
-<script>{replay}</script>
-</body>
-</html>
-"""
-
-
-@cache
-def asset(name: str) -> str:
-    """Return the text of a file of this room's assets."""
-    return (resources.files("fpid_pin.view") / "assets" / name).read_text(encoding="utf-8")
+<output id="time">t = 0.00 s</output></div>"""
 
 
 @cache
@@ -70,8 +37,8 @@ def meshcat_file(name: str) -> str:
 
 
 def licences(credits: list[str]) -> str:
-    """Return who made what is embedded in a page, fit for an HTML comment."""
-    text = "\n".join(
+    """Return who made what is embedded in a page."""
+    return "\n".join(
         [
             "This page embeds MeshCat (github.com/meshcat-dev/meshcat):",
             meshcat_file("LICENSE"),
@@ -80,7 +47,6 @@ def licences(credits: list[str]) -> str:
             *(f"Robot description: {credit}" for credit in credits),
         ]
     )
-    return text.replace("--", "- -").replace(">", "")
 
 
 def render(scene: Mapping[str, Any], title: str) -> str:
@@ -93,13 +59,16 @@ def render(scene: Mapping[str, Any], title: str) -> str:
     title
         Plain text.
     """
-    return _PAGE.format(
-        policy=_LIVE if scene["live"] else SEALED,
-        title=escape(title),
+    return document(
+        title,
         style=asset("replay.css"),
-        licences=licences(scene["credits"]),
-        meshcat=meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
-        scene=to_script_json(scene),
-        bodies=asset("bodies.js"),
-        replay=asset("replay.js"),
+        body=_BODY.format(title=escape(cut(visible(title)))),
+        scripts=[
+            meshcat_file("dist/main.min.js"),
+            f"const SCENE = {to_script_json(scene)};",
+            asset("bodies.js"),
+            asset("replay.js"),
+        ],
+        comment=licences(scene["credits"]),
+        live=scene["live"],
     )

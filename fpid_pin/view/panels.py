@@ -10,7 +10,7 @@ import numpy as np
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
-from fpid_pin.view.style import new_figure, thinned
+from fpid_pin.view.style import lettering, new_figure, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,6 +43,11 @@ def names_of(run: Run) -> list[str]:
         return list(run.arm.joint_names)
     except (KeyError, FpidError):
         return [f"joint {j + 1}" for j in range(run.q.shape[1])]
+
+
+def lettered_names(run: Run) -> list[str]:
+    """Return the joints' names as figures show them."""
+    return [lettering(name) for name in names_of(run)]
 
 
 def line(axes: Axes, t: FloatArray, y: FloatArray, label: str = "", **look: Any) -> None:
@@ -86,6 +91,7 @@ def shared_legend(figure: Figure, captions: Sequence[str]) -> None:
 
     A legend of a panel would be as wide as its captions, whatever is left for the panels.
     """
+    captions = [lettering(caption) for caption in captions]
     longest = max(len(caption) for caption in captions)
     width = figure.get_size_inches()[0]
     most = max(int(width / (_CAPTION_BASE + _CAPTION_LETTER * longest)), 1)

@@ -10,8 +10,8 @@ import numpy as np
 from fpid_pin.simulation.run import Run
 from fpid_pin.view import plots
 from fpid_pin.view.export import as_runs
-from fpid_pin.view.panels import REFERENCE, has_gains, has_supervisor, limits_of, names_of
-from fpid_pin.view.style import new_figure, styled, thinned
+from fpid_pin.view.panels import REFERENCE, has_gains, has_supervisor, lettered_names, limits_of
+from fpid_pin.view.style import lettering, new_figure, styled, thinned
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +31,7 @@ def response(run: Run, heading: str = "") -> Figure:
     figure, axes = new_figure(3, 1, 6.6, 6.6)
     track, control, error = (row[0] for row in axes)
     n = run.q.shape[1]
-    for j, name in enumerate(names_of(run)):
+    for j, name in enumerate(lettered_names(run)):
         colour = f"C{j % 7}"
         track.plot(*thinned(run.t, run.q[:, j]), color=colour, label=f"{name}, actual")
         look = REFERENCE | {"label": "desired" if j == n - 1 else "_"}
@@ -49,7 +49,7 @@ def response(run: Run, heading: str = "") -> Figure:
         panel.legend(
             loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=min(columns, 4), borderaxespad=0.1
         )
-    figure.suptitle(heading or run.name, fontsize=10)
+    figure.suptitle(lettering(heading or run.name), fontsize=10)
     return figure
 
 

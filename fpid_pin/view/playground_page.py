@@ -21,7 +21,8 @@ from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import plant_of
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
-from fpid_pin.view.page import SEALED, asset, licences, meshcat_file
+from fpid_pin.view.document import as_text, asset, closed, document
+from fpid_pin.view.page import licences, meshcat_file
 from fpid_pin.view.playground_engine import Engine, require_playable
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.playground_supervisor import supervision, supervisor_of
@@ -29,6 +30,10 @@ from fpid_pin.view.scene import Buffers, arm_scene, to_script_json
 
 #: Points of a curve: two for each of so many spans of time.
 SHOWN = 1200
+_SCRIPTS = (
+    "playground_settings", "playground_plots", "playground_scene", "bodies", "playground_controls",
+    "playground",
+)  # fmt: skip
 
 
 class Playground:
@@ -113,23 +118,20 @@ def playground_html(
     shown = engine.table() | settings.outside(experiment) | {"shown": SHOWN}
     shown["supervision"] = [supervision(experiment, c) for c in laws]
     title = title or f"{experiment.arm.name}, adaptive fractional PID"
-    return _PAGE.format(
-        policy=SEALED,
-        title=escape(title),
+    outside = to_script_json({key: shown[key] for key in ("duration", "shown", "disturbance")})
+    return document(
+        title,
         style=asset("uPlot.min.css") + asset("playground.css"),
-        licences=licences(_credits(experiment)) + _uplot_licence(),
-        meshcat=meshcat_file("dist/main.min.js").replace("</script", "<\\/script"),
-        uplot=asset("uPlot.iife.min.js"),
-        engine=_worker(engine, shown),
-        scene=to_script_json(_scene(experiment)),
-        outside=to_script_json({key: shown[key] for key in ("duration", "shown", "disturbance")}),
-        page=to_script_json(_page(experiment, laws, starts, steps, title)),
-        scripts="".join(
-            f"<script>{asset(f'{name}.js')}</script>\n"
-            for name in ("playground_settings", "playground_plots", "playground_scene", "bodies",
-                         "playground_controls", "playground")
-        ),
-    )  # fmt: skip
+        body=_BODY.format(title=as_text(title), engine=_worker(engine, shown)),
+        scripts=[
+            meshcat_file("dist/main.min.js"),
+            asset("uPlot.iife.min.js"),
+            f"const SCENE = {to_script_json(_scene(experiment))}, ENGINE = {outside}, "
+            f"PAGE = {to_script_json(_page(experiment, laws, starts, steps, title))};",
+            *(asset(f"{name}.js") for name in _SCRIPTS),
+        ],
+        comment=licences(_credits(experiment)) + _uplot_licence(),
+    )
 
 
 def _credits(e: Experiment) -> list[str]:
@@ -139,7 +141,7 @@ def _credits(e: Experiment) -> list[str]:
 def _uplot_licence() -> str:
     return "\nThe plots are drawn by uPlot (github.com/leeoniya/uPlot):\n" + asset(
         "uPlot.LICENSE.txt"
-    ).replace("--", "- -").replace(">", "")
+    )
 
 
 def _worker(engine: Engine, table: dict[str, Any]) -> str:
@@ -148,7 +150,7 @@ def _worker(engine: Engine, table: dict[str, Any]) -> str:
         f"const K = (() => {{\n{engine.text}}})();\n",
         *(asset(f"playground_{name}.js") for name in ("noise", "engine", "worker")),
     ]
-    return "".join(parts).replace("</script", "<\\/script")
+    return closed("".join(parts))
 
 
 def _scene(e: Experiment) -> dict[str, Any]:
@@ -188,22 +190,8 @@ def _page(
     }  # fmt: skip
 
 
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{policy}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{title}</title>
-<link rel="icon" href="data:,">
-<style>{style}</style>
-<!--
-{licences}
--->
-</head>
-<body>
-<header><h1>{title}</h1>
+# The engine is no script of the page, but the text that its worker is made from.
+_BODY = """<header><h1>{title}</h1>
 <label id="laws">Controller <select id="controller"></select></label>
 <label>Preset <select id="preset"><option value="">choose …</option></select></label>
 <div class="tools"><button id="undo" type="button">Undo</button>
@@ -247,10 +235,4 @@ _PAGE = """<!DOCTYPE html>
 <div class="tools"><button id="copy" type="button">Copy</button>
 <button id="save" type="button">Save as file</button><button id="close" type="button">Close</button>
 <span id="copied" role="status"></span></div></dialog>
-<script>{meshcat}</script>
-<script>{uplot}</script>
-<script type="text/plain" id="engine">{engine}</script>
-<script>const SCENE = {scene}, ENGINE = {outside}, PAGE = {page};</script>
-{scripts}</body>
-</html>
-"""
+<script type="text/plain" id="engine">{engine}</script>"""

@@ -23,17 +23,17 @@ from fpid_pin.view.panels import (
     has_orders,
     has_supervisor,
     legend,
+    lettered_names,
     limits_of,
     line,
     looks_of,
-    names_of,
     require_same_joints,
     shared_legend,
     threshold_of,
 )
 from fpid_pin.view.scene import captions_of
 from fpid_pin.view.searches import convergence, cost_map
-from fpid_pin.view.style import figure_bytes, new_figure, save_figure, styled
+from fpid_pin.view.style import figure_bytes, lettering, new_figure, save_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +58,7 @@ __all__ = [
 def tracking(run: Run) -> Figure:
     """Draw each joint's angle and its reference over time."""
     figure, axes = grid(run, 1.6)
-    for j, (panel, name) in enumerate(zip(axes, names_of(run), strict=True)):
+    for j, (panel, name) in enumerate(zip(axes, lettered_names(run), strict=True)):
         draw_tracking(panel, run, j)
         panel.set(title=name, ylabel="angle, rad")
     legend(axes[0], 2)
@@ -72,7 +72,7 @@ def error(runs: Run | Sequence[Run]) -> Figure:
     require_same_joints(several)
     figure, axes = grid(several[0], 1.5)
     looks = looks_of(several)
-    for j, (panel, name) in enumerate(zip(axes, names_of(several[0]), strict=True)):
+    for j, (panel, name) in enumerate(zip(axes, lettered_names(several[0]), strict=True)):
         for run, look in zip(several, looks, strict=True):
             line(panel, run.t, run.error[:, j], **look)
         panel.set(title=name, ylabel="$q_d - q$, rad")
@@ -86,7 +86,7 @@ def torque(run: Run) -> Figure:
     """Draw each joint's torque, with its limit where there is one."""
     figure, axes = grid(run, 1.5)
     limits = limits_of(run)
-    for j, (panel, name) in enumerate(zip(axes, names_of(run), strict=True)):
+    for j, (panel, name) in enumerate(zip(axes, lettered_names(run), strict=True)):
         draw_torque(panel, run, j, float(limits[j]))
         panel.set(title=name, ylabel="torque, N m")
     if np.isfinite(limits).any():
@@ -115,12 +115,12 @@ def gains(run: Run) -> Figure:
         curves, units = (*GAINS, *ORDERS), (*units, "", "")
     figure, axes = new_figure(len(curves), 1, WIDTH, 5.0 * len(curves) / len(GAINS))
     for (panel,), (name, label), unit in zip(axes, curves, units, strict=True):
-        for j, joint in enumerate(names_of(run)):
+        for j, joint in enumerate(lettered_names(run)):
             line(panel, run.t, run.signals[name][:, j], joint)
         panel.set(ylabel=f"{label}, {unit}".removesuffix(", "))
         if not unit:
             panel.set_ylim(-0.03, 1.03)
-    axes[0][0].set_title(run.name)
+    axes[0][0].set_title(lettering(run.name))
     legend(axes[0][0], min(run.q.shape[1], 4))
     axes[-1][0].set_xlabel("time, s")
     return figure
@@ -137,7 +137,7 @@ def phase_plane(run: Run) -> Figure:
     for spare in flat[n:]:
         spare.set_visible(False)
     e, rate = run.error, run.v_ref - run.v
-    for j, (panel, name) in enumerate(zip(flat, names_of(run), strict=False)):
+    for j, (panel, name) in enumerate(zip(flat, lettered_names(run), strict=False)):
         stride = max(len(run.t) // 6000, 1)
         panel.plot(e[::stride, j], rate[::stride, j], linewidth=0.9)
         panel.plot(e[0, j], rate[0, j], "o", color="#262626", fillstyle="none", markersize=5)
@@ -163,9 +163,9 @@ def lyapunov(run: Run) -> Figure:
     threshold = threshold_of(run)
     if threshold is not None:
         upper.axhline(threshold, label="$V_M$", color="#D55E00", linestyle=":")
-    upper.set(ylabel="$V$", title=f"{run.name}: Lyapunov function")
+    upper.set(ylabel="$V$", title=f"{lettering(run.name)}: Lyapunov function")
     legend(upper, 2)
-    for j, name in enumerate(names_of(run)):
+    for j, name in enumerate(lettered_names(run)):
         line(lower, run.t, run.signals["u_s"][:, j], name)
     acting = np.abs(run.signals["u_s"]).max(axis=1) > 0.0
     part = 100.0 * float(acting.mean())
@@ -183,7 +183,7 @@ def comparison(runs: Sequence[Run]) -> Figure:
     require_same_joints(several)
     n, looks = several[0].q.shape[1], looks_of(several)
     figure, axes = new_figure(n, 2, 1.35 * WIDTH, 0.6 + 1.5 * n)
-    for j, name in enumerate(names_of(several[0])):
+    for j, name in enumerate(lettered_names(several[0])):
         left, right = axes[j]
         for run, look in zip(several, looks, strict=True):
             line(left, run.t, run.error[:, j], **look)
@@ -202,7 +202,7 @@ def plot(run: Run) -> Figure:
 
     Orders that move have a panel, too.
     """
-    n, names = run.q.shape[1], names_of(run)
+    n, names = run.q.shape[1], lettered_names(run)
     rows = 3 + has_gains(run) + has_orders(run)
     figure, axes = new_figure(rows, 1, WIDTH, 1.7 * rows + 0.3)
     angle, e, u, *more = (row[0] for row in axes)
@@ -212,7 +212,7 @@ def plot(run: Run) -> Figure:
         line(e, run.t, run.error[:, j])
         line(u, run.t, run.torque[:, j])
     angle.set(ylabel="angle, rad")
-    figure.suptitle(f"{run.name}: {run.outcome}", fontsize=10)
+    figure.suptitle(f"{lettering(run.name)}: {lettering(run.outcome)}", fontsize=10)
     legend(angle, min(n + 1, 4))
     e.set(ylabel="$q_d - q$, rad")
     u.set(ylabel="torque, N m")

@@ -6,7 +6,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from html import escape
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +14,7 @@ import numpy as np
 from fpid_pin.costs import Metrics
 from fpid_pin.files import replacing
 from fpid_pin.simulation.run import Run
+from fpid_pin.view.document import as_text, asset, document
 from fpid_pin.view.export import as_runs, replay_html
 from fpid_pin.view.panels import names_of
 from fpid_pin.view.paper_figures import figures as standard_figures
@@ -28,13 +28,11 @@ if TYPE_CHECKING:
 #: numbers are set to four significant digits.
 Table = Sequence[Sequence[object]] | Sequence[Mapping[str, object]]
 
+# What a configuration's text is laid out by.
+_LINES = "\n\t"
 #: More arms than these side by side cannot be told apart on a screen.
 MOST_IN_REPLAY = 6
 
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'"
-)
 _UNITS = {
     "ise": "rad² s", "iae": "rad s", "itae": "rad s²", "rms": "rad", "rms_tail": "rad",
     "energy": "(N m)² s", "total_variation": "N m", "peak_torque": "N m",
@@ -96,23 +94,23 @@ def report_html(
     names = captions_of(several, captions)
     drawn = standard_figures(several) if figures is None else figures
     shown = {"Figures of merit": metrics_table(several, names)} if tables is None else tables
-    parts = [_outcomes(several, names)]
+    parts, replay = [_outcomes(several, names)], ""
     if embed_replay:
         first = slice(MOST_IN_REPLAY)
-        page = replay_html(several[first], captions=names[first], title=title)
+        replay = replay_html(several[first], captions=names[first], title=title)
         heading = "Replay"
         if len(several) > MOST_IN_REPLAY:
             heading += f" of the first {MOST_IN_REPLAY} runs"
         parts.append(_section(heading, f'<iframe title="replay" sandbox="allow-scripts" '
-                              f'srcdoc="{escape(page)}"></iframe>'))  # fmt: skip
+                              f'srcdoc="{escape(replay)}"></iframe>'))  # fmt: skip
     parts += [_section(heading, _table(rows)) for heading, rows in shown.items()]
     if drawn:
         cells = "".join(_figure(name, figure) for name, figure in drawn.items())
         parts.append(_section("Figures", f'<div class="figures">{cells}</div>'))
     if config_text:
-        parts.append(_section("Configuration", f"<pre>{escape(config_text)}</pre>"))
+        parts.append(_section("Configuration", f"<pre>{as_text(config_text, keep=_LINES)}</pre>"))
     parts.append(_section("Versions", _table(_versions(several, names))))
-    text = _page(title, parts)
+    text = _page(title, parts, replay)
     path = Path(path)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -146,7 +144,7 @@ def _cell(value: object) -> str:
         return "yes" if value else "no"
     if isinstance(value, (float, np.floating)):
         return f"{value:.4g}"
-    return escape(str(value))
+    return as_text(str(value))
 
 
 def _rows(table: Table) -> list[list[object]]:
@@ -181,7 +179,7 @@ def _figure(name: str, figure: Figure) -> str:
     width, height = figure.get_size_inches()
     kind = ' class="broad"' if width > 8.0 and width > 1.3 * height else ""
     svg = inline_svg(figure, name)
-    return f"<figure{kind}>{svg}<figcaption>{escape(caption)}</figcaption></figure>"
+    return f"<figure{kind}>{svg}<figcaption>{as_text(caption)}</figcaption></figure>"
 
 
 def inline_svg(figure: Figure, name: str) -> str:
@@ -194,13 +192,13 @@ def inline_svg(figure: Figure, name: str) -> str:
     text = re.sub(r'\bid="', f'id="{prefix}', text)
     text = re.sub(r'href="#', f'href="#{prefix}', text)
     text = text.replace("url(#", f"url(#{prefix}")
-    return text.replace("<svg ", f'<svg role="img" aria-label="{escape(name)}" ', 1)
+    return text.replace("<svg ", f'<svg role="img" aria-label="{as_text(name)}" ', 1)
 
 
 def _outcomes(runs: Sequence[Run], captions: Sequence[str]) -> str:
     return "".join(
         f'<p class="{"about" if run.outcome.completed else "ended"}">'
-        f"{escape(caption)}: {escape(str(run.outcome))}</p>"
+        f"{as_text(caption)}: {as_text(str(run.outcome))}</p>"
         for run, caption in zip(runs, captions, strict=True)
     )
 
@@ -210,22 +208,19 @@ def _anchor(heading: str) -> str:
 
 
 def _section(heading: str, content: str) -> str:
-    return f'<section id="{_anchor(heading)}"><h2>{escape(heading)}</h2>{content}</section>'
+    return f'<section id="{_anchor(heading)}"><h2>{as_text(heading)}</h2>{content}</section>'
 
 
-def _page(title: str, parts: Sequence[str]) -> str:
-    style = (resources.files("fpid_pin.view") / "assets" / "report.css").read_text("utf-8")
+def _page(title: str, parts: Sequence[str], replay: str) -> str:
     links = "".join(
         f'<a href="#{anchor}">{heading}</a>'
         for part in parts
         for anchor, heading in re.findall(r'^<section id="([^"]*)"><h2>(.*?)</h2>', part)
     )
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        '<meta name="color-scheme" content="light dark">'
-        f'<title>{escape(title)}</title><link rel="icon" href="data:,"><style>{style}</style>'
-        f"</head><body><main><h1>{escape(title)}</h1>{parts[0]}<nav>{links}</nav>"
-        f"{''.join(parts[1:])}</main></body></html>\n"
+    head = f"<main><h1>{as_text(title)}</h1>{parts[0]}<nav>{links}</nav>"
+    return document(
+        title,
+        style=asset("report.css"),
+        body=f"{head}{''.join(parts[1:])}</main>",
+        embedded=replay,
     )

@@ -15,6 +15,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import cut, visible
 from fpid_pin.view.camera import Stage, stage
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of, tool_placement
 
@@ -25,6 +26,8 @@ _CODES = {"float32": "f4", "uint16": "u2", "uint32": "u4"}
 _STEPS = 65535
 #: Of a replay: a run of nine hours at 30 a second, some ten megabytes a joint.
 MOST_FRAMES = 1_000_000
+#: Characters of a caption or a joint's name: what a picture has room for.
+_CAPTION = 80
 
 
 class Buffers:
@@ -72,12 +75,16 @@ def captions_of(runs: Sequence[Run], captions: Sequence[str] | None) -> list[str
         texts = [captions] if isinstance(captions, str) else [str(text) for text in captions]
         if len(texts) != len(runs):
             raise ArgumentError("captions", f"{len(runs)} (one a run)", f"{len(texts)}")
-        return texts
-    names = [run.name for run in runs]
+        return [_short(text) for text in texts]
+    names = [_short(run.name) for run in runs]
     return [
         name if names.count(name) == 1 else f"{name} ({names[:k].count(name) + 1})"
         for k, name in enumerate(names)
     ]
+
+
+def _short(text: str) -> str:
+    return cut(visible(text), _CAPTION)
 
 
 def replay_scene(
@@ -110,7 +117,7 @@ def replay_scene(
         for name, array in (("t", t), ("q", q), ("q_ref", q_ref), ("torque", torque)):
             entry[name] = buffers.add(array.astype(np.float32))
         if not run.outcome.completed:
-            entry["outcome"] = str(run.outcome)
+            entry["outcome"] = visible(str(run.outcome))
     scene |= {"duration": max(float(t[-1]) for t, *_ in samples), "live": False}
     return scene | {"buffers": buffers.table}
 
@@ -132,7 +139,7 @@ def arm_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dic
             described.append(_arm_table(arm, buffers))
         runs.append(
             {
-                "caption": caption,
+                "caption": _short(caption),
                 "arm": known.index(arm),
                 "offset": place.offsets[k].tolist(),
                 "top": float(place.heights[k]),
@@ -160,7 +167,7 @@ def _arm_table(arm: Arm, buffers: Buffers) -> dict[str, Any]:
         limit = float(arm.effort_limit[j])
         joints.append(
             {
-                "name": arm.joint_names[j],
+                "name": _short(arm.joint_names[j]),
                 "placement": _column_major(arm.model.jointPlacements[j + 1].homogeneous),
                 "axis": joint_axis(arm.model, j).tolist(),
                 "slides": arm.joint_kinds[j] == PRISMATIC,
@@ -169,7 +176,7 @@ def _arm_table(arm: Arm, buffers: Buffers) -> dict[str, Any]:
         )
     joint, placement = tool_placement(arm)
     return {
-        "name": arm.name,
+        "name": _short(arm.name),
         "joints": joints,
         "tool": {"joint": joint, "placement": _column_major(placement)},
         "shapes": [_shape_table(shape, buffers) for shape in shapes_of(arm)],

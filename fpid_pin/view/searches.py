@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.view.style import new_figure, styled
+from fpid_pin.view.style import lettering, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -64,7 +64,7 @@ def cost_map(
     for k, (label, point) in enumerate((marks or {}).items()):
         panel.plot(
             float(point[0]), float(point[1]), _MARKS[k % len(_MARKS)], color="#D55E00",
-            markeredgecolor="white", markersize=9, label=label, linestyle="none",
+            markeredgecolor="white", markersize=9, label=lettering(label), linestyle="none",
         )  # fmt: skip
     if marks:
         # Below the map: beside or above it, long names would squeeze it.
@@ -105,7 +105,9 @@ def convergence(history: ArrayLike | Mapping[str, ArrayLike]) -> Figure:
         positive &= bool((costs[np.isfinite(costs)] > 0.0).all())
         shown = np.where(np.isfinite(costs), costs, np.nan)
         generations = np.arange(1, costs.size + 1)
-        panel.plot(generations, shown, dash, label=name, marker="." if costs.size < 30 else "")
+        panel.plot(
+            generations, shown, dash, label=lettering(name), marker="." if costs.size < 30 else ""
+        )
     if positive:
         panel.set_yscale("log")
     panel.set(xlabel="generation", ylabel="cost")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import re
 from collections.abc import Callable
 from importlib import resources
 from io import BytesIO
@@ -16,7 +17,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
-from fpid_pin.text import shown
+from fpid_pin.text import cut, shown, visible
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,6 +35,10 @@ FORMATS = ("svg", "pdf", "png")
 INK = "#262626"
 #: Points drawn of one curve at most: finer than any printer or screen shows.
 _MOST = 1200
+#: Letters drawn of a name at most: a legend as wide as a page leaves no room for curves.
+_LETTERS = 80
+# What XML does not hold, not even as a reference.
+_NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @functools.cache
@@ -102,7 +107,11 @@ def figure_bytes(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
             engine.execute(figure)
             figure.set_layout_engine("none")
         figure.savefig(buffer, format=kind, dpi=dpi, metadata=empty[kind])
-    return buffer.getvalue()
+    data = buffer.getvalue()
+    if kind == "svg":
+        # Of figures that are not ours: letters are drawn as paths, and named in comments.
+        data = _NOT_XML.sub("\ufffd", data.decode("utf-8")).encode("utf-8")
+    return data
 
 
 def save_figure(figure: Figure, path: str | Path, *, dpi: float = 150.0) -> Path:
@@ -134,6 +143,16 @@ def save_figure(figure: Figure, path: str | Path, *, dpi: float = 150.0) -> Path
     with replacing(path) as temporary:
         temporary.write_bytes(data)
     return path
+
+
+def lettering(text: object) -> str:
+    """Return a name as figures show it: what it says, and no formula, command or hint in it.
+
+    Matplotlib sets what is between dollar signs as mathematics, and leaves out of a legend what
+    begins with an underscore.
+    """
+    plain = cut(visible(str(text)), _LETTERS).replace("$", r"\$")
+    return f" {plain}" if plain.startswith("_") else plain
 
 
 def thinned(t: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

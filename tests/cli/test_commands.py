@@ -120,6 +120,8 @@ def test_a_failure_leaves_nothing_half_written(config, monkeypatch):
         (["view", "bad.toml", "--html", "x.html"], "bad.toml"),
         (["operators", "--order", "1.7"], "1.7"),
         (["operators", "--step", "0"], "step"),
+        (["operators", "--step", "5e-324"], "step: expected a number in [1e-09, 10]"),
+        (["operators", "--horizon", "1e300"], "horizon: expected a number in (0, 9.00"),
         (["tune", "none.toml"], "none.toml: no such file"),
         (["live", "none.toml"], "none.toml: no such file"),
     ],

@@ -11,6 +11,7 @@ import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.cli.config import load, parse
 from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ConfigError
 
 TEXT = demo_config().text
@@ -67,6 +68,8 @@ def test_all_faults_are_reported_at_once_with_their_paths():
         ("duration = 20.0", "duration = 1e308", "simulation.duration: expected at most 9e"),
         ("format = 1", "format = 7", "format: expected 1, got 7"),
         ("format = 1", "", "format: expected 1, got 'none'"),
+        ("format = 1", "format = true", "format: expected 1, got True"),
+        ("format = 1", "format = 1.0", "format: expected 1, got 1.0"),
         ("step = 1e-3", "step = 0.0", "simulation.step: expected a number > 0, got 0"),
         ("duration = 20.0", "duration = 1e-5", "duration: expected at least one step"),
         ("duration = 20.0", "durations = 20.0", r"simulation.durations: .*did you mean duration\?"),
@@ -117,6 +120,33 @@ DEEP, LONG = "at most 32 tables and lists within each other", "a whole number of
 def test_what_no_parser_bears_is_one_line_that_names_the_key(text, message):
     (line,) = faults(text)
     assert re.match(message, line), line
+
+
+LARGE = "['x'" + ", 'x'" * 99_999 + "]"
+
+
+@pytest.mark.parametrize("key", ["format", "title", "plant", "simulation", "tune"])
+def test_a_large_value_is_quoted_in_part(key):
+    text = re.sub(rf"^({key}|format) = .*$", "", TEXT, flags=re.M)
+    text = re.sub(rf"^\[{key}\].*?(?=^\[)", "", text, flags=re.M | re.S)
+    text = text if key == "format" else f"format = 1\n{text}"
+    (line,) = faults(f"{key} = {LARGE}\n{text}")
+    assert re.match(rf"{key}: expected .*, got \['x', 'x', .*\.\.\. \(500000 characters\)$", line)
+    assert len(line) <= 200
+
+
+@pytest.mark.parametrize(
+    ("fault", "message"),
+    [("\nkey{k} = 1", "key0: expected one of .*"), ("[[condition]]\n", "condition.0.name: .*")],
+)
+def test_of_very_many_faults_the_first_are_told_and_in_linear_time(fault, message):
+    """Each was compared with all before it."""
+    many = "".join(fault.format(k=k) for k in range(20_000))
+    text = f"{TEXT}\n{many}" if "[[" in fault else f"{many}\n{TEXT}"
+    lines = faults(text)
+    assert re.match(message, lines[0])
+    assert len(lines) == 41
+    assert lines[-1] == "faults: expected none, got 20000"
 
 
 CONDITIONS = """
@@ -210,3 +240,13 @@ def test_a_recorded_reference_s_path_starts_at_the_configuration_s_folder(tmp_pa
     q, v, _ = config.experiment.motion(np.array([1.0]))
     assert np.allclose(q, np.sin(1.0), atol=1e-6)
     assert np.allclose(v, np.cos(1.0), atol=1e-3)
+
+
+@pytest.mark.parametrize("content", [None, "", "x", "\ufffe", TEXT, TEXT + '"a\\nb" = 1'])
+def test_a_path_with_a_line_end_in_it_makes_no_line(tmp_path, content, capsys):
+    path = tmp_path / "a\nb\x1b[2J.toml"
+    if content is not None:
+        path.write_text(content.replace('"integer PID"', r'"integer\nPID"'))
+    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"fpid-pin: {tmp_path}/a\\nb\\x1b[2J.toml: ")

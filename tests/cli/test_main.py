@@ -117,7 +117,28 @@ def test_a_command_in_the_background_does_not_hear_ctrl_c():
     assert child.returncode == 0
 
 
-STARTED = "import sys; sys.stderr.write('begun\\n'); sys.stderr.flush(); import runpy; \
+ENDING = """
+import atexit, sys
+import fpid_pin_start
+sys.heap = {k: [k] for k in range(500_000)}  # which takes a while to be taken down
+atexit.register(print, "leaving", flush=True)
+"""
+
+
+@pytest.mark.parametrize("after", [0.005, 0.02, 0.05])
+def test_ctrl_c_while_python_takes_itself_down_changes_nothing(after):
+    """Python gives signals back before it has ended: what was done ended by the signal."""
+    with subprocess.Popen(
+        [sys.executable, "-c", ENDING], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as child:
+        assert child.stdout.readline() == "leaving\n"
+        time.sleep(after)
+        child.send_signal(signal.SIGINT)
+        assert child.communicate()[1] == ""
+    assert child.returncode == 0
+
+
+STARTED = "import sys, runpy; sys.stderr.write('begun\\n'); sys.stderr.flush(); \
 runpy.run_module('fpid_pin_start', run_name='__main__', alter_sys=True)"
 
 
@@ -142,6 +163,7 @@ def test_ctrl_c_at_any_moment_is_a_status_and_leaves_nothing(tmp_path):
     for _ in range(4):
         status, said = interrupted(arguments, 0.02 + chance.random(), tmp_path)
         assert "Traceback" not in said
-        assert status in (0, 130, -signal.SIGINT), said
+        assert status in (0, 130), said
         assert [p.name for p in tmp_path.iterdir() if p.name != "out"] == ["short.toml"]
-        assert (tmp_path / "out").exists() == (status == 0)
+        # It may come when all is done, while results are told of.
+        assert status == 130 or (tmp_path / "out").exists()

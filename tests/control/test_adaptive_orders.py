@@ -270,6 +270,29 @@ def test_suggested_rates_move_an_order_by_1_in_five_seconds_of_a_twentieth_of_a_
     assert faster.order_learning_rate == pytest.approx(3.0 * law.order_learning_rate)
 
 
+def test_suggested_gains_may_come_with_them_in_files():
+    arm, table = fp.Arm.two_link(), {"kind": "suggested_fpid"}
+    suggested = from_dict(table | {"order_learning_rate": "suggested"}, fp.Controller)
+    law = adapt_orders(fp.suggest_gains(arm), arm)
+    assert (suggested.on(arm).order_learning_rate == law.order_learning_rate).all()
+    assert suggested.on(arm).derivative_order_bounds == law.derivative_order_bounds
+    plain, slow = (from_dict(table | {"order_learning_rate": r}, fp.Controller) for r in (0, 0.5))
+    assert not plain.on(arm).moves_orders
+    assert float(slow.on(arm).order_learning_rate) == 0.5
+    again = from_dict(to_dict(suggested), fp.Controller)
+    assert again.order_learning_rate == "suggested"
+    # All in one call: they keep their bits, and those that move are recorded.
+    runs = [ran(c, 0.1) for c in (suggested, plain, slow)]
+    together = fp.simulate(fp.paper_experiment(duration=0.1), [suggested, plain, slow])
+    for run, other in zip(runs, together, strict=True):
+        assert (run.torque == other.torque).all()
+    assert (ran(law, 0.1).torque == runs[0].torque).all()
+    assert np.ptp(runs[2].derivative_order) > 0.0
+    for rate, told in ((-1.0, "expected a number >= 0, got -1"), ("fast", "suggested")):
+        with pytest.raises(ArgumentError, match=f"order_learning_rate: .*{told}"):
+            fp.SuggestedFpid(order_learning_rate=rate)
+
+
 def test_an_order_that_no_gain_or_surface_counts_stays():
     arm = fp.Arm.two_link()
     law = adapt_orders(dataclasses.replace(PAPER, ki=(0.0, 20.0)), arm)

@@ -234,11 +234,15 @@ def many(n):
     [
         refused("Numpy: expected a law that is a kernel.*missing is its `kernel`", Numpy()),
         refused("Pid: expected a law", fp.Pid(kp=1.0, ki=1.0, kd=1.0)),
+        refused("ComputedTorque: .* got ki = 3.0, observer = 0 rad/s", fp.ComputedTorque(ki=3.0)),
+        refused("got ki = 0.0, observer = 60 rad/s", fp.ComputedTorque(observer=60.0)),
         refused(r"test_export_folder.py:\d+: squares: cannot be printed: .*\*\* 3", Unprintable()),
         refused("expected at most 32 joints, got 33", law(), many(33)),
         refused("expected one with modes", law(design=fp.fractional.L1()), error=fp.FpidError),
         refused("expected a controller", 3, error=fp.FpidError),
         refused("horizon: expected more than one step", law(), error=fp.FpidError, horizon=1e-4),
+        refused(r"ticks: expected a whole number in \[1, 1e\+06\], got 10", law(),
+                error=fp.FpidError, ticks=10**12),
         refused(
             "give an experiment", law(observer=50.0, supervisor=fp.Supervisor(
                 1.02, 1.0, kind="paper", disturbance_bound=0.5)), horizon=10.0,

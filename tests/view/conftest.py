@@ -1,10 +1,8 @@
-"""Runs made by formula, where what is seen matters and what was simulated does not; a browser."""
+"""Runs made by formula, where what is seen matters and what was simulated does not."""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -13,16 +11,6 @@ from fpid_pin import AdaptiveFpid, Arm, Experiment, Run, paper_controller
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation import Outcome
 from fpid_pin.simulation.run import describe_run
-
-FLAGS = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--enable-unsafe-swiftshader",
-]
 
 MakeRun = Callable[..., Run]
 
@@ -75,16 +63,3 @@ def two_link() -> Arm:
 @pytest.fixture(scope="session")
 def wave(make_run: MakeRun, two_link: Arm) -> Run:
     return make_run(two_link)
-
-
-@pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
-    """Return Debian's chromium, driven by playwright; skip where there is none."""
-    path = shutil.which("chromium") or shutil.which("chromium-browser")
-    if path is None:
-        pytest.skip("no chromium here (apt-get install chromium)")
-    api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
-    with api.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=path, args=FLAGS)
-        yield chromium
-        chromium.close()

@@ -10,8 +10,9 @@ import sys
 import termios
 import threading
 import time
+import urllib.error
 import urllib.request
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 import psutil
@@ -25,6 +26,7 @@ from fpid_pin.simulation import Simulator
 from fpid_pin.view import live, play, realtime
 from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink, can_open_browser
+from fpid_pin.view.live_session import _Hands
 from fpid_pin.view.realtime import Timing, keep_time
 
 LIVE = """
@@ -132,26 +134,86 @@ HANDSHAKE = {
 }
 
 
+OWN = {"Origin": "http://127.0.0.1:{port}"}
+EVIL = {"Origin": "http://evil.example:{port}"}
+
+
 @pytest.mark.parametrize(
     ("path", "headers", "status"),
     [
-        ("/", {}, 200),
-        ("/", {"Host": "evil.example:{port}"}, 403),
-        ("/frames", {"Origin": "http://127.0.0.1:{port}"}, 101),
-        ("/frames", {"Origin": "http://evil.example"}, 403),
-        ("/frames", {"Origin": "http://evil.example:{port}", "Host": "evil.example:{port}"}, 403),
-        ("/other", {}, 404),
+        ("/{token}/", {}, 200),
+        ("/{token}/", {"Host": "evil.example:{port}"}, 403),
+        ("/{token}/frames", OWN, 101),
+        ("/{token}/frames", {"Origin": "http://evil.example"}, 403),
+        ("/{token}/frames", EVIL | {"Host": "evil.example:{port}"}, 403),
+        # Programs give no origin: one could end the session.
+        ("/{token}/frames", {}, 403),
+        ("/{token}/other", {}, 404),
+        # Without the token nothing is served or heard, whatever else is right.
+        ("/", {}, 403),
+        ("/frames", OWN, 403),
+        ("//", {}, 403),
+        ("/?{token}", {}, 403),
+        ("/{token}x/", {}, 403),
+        ("/{token}x/frames", OWN, 403),
+        ("/\u00ff\u00fe/frames", OWN, 403),
+        ("*", {}, 403),
     ],
 )
 def test_pages_of_other_sites_are_refused(path, headers, status):
     """A name that resolves to this machine, or a page open in the same browser, gets nothing."""
     with LiveLink("page", announce=lambda text: None) as link:
+        path = path.format(token=link.url.split("/")[3])
         own = {key: value.format(port=link.port) for key, value in headers.items()}
-        lines = {"Host": f"127.0.0.1:{link.port}"} | (HANDSHAKE if path == "/frames" else {}) | own
+        upgrade = HANDSHAKE if path.endswith("/frames") else {}
+        lines = {"Host": f"127.0.0.1:{link.port}"} | upgrade | own
         text = "".join(f"{key}: {value}\r\n" for key, value in lines.items())
         with socket.create_connection(("127.0.0.1", link.port), timeout=10.0) as client:
             client.sendall(f"GET {path} HTTP/1.1\r\n{text}\r\n".encode())
-            assert int(client.recv(12).split()[1]) == status
+            answer = client.recv(65536)
+            while status == 200 and not answer.endswith(b"page"):
+                answer += client.recv(65536)
+        assert int(answer.split()[1]) == status
+        head, _, body = answer.partition(b"\r\n\r\n")
+        assert body == (b"page" if status == 200 else b"")
+        for words in (b"x-frame-options: deny", b"frame-ancestors 'none'", b"no-referrer"):
+            assert words in head.lower()
+
+
+def test_a_server_gone_mad_does_not_keep_the_loop_from_its_work():
+    """Keys come as fast as a pipe takes them; it once read until there were none."""
+    readable, writable = os.pipe()
+    os.set_blocking(readable, False)
+    stop = threading.Event()
+
+    def flood():
+        limit = time.monotonic() + 5.0
+        while not stop.is_set() and time.monotonic() < limit:
+            os.write(writable, b'{"key": "+"}\n' * 4096)
+
+    with LiveLink("page", announce=lambda text: None) as link:
+        own, link._in = link._in, readable
+        thread = threading.Thread(target=flood, daemon=True)
+        thread.start()
+        time.sleep(0.1)
+        heard = [len(link.keys()) for _ in range(20)]
+        link._in = own
+        stop.set()
+        while thread.is_alive():
+            with suppress(BlockingIOError):
+                os.read(readable, 2**20)
+        os.close(readable)
+        os.close(writable)
+    assert max(heard) == 128
+
+
+def test_of_many_keys_at_once_a_few_are_obeyed_and_the_end_always():
+    said, robot = [], Simulator([paper_experiment()], [paper_controller()])
+    hands = _Hands(robot, Arm.two_link(), 0, np.array((3.0, 1.0)), said.append)
+    assert hands.take("2" + "+" * 1000)
+    assert len(hands.pushes) == 15
+    assert len(said) == 16
+    assert not hands.take("+" * 1000 + "q")
 
 
 def test_frames_without_a_viewer_are_taken_and_none_is_dropped():
@@ -195,6 +257,25 @@ def test_a_dead_server_ends_play_with_a_line_and_the_link_without_one(wave):
 
     with pytest.raises(FpidError, match="its server was ended from outside"):
         play(wave, open_browser=False, announce=kill)
+
+
+def test_a_browser_is_started_with_an_address_that_is_good_for_once(monkeypatch):
+    """Its arguments are in the list of processes; the token was there while the browser ran."""
+    started, said = [], []
+    monkeypatch.setenv("BROWSER", "one")
+    monkeypatch.setattr("webbrowser.open", lambda url, new: started.append(url) or True)
+    with LiveLink("page", announce=said.append) as link:
+        link.show(open_browser=True)
+        (address,) = started
+        assert link.url.split("/")[3] not in address
+        assert said == [f"live view on {link.url}"]
+        with urllib.request.urlopen(address, timeout=10.0) as answer:
+            assert (answer.url, answer.read()) == (link.url, b"page")
+        for late in (address, address.rstrip("/"), f"{address}frames"):
+            with pytest.raises(urllib.error.HTTPError, match="403"):
+                urllib.request.urlopen(late, timeout=10.0)
+        with urllib.request.urlopen(link.url, timeout=10.0) as answer:
+            assert answer.read() == b"page"
 
 
 def test_no_display_is_said_and_the_address_given(monkeypatch):

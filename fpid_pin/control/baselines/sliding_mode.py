@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.parameters import check_gains, check_scale
@@ -36,6 +37,9 @@ class SlidingMode(Controller):
         [rad/s], scalar or (n,); 0 switches, and chatters in a sampled loop.
     scale
         Factor s_j: ``"none"`` (1), ``"inertia"`` (M_jj at home), or (n,).
+    observer
+        Bandwidth [rad/s] of an observer of what the nominal model lacks, whose estimate is
+        cancelled, as in `AdaptiveFpid`; 0: none.
     name
         What tables and figures call it.
     """
@@ -44,14 +48,17 @@ class SlidingMode(Controller):
     gain: ArrayLike
     boundary_layer: ArrayLike = 0.1
     scale: str | ArrayLike = "none"
+    observer: float = 0.0
     name: str = "sliding mode"
 
     def __post_init__(self) -> None:
         check_gains(self, "slope", "gain", "boundary_layer")
+        object.__setattr__(self, "observer", checks.number("observer", self.observer, low=0.0))
         check_scale(self)
 
-    def begin(self, state: LawState) -> None:
-        """Show S."""
+    def begin(self: Any, state: LawState) -> None:
+        """Show S; ask for the observer."""
+        state.observe(self.observer)
         state.shown["s"] = np.zeros_like(state.torque)
 
     def torque(
@@ -67,4 +74,5 @@ class SlidingMode(Controller):
         model = state.inverse_dynamics(q, 0.5 * (v + v_r), a_r) - state.coriolis(q, 0.5 * s)
         # Without a layer the ramp is so steep that only its ends are left.
         ramp = np.clip(s / np.maximum(self.boundary_layer, 1e-300), -1.0, 1.0)
-        return model - self.scale * self.gain * ramp
+        lost = state.disturbance(q, v)
+        return model - self.scale * self.gain * ramp - lost

@@ -298,7 +298,8 @@ if (!SCENE.live) {
   else animator.play();
 } else {
   clock.seek.hidden = clock.play.hidden = true;
-  const link = new WebSocket(`ws://${location.host}/frames`);
+  // The page's own address ends with the token.
+  const link = new WebSocket(`ws://${location.host}${location.pathname}frames`);
   link.binaryType = "arraybuffer";
   let frames = 0, time = 0, news = [];
   // A frame: t, then q, q_ref and torque of every run. All count for paths and peaks, though a

@@ -1,0 +1,189 @@
+"""The suggested observer: what its rule promises, seen in the simulation."""
+
+import dataclasses
+import functools
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin import descriptions
+from fpid_pin.cli.config import parse
+from fpid_pin.control import observer_bandwidth, suggest_observer
+from fpid_pin.disturbances import Pulse
+from fpid_pin.exceptions import ArgumentError, ConfigError, FpidWarning
+from fpid_pin.references import Hold, Sinusoid
+
+STEP = 1e-3
+
+
+def arm_of(name):
+    return fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
+
+
+@functools.cache
+def suggested(name):
+    arm = arm_of(name)
+    law = fp.suggest_gains(arm, adaptive=False)
+    return arm, law, suggest_observer(arm, law)
+
+
+def following(arm, duration, **others):
+    reference = Sinusoid(0.3, 2.0, phase=np.linspace(0, np.pi, arm.n), offset=arm.home)
+    v0 = reference.sample(np.zeros(1))[1][0]
+    return fp.Experiment(arm, reference, v0=v0, duration=duration, **others)
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5", "panda"])
+def test_noise_makes_the_torque_vary_by_as_much_more_as_was_allowed(name):
+    arm, law, omega = suggested(name)
+    assert 20.0 < omega < 300.0
+    sensors = fp.Sensors(velocity_noise=0.05)
+    experiment = fp.Experiment(arm, Hold(arm.home), sensors=sensors, duration=1.0)
+    both = [law, dataclasses.replace(law, observer=omega)]
+    alone, observed = (r.metrics.total_variation.sum() for r in fp.simulate(experiment, both))
+    # The rule looks at the newest sample of noise only; older ones are a few hundredths.
+    assert observed / alone == pytest.approx(1.25, abs=0.03)
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+@pytest.mark.parametrize(("payload", "late"), [(0.0, 2), (3.0, 0), (3.0, 2)])
+def test_it_is_stable_under_a_load_that_nobody_told_of_and_late_measurements(name, payload, late):
+    arm, law, omega = suggested(name)
+    observed = dataclasses.replace(law, feedforward=True, observer=omega)
+    experiment = following(
+        arm, 2.0, plant=fp.Plant(arm=arm.with_payload(payload)), sensors=fp.Sensors(delay=late)
+    )
+    run, alone = fp.simulate(experiment, [observed, law])
+    assert run.outcome.completed
+    assert run.metrics.rms_tail.max() < 0.3 * alone.metrics.rms_tail.max()
+    # No ringing: the torque varies by no more than that of the law alone and what the load takes.
+    tail = np.abs(np.diff(run.torque[-500:], axis=0)).sum()
+    assert tail < 2.0 * np.abs(np.diff(alone.torque[-500:], axis=0)).sum()
+
+
+@pytest.mark.parametrize(("late", "ratio"), [(2, 0.6), (8, 0.6), (8, 1.0), (14, 1.8)])
+def test_the_edge_of_stability_is_the_simulation_s(late, ratio):
+    # A planar arm without gravity is linear about rest; its true inertia is a multiple of the
+    # model's. A push dies away just below the bandwidth found, and grows just above.
+    arm = fp.Arm.planar([1.0, 0.8], [2.0, 1.0], gravity=0.0)
+    true = fp.Arm.planar([1.0, 0.8], [2.0 * ratio, ratio], gravity=0.0)
+    law = fp.AdaptiveFpid(
+        kp=100.0, ki=200.0, kd=20.0, derivative_order=0.95, learning_rate=0.0, scale="inertia"
+    )
+    system = observer_bandwidth._law(arm, law, STEP)
+    loop = observer_bandwidth._Loop(arm, system, arm.home, ratio, STEP, late)
+    assert loop.stable(0.0)
+    edge = observer_bandwidth._largest(loop, 1.0 / STEP)
+    assert 30.0 < edge < 900.0
+    experiment = fp.Experiment(
+        arm, Hold(arm.home), v0=np.full(2, 1e-6), plant=fp.Plant(arm=true), duration=2.0,
+        sensors=fp.Sensors(delay=late),
+    )  # fmt: skip
+    growth = []
+    for part in (0.9, 1.1):
+        run = fp.simulate(experiment, dataclasses.replace(law, observer=part * edge))
+        speed = np.abs(run.v).max(axis=1)
+        growth.append(speed[1500:].max() / speed[500:1000].max())
+    assert growth[0] < 1.0 < growth[1]
+
+
+def test_late_measurements_cost_bandwidth_and_then_all_of_it():
+    arm = arm_of("ur5")
+    law = fp.suggest_gains(arm, bandwidth=20.0, adaptive=False)
+    omegas = [suggest_observer(arm, law, delay=delay) for delay in (0.0, 0.002)]
+    assert omegas[0] >= omegas[1] > 0.0
+    with pytest.warns(FpidWarning, match="ur5: the law alone is not stable .* 60 ms late"):
+        assert suggest_observer(arm, law, delay=0.06) == 0.0
+
+
+def test_less_noise_is_a_slower_observer_and_none_is_none():
+    arm, law, omega = suggested("two_link")
+    assert suggest_observer(arm, law, noise=0.1) < omega < suggest_observer(arm, law, noise=0.5)
+    assert suggest_observer(arm, law, noise=0.0) < 1e-3
+
+
+def test_it_comes_with_the_gains():
+    arm = fp.Arm.two_link()
+    law = fp.suggest_gains(arm, feedforward=True, observer="suggested")
+    assert law.feedforward
+    assert law.observer == suggest_observer(arm, fp.suggest_gains(arm))
+    table = {"kind": "suggested_fpid", "feedforward": True, "observer": "suggested"}
+    described = descriptions.from_dict(table, fp.Controller)
+    assert described.on(arm).observer == law.observer
+    slower = described.on(arm, step=2e-3)
+    assert slower.observer == suggest_observer(arm, slower, step=2e-3) < law.observer
+    experiment = following(arm, 0.1)
+    run, same = fp.simulate(experiment, described), fp.simulate(experiment, law)
+    assert (run.torque == same.torque).all()
+    assert (run.u_model == same.u_model).all()
+
+
+def test_a_file_may_ask_for_it_and_give_it_to_the_rivals(tmp_path):
+    text = """
+    format = 1
+    arm = {kind = "two_link"}
+    reference = {kind = "sinusoid", amplitude = [0.3, 0.3]}
+    [[controller]]
+    kind = "suggested_fpid"
+    observer = "suggested"
+    feedforward = true
+    [[controller]]
+    kind = "computed_torque"
+    ki = 30
+    observer = 40
+    [[controller]]
+    kind = "pd_gravity"
+    kp = 100
+    kd = [20, 10]
+    ki = [30, 20]
+    observer = 40
+    [[controller]]
+    kind = "sliding_mode"
+    slope = 10
+    gain = 20
+    observer = 40
+    """
+    ours, *rivals = parse(text, "own.toml", tmp_path).controllers.values()
+    assert (ours.observer, ours.feedforward) == ("suggested", True)
+    assert [law.observer for law in rivals] == [40.0, 40.0, 40.0]
+    assert (float(rivals[0].ki), rivals[1].ki.tolist()) == (30.0, [30.0, 20.0])
+    with pytest.raises(ConfigError, match=r"controller\.0\.observer: .*suggested"):
+        parse(text.replace('"suggested"\n', '"quick"\n', 1), "own.toml", tmp_path)
+
+
+def test_suggested_and_plain_laws_share_a_call_and_keep_their_bits():
+    arm = fp.Arm.two_link()
+    plant = fp.Plant(disturbance=Pulse(1.0))
+    laws = [
+        fp.SuggestedFpid(),
+        fp.SuggestedFpid(observer="suggested"),
+        fp.SuggestedFpid(bandwidth=8.0, observer=30.0),
+        fp.SuggestedFpid(feedforward=True),
+    ]
+    experiment = following(arm, 0.2, plant=plant)
+    for run, law in zip(fp.simulate(experiment, laws), laws, strict=True):
+        assert (run.torque == fp.simulate(experiment, law).torque).all()
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: fp.SuggestedFpid(observer="fast"), "observer: expected .*suggested"),
+        (lambda: fp.SuggestedFpid(observer=-2.0), "observer: expected a number >= 0, got -2"),
+        (lambda: fp.SuggestedFpid(feedforward="yes"), "feedforward: expected true or false"),
+        (
+            lambda: suggest_observer(
+                fp.Arm.two_link(), fp.suggest_gains(fp.Arm.two_link()), delay=-1
+            ),
+            "delay: expected a number >= 0, got -1",
+        ),
+        (
+            lambda: suggest_observer(fp.Arm.two_link(), fp.ComputedTorque()),
+            "controller: expected an AdaptiveFpid",
+        ),
+    ],
+)
+def test_bad_arguments_give_one_clear_line(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()

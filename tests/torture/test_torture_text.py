@@ -1,0 +1,233 @@
+"""Whatever names say: pages, figures, Markdown and the terminal show it, and do nothing of it.
+
+The references are others' parsers: Python's of HTML and XML, and markdown-it.
+"""
+
+import dataclasses
+import io
+import json
+import random
+import re
+import xml.etree.ElementTree as xml
+from html.parser import HTMLParser
+
+import pytest
+from markdown_it import MarkdownIt
+from rich.console import Console
+
+import fpid_pin as fp
+from fpid_pin.cli import summary
+from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
+from fpid_pin.cli.screen import say, screen
+from fpid_pin.text import visible
+from fpid_pin.view import plots, report_html
+from fpid_pin.view.export import replay_html
+from fpid_pin.view.playground_page import playground_html
+from fpid_pin.view.style import figure_bytes
+
+pytestmark = pytest.mark.torture
+PIECES = [
+    "<script>hacked=1</script>", "</script>", "<img src=x onerror=hacked=1>", "<!--", "-->",
+    "--!>", "]]>", "<![CDATA[", "</title>", "</svg>", "<svg onload=hacked=1>", '"', "'",
+    '" onload="hacked=1', "&lt;", "&#60;", "&", "javascript:hacked=1", "{", "}", "{scripts}", "%s",
+    "[red]", "[/]", "[link=http://evil.example]", "[bold", ":smile:", "|", "\\", "\\|", "`", "```",
+    "**", "_", "__a__", "~~", "![a](b)", "[a](b)", "<http://evil.example>", "#", "# ", "- ", "+ ",
+    "1. ", "2) ", "> ", "---", "===", "    ", "\t", "\n", "\r\n", "\n\n", "\u2028", "\x00",
+    "\x1b[2J", "\x1b]8;;http://evil.example\x07", "\x07", "\x9b31m", "\u202e", "\u200b", "\ufeff",
+    "\ufffe", "\ud800", "$", "$x^2$", "$\\frac{", "_nolegend_", "\\input", "e\u0301",
+    "\U0001f600", "a", " ", "x" * 300,
+]  # fmt: skip
+#: Elements of matplotlib's figures.
+DRAWN = {
+    "svg", "metadata", "RDF", "Work", "type", "title", "format", "defs", "style", "g", "path",
+    "use", "clipPath", "rect", "image",
+}  # fmt: skip
+QUIET = {"paragraph_open", "paragraph_close", "inline", "text", "softbreak"}
+
+
+def names(seed, count):
+    """Return hostile names: each piece on its own first, then what chance joins."""
+    chance = random.Random(seed)
+    joined = ("".join(chance.choices(PIECES, k=chance.randrange(2, 7))) for _ in range(count))
+    return [*PIECES, *joined]
+
+
+def few(full, some):
+    return names(1, 400) if full else random.Random(2).sample(names(1, 40), some)
+
+
+class Structure(HTMLParser):
+    """The elements of a page and their attributes, what is drawn in a figure aside."""
+
+    def __init__(self, page):
+        super().__init__(convert_charrefs=True)
+        self.found, self.inner, self.drawing = [], [], 0
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        self.drawing += tag == "svg"
+        if not self.drawing:
+            self.found.append((tag, tuple(key for key, _ in attributes)))
+        self.inner += [value for key, value in attributes if key == "srcdoc"]
+
+    def handle_endtag(self, tag):
+        self.drawing -= tag == "svg"
+        if not self.drawing:
+            self.found.append(("/", tag))
+
+
+def structure(page):
+    seen = Structure(page)
+    return seen.found + [structure(inner) for inner in seen.inner]
+
+
+@pytest.fixture(scope="module")
+def run():
+    return fp.simulate(fp.paper_experiment(duration=0.05), fp.paper_controller())
+
+
+def law_called(name):
+    return dataclasses.replace(fp.paper_controller(supervised=False), name=name)
+
+
+def run_called(name):
+    return fp.simulate(fp.paper_experiment(duration=0.02), law_called(name))
+
+
+def test_a_page_has_the_elements_that_it_has_with_harmless_names(tmp_path, tally, full):
+    def pages(name):
+        run = run_called(name)
+        path = tmp_path / "report.html"
+        figures = {name: plots.torque(run)} if full else {}
+        report_html(path, run, title=name, tables={name: [[name], [name]]}, figures=figures,
+                    config_text=name, captions=[name])  # fmt: skip
+        return path.read_text("utf-8"), replay_html([run], captions=[name], title=name)
+
+    expected = [structure(page) for page in pages("x")]
+    for name in few(full, 25):
+        if not name.strip():
+            continue
+        for kind, page, sound in zip(("report", "replay"), pages(name), expected, strict=True):
+            same = structure(page) == sound
+            tally(f"names in a {kind}", "" if same else f"{name!r} makes elements")
+
+
+def test_a_playground_has_the_elements_that_it_has_with_harmless_names(tally, full):
+    def page(name):
+        return playground_html(fp.paper_experiment(duration=0.02), law_called(name), title=name)
+
+    expected = structure(page("x"))
+    for name in few(full, 8)[: 60 if full else 8]:
+        same = structure(page(name or "x")) == expected
+        tally("names in a playground", "" if same else f"{name!r} makes elements")
+
+
+def test_an_svg_is_well_formed_and_has_nothing_but_drawing_in_it(run, tally, full):
+    for name in few(full, 8)[: 150 if full else 8]:
+        figure = plots.comparison([run_called(name), run])
+        tree = xml.fromstring(figure_bytes(figure, "svg"))
+        fault = ""
+        for element in tree.iter():
+            tag = element.tag.rpartition("}")[2]
+            keys = {key.rpartition("}")[2] for key in element.keys()}  # noqa: SIM118
+            link = [v for k, v in element.items() if k.endswith("href") and v[:1] != "#"]
+            if tag not in DRAWN or any(k.startswith("on") for k in keys) or link:
+                fault = f"{name!r}: {tag} {sorted(keys)} {link}"
+        tally("names in an SVG", fault)
+
+
+def parsed(text):
+    return MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"]).parse(text)
+
+
+def test_markdown_takes_a_name_for_text(tally, full):
+    for name in names(3, 3000 if full else 100):
+        rows = [{"controller": name, "figure": 1.0}, {"controller": "x", "figure": 2.0}]
+        shown = visible(name).strip()
+        where = {
+            "a cell": (summary.markdown(rows), {"table", "thead", "tbody", "tr", "th", "td"}),
+            "a heading": (f"# {summary.in_markdown(name)}\n", {"heading"}),
+            "a list": (f"- {summary.in_markdown(name)}\n- x\n", {"bullet_list", "list_item"}),
+        }
+        for place, (text, kinds) in where.items():
+            tokens = parsed(text)
+            children = [child for token in tokens for child in token.children or ()]
+            allowed = QUIET | {f"{kind}_{end}" for kind in kinds for end in ("open", "close")}
+            strange = {token.type for token in (*tokens, *children)} - allowed
+            lines = [
+                "".join(c.content for c in t.children) for t in tokens if t.type == "inline"
+            ]  # fmt: skip
+            told = [line for line in lines if line.strip() == shown] or not shown
+            fault = f"{name!r}: {sorted(strange)} {lines[:3]}" if strange or not told else ""
+            tally(f"names in {place} of Markdown", fault)
+
+
+def test_the_terminal_is_told_a_name_and_nothing_else(tally, full):
+    for name in names(4, 3000 if full else 100):
+        for coloured in (False, True):
+            text = io.StringIO()
+            console = screen()
+            own = Console(
+                file=text, width=2000, force_terminal=coloured, markup=console._markup,
+                emoji=console._emoji, highlight=False,
+            )  # fmt: skip
+            say(own, name)
+            told = text.getvalue() == visible(name) + "\n"
+            tally("names on the screen", "" if told else f"{name!r}: {text.getvalue()!r}")
+        own.print(summary.rich_table([{"controller": name, "figure": 1.0}], name))
+        plain = re.sub(r"\x1b\[[\d;]*m", "", text.getvalue())
+        # A title wraps as text does; nothing else may happen to it.
+        heard = all(c.isprintable() or c.isspace() for c in plain)
+        tally("names in a table on the screen", "" if heard else f"{name!r}: {plain!r}")
+
+
+def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, tally, full):
+    base = demo_config().text.replace("duration = 20.0", "duration = 0.02")
+    original = re.findall(r'^name = ("[^"]*")', base, re.MULTILINE)
+    sound = [name for name in names(5, 60) if "\ud800" not in name and name.strip()]
+    chance = random.Random(6)
+    for k in range(15 if full else 1):
+        text = base
+        title, *chosen = chance.sample(sound, len(original) + 1)
+        for name, hostile in zip(original, chosen, strict=True):
+            text = text.replace(name, json.dumps(hostile), 1)
+        text = re.sub(r"^title = .*$", "title = @", text, flags=re.M).replace(
+            "@", json.dumps(title), 1
+        )
+        config, out = tmp_path / f"{k}.toml", tmp_path / str(k)
+        # JSON's \x7f and pairs of surrogates are not TOML's.
+        config.write_text(re.sub(r"\\ud83d\\ude00", "\U0001f600", text), encoding="utf-8")
+        status = main(["compare", str(config), "--out", str(out)])
+        said = capsys.readouterr()
+        fault = f"{said.err}" if status else ""
+        for line in f"{said.out}{said.err}".split("\n"):
+            if not all(c.isprintable() or c.isspace() for c in line):
+                fault = f"{line!r}"
+        table = [t for t in parsed((out / "summary.md").read_text("utf-8")) if t.type == "tr_open"]
+        if len(table) != 2 + 3 * len(original):
+            fault = f"{len(table)} rows in summary.md"
+        for drawing in out.glob("*.svg"):
+            xml.parse(drawing)
+        tally("comparisons of hostile names", fault)
+
+
+@pytest.mark.browser
+def test_no_name_runs_in_a_browser(browser, tmp_path, tally, full):
+    chance = random.Random(7)
+    for k in range(40 if full else 3):
+        name = " ".join(chance.sample([p for p in PIECES if "hacked" in p or len(p) > 2], 6))
+        run = run_called(name)
+        path = tmp_path / f"{k}.html"
+        report_html(path, run, title=name, tables={name: [[name], [name]]}, config_text=name,
+                    figures={name: plots.torque(run)}, captions=[name])  # fmt: skip
+        page = browser.new_page()
+        page.goto(path.as_uri())
+        page.wait_for_timeout(300)
+        for frame in page.frames:
+            ran = frame.evaluate("window.hacked !== undefined")
+            tally("names in a browser", f"{name!r} ran" if ran else "")
+        heading = page.evaluate("document.querySelector('h1').textContent")
+        tally("and what it shows", "" if heading == visible(name) else heading)
+        page.close()

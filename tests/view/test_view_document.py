@@ -1,0 +1,177 @@
+"""The policy of pages: what a browser runs of them, and what of what is slipped into them."""
+
+import base64
+import contextlib
+import hashlib
+import re
+import time
+from html import unescape
+
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.view import export_html, report_html
+from fpid_pin.view.camera import stage
+from fpid_pin.view.document import document
+from fpid_pin.view.link import LiveLink
+from fpid_pin.view.page import render
+from fpid_pin.view.playground_page import playground_html
+from fpid_pin.view.scene import live_scene
+
+META = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
+SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
+#: Ways to run what is not ours, from within a page; each sets `hacked`.
+INJECTED = (
+    "<script>window.hacked = 'script'</script>"
+    "<script type='module'>window.hacked = 'module'</script>"
+    "<img src='data:,' onerror=\"window.hacked = 'handler'\">"
+    "<svg onload=\"window.hacked = 'svg'\"></svg>"
+    "<iframe srcdoc=\"<script>parent.hacked = 'frame'</script>\"></iframe>"
+    "<iframe src=\"javascript:parent.hacked = 'address'\"></iframe>"
+    "<script src='data:text/javascript,window.hacked = 1'></script>"
+    "<a id='bait' href=\"javascript:window.hacked = 'link'\">link</a>"
+)
+ADDED = """
+window.hacked2 = undefined;
+for (const text of ["window.hacked2 = 'added'"]) {
+  const script = document.createElement("script");
+  script.textContent = text;
+  document.body.append(script);
+  const picture = document.createElement("div");
+  picture.innerHTML = "<img src='data:,' onerror=\\"window.hacked2 = 'inner'\\">";
+  document.body.append(picture);
+}
+"""
+
+
+def replay_page(run, path):
+    return export_html(run, path).read_text("utf-8")
+
+
+def report_page(run, path):
+    return report_html(path, run, title="report", config_text="a = 1").read_text("utf-8")
+
+
+def playground_page(run, path):
+    law = fp.paper_controller(supervised=False)
+    return playground_html(fp.paper_experiment(duration=0.5), law)
+
+
+def live_page(run, path):
+    return render(live_scene([run.arm], ["live"], stage([run.arm], [run.q])), "live")
+
+
+PAGES = [replay_page, report_page, playground_page, live_page]
+READY = {
+    replay_page: "window.fpidPin !== undefined",
+    report_page: "document.querySelectorAll('table').length > 1",
+    playground_page: "window.playground && playground.state.got > 0",
+    live_page: "window.fpidPin !== undefined",
+}
+
+
+def until(page, expression, seconds=60.0):
+    limit = time.monotonic() + seconds
+    while not page.evaluate(expression):
+        assert time.monotonic() < limit, expression
+        page.wait_for_timeout(50)
+
+
+@pytest.mark.parametrize("make", PAGES)
+def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(make, wave, tmp_path):
+    page = make(wave, tmp_path / "page.html")
+    (policy,) = META.findall(page)
+    rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
+    scripts = SCRIPT.findall(page)
+    if make is report_page:
+        # A report has no script; the replay in its frame has, and is bound by both policies.
+        assert scripts == []
+        inner = unescape(re.search(r'srcdoc="([^"]*)"', page)[1])
+        assert META.findall(inner) == [policy]
+        scripts = SCRIPT.findall(inner)
+    hashes = {
+        f"'sha256-{base64.b64encode(hashlib.sha256(s.encode()).digest()).decode()}'"
+        for s in scripts
+    }  # fmt: skip
+    assert len(scripts) >= 4
+    assert set(rules.pop("script-src").split()) == hashes
+    assert rules.pop("default-src") == "'none'"
+    assert ("connect-src" in rules) == (make is live_page)
+    assert rules.pop("style-src") == "'unsafe-inline'"
+    assert "unsafe" not in "".join(rules.values())
+    # The policy stands before anything that it is to bind.
+    assert "<script" not in page.partition(policy)[0]
+    assert "<style" not in page.partition(policy)[0]
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("make", PAGES[:3])
+def test_what_is_slipped_into_a_page_does_not_run_and_the_page_does(browser, make, wave, tmp_path):
+    path = tmp_path / "page.html"
+    text = make(wave, path).replace("<body>", f"<body>{INJECTED}", 1)
+    path.write_text(text.replace("</body>", f"{INJECTED}</body>"), encoding="utf-8")
+    page = browser.new_page()
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.goto(path.as_uri())
+    until(page, READY[make])
+    page.evaluate("document.getElementById('bait').click()")
+    page.evaluate(ADDED)
+    page.wait_for_timeout(300)
+    assert page.evaluate("[window.hacked, window.hacked2]") == [None, None]
+    with contextlib.suppress(Exception):
+        assert not page.evaluate("fetch('http://127.0.0.1:9/').then(() => true)")
+    page.close()
+    assert [url for url in asked if url.startswith("http")] == []
+
+
+@pytest.mark.browser
+def test_the_live_page_as_it_is_served_runs_nothing_but_its_own(browser, wave, tmp_path):
+    text = live_page(wave, None).replace("<body>", f"<body>{INJECTED}", 1)
+    with LiveLink(text, announce=lambda line: None) as link:
+        page = browser.new_page()
+        page.goto(link.url)
+        until(page, READY[live_page])
+        page.evaluate(ADDED)
+        link.send(0.5, [(wave.q[0], wave.q_ref[0], wave.torque[0])])
+        until(page, "fpidPin.frames() > 0")
+        assert page.evaluate("[window.hacked, window.hacked2]") == [None, None]
+        page.close()
+
+
+@pytest.mark.browser
+def test_without_the_policy_each_of_these_runs(browser, tmp_path):
+    """Else the tests above could not fail."""
+    text = META.sub("", document("open", style="", body=INJECTED))
+    path = tmp_path / "open.html"
+    path.write_text(text, encoding="utf-8")
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    until(page, "window.hacked !== undefined")
+    page.evaluate(ADDED)
+    until(page, "window.hacked2 === 'inner'")
+    for piece in re.findall(r"<(?:script|img|svg|iframe)[^>]*>.*?(?=<script|<img|<svg|<iframe|<a)",
+                            INJECTED):  # fmt: skip
+        path.write_text(META.sub("", document("open", style="", body=piece)), encoding="utf-8")
+        page.goto(path.as_uri())
+        until(page, "window.hacked !== undefined", 10.0)
+    page.close()
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(
+    "script",
+    ["const a = '</script>' + '<!-- <script>' + '</SCRIPT>'; window.right = a.length === 31;",
+     "const a = `1\r\n2\r3\n`;\r\nwindow.right = a === '1\\n2\\n3\\n';",
+     "window.right = 'é\u2028😀'.length === 4;"],
+    ids=["ends", "lines", "letters"],
+)  # fmt: skip
+def test_any_script_is_what_its_hash_says(browser, tmp_path, script):
+    path = tmp_path / "page.html"
+    path.write_text(
+        document("x", style="", body="", scripts=[script]), encoding="utf-8", newline=""
+    )
+    page = browser.new_page()
+    page.goto(path.as_uri())
+    assert page.evaluate("window.right") is True
+    page.close()
