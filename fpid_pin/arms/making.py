@@ -214,9 +214,7 @@ class Making:
             checks.instance("geometry", geometry, pin.GeometryModel, "a pinocchio.GeometryModel")
         label = str(model.name) or "model"
         return cls._assembled(
-            source_of(
-                model, label=label, lock=lock, gravity=gravity, geometry=geometry, tool=tool
-            )
+            source_of(model, label=label, lock=lock, gravity=gravity, geometry=geometry, tool=tool)
         )
 
     @classmethod

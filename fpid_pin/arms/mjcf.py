@@ -25,7 +25,14 @@ from fpid_pin.text import cut, named
 
 #: Elements that stand for others; Pinocchio's parser would pass them over in silence.
 _UNWRITTEN = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
-_PLACE = {"pos": (3,), "quat": (4,), "euler": (3,), "axisangle": (4,), "xyaxes": (6,), "zaxis": (3,)}
+_PLACE = {
+    "pos": (3,),
+    "quat": (4,),
+    "euler": (3,),
+    "axisangle": (4,),
+    "xyaxes": (6,),
+    "zaxis": (3,),
+}
 #: Attributes that are numbers, and how many; the parser would take what memory holds for others.
 _NUMBERS: dict[str, dict[str, tuple[int, ...]]] = {
     "option": {"gravity": (3,)},
@@ -106,7 +113,9 @@ def _require_inertias(root: ET.Element, label: str) -> None:
             names.append(name)
             masses.append((numbers(inertial.get("mass", "")) or [0.0])[0])
             matrices.append(_matrix(inertial))
-        elif any(g.get("mesh") is not None or g.get("type") == "mesh" for g in body.findall("geom")):
+        elif any(
+            g.get("mesh") is not None or g.get("type") == "mesh" for g in body.findall("geom")
+        ):
             # Of a mesh that it does not find it takes 1 kg and 1 kg m^2.
             raise ArmError(
                 f"{label}: body {named(name)}: expected an <inertial>, got meshes alone (MuJoCo's "

@@ -36,7 +36,12 @@ FRAMES = {
 }
 _JOINT = ("name", "kind", "axis", "placement", "inertia")
 #: One number of a joint, and the field of an arm that it is; left out: none.
-LIMITS = {"lower": "lower", "upper": "upper", "effort": "effort_limit", "velocity": "velocity_limit"}
+LIMITS = {
+    "lower": "lower",
+    "upper": "upper",
+    "effort": "effort_limit",
+    "velocity": "velocity_limit",
+}
 LOSSES = {"damping": "viscous_friction", "friction": "dry_friction"}
 _FRAME = ("name", "joint", "type", "placement")
 
@@ -186,9 +191,7 @@ def _require_frame(frame: Any, name: str, n: int) -> None:
     placement_of(frame["placement"], f"{name}.placement")
 
 
-def _require_keys(
-    table: Any, name: str, required: Sequence[str], optional: Sequence[str]
-) -> None:
+def _require_keys(table: Any, name: str, required: Sequence[str], optional: Sequence[str]) -> None:
     if not isinstance(table, Mapping):
         raise ArgumentError(name, "a table", shown(table))
     for key in table:

@@ -27,7 +27,7 @@ from fpid_pin.arms.source import (
 from fpid_pin.arms.urdf_bare import bare
 from fpid_pin.arms.urdf_checks import parse, require_joints
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError, ArmError
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, shown
 
 _BOUNDS = ("lower", "upper")

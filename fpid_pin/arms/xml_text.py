@@ -69,9 +69,7 @@ def require_root(root: ET.Element, tag: str, label: str) -> None:
     """Refuse a file of another kind, and say what reads it."""
     if root.tag != tag:
         hint = f" ({KINDS[root.tag][1]} reads it)" if root.tag in KINDS else ""
-        raise ArmError(
-            f"{label}: expected a <{tag}> element, got <{cut(root.tag, _TAG)}>{hint}"
-        )
+        raise ArmError(f"{label}: expected a <{tag}> element, got <{cut(root.tag, _TAG)}>{hint}")
 
 
 def kind_of(path: str | Path) -> str:

@@ -59,7 +59,7 @@ kind = "suggested_fpid"
 bandwidth = {bandwidth:.1f}                # [rad/s]: ten times the reference's frequency
 
 [[controller]]                  # the same with orders 1
-name = "PID"
+name = "integer PID"
 kind = "suggested_fpid"
 bandwidth = {bandwidth:.1f}
 integral_order = 1.0
@@ -91,18 +91,20 @@ plant = {{ viscous_friction = {viscous}, dry_friction = {dry} }}
 
 [[condition]]                   # encoders and the speeds that are made of them
 name = "noise"
-sensors = {{ position_resolution = 1e-4, velocity_noise = 0.01, seed = 1 }}
+sensors = {{ position_resolution = 1e-4, velocity_noise = 0.01 }}  # {units}, {rates}
 
 [[condition]]
 name = "delay 2 ms"
-sensors = {{ delay = {delay} }}
+sensors = {{ delay = 2 }}           # samples of one step
 """
 
 
 def run_init(text: str, locks: Sequence[str], out: Path) -> None:
     """Write a configuration; what is there already stays, and is an error."""
     if kind_of(out) is not None:
-        raise FileFormatError(f"{out}: expected a new file, got one that exists (--out names another)")
+        raise FileFormatError(
+            f"{out}: expected a new file, got one that exists (--out names another)"
+        )
     table = arm_table(text, locks)
     arm = from_dict(table, Arm)
     written = configuration(arm, _relative(table, out), asked=text, file=out)
@@ -116,9 +118,9 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
     import tomli_w
 
     amplitude = swing(arm)
-    units = sorted({f"[{unit}]" for unit in arm.units}, reverse=True)
+    kinds = sorted(set(arm.units), reverse=True)
     phase = np.round(np.linspace(0.0, np.pi, arm.n, endpoint=False), 2)
-    viscous, dry = frictions(arm)
+    viscous, dry = (np.round(values, 9) for values in frictions(arm))
     return _TEMPLATE.format(
         asked=_comment(asked),
         file=_comment(str(file)),
@@ -127,7 +129,7 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
         amplitude=amplitude.tolist(),
         offset=np.round(arm.home, 6).tolist(),
         phase=phase.tolist(),
-        units=" and ".join(units),
+        units=" and ".join(f"[{unit}]" for unit in kinds),
         frequency=_FREQUENCY,
         bandwidth=_BANDWIDTH,
         square=_BANDWIDTH**2,
@@ -135,7 +137,7 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
         payload=payload(arm),
         viscous=viscous.tolist(),
         dry=dry.tolist(),
-        delay=0.002,
+        rates=" and ".join(f"[{unit}/s]" for unit in kinds),
     )
 
 

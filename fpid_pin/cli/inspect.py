@@ -59,8 +59,15 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
         }
     )
     weight = arm.gravity_vector(arm.home)
+    weight = np.where(np.abs(weight) > 1e-9 * np.abs(weight).max(), weight, 0.0)
     part = np.abs(weight) / arm.effort_limit
-    yield from ("", "At home: inertia seen by the joint, weight, and friction of the file")
+    yield from (
+        "",
+        *_wrapped(
+            "At home: the inertia that the joint feels, M_jj [kg m^2] or [kg]; its weight G_j, and "
+            "which part of its effort that takes; viscous and dry friction"
+        ),
+    )
     yield from _table(
         {
             "home": arm.home,
@@ -87,7 +94,7 @@ def _gains(arm: Arm, law: AdaptiveFpid, w: float, step: float) -> Iterator[str]:
     yield ""
     yield from _wrapped(
         f"Suggested FPID: suggest_gains(arm, bandwidth={w:g}), at a step of {1e3 * step:g} ms; "
-        "u = scale (Kp e + Ki I^lambda e + Kd D^mu e), and how far adaptation may raise the gains"
+        "u = scale (Kp e + Ki I^lambda e + Kd D^mu e), and the gains' ceilings (gain_ceilings)"
     )
     yield from _table(
         {

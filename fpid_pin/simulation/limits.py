@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from fpid_pin.simulation.run import Run
 
 
-
 @dataclass(frozen=True)
 class Exceedance:
     """A joint's first step beyond one of its limits.

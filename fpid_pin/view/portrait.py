@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -13,10 +13,12 @@ from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.view.camera import stage
+from fpid_pin.view.panels import COLOURS
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of
 from fpid_pin.view.style import new_figure, styled
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Corners around a round solid.
@@ -63,23 +65,32 @@ def portrait(arm: Arm, q: ArrayLike | None = None) -> Figure:
     return figure
 
 
-def _seen(shapes: list[Shape], data: object, view: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _seen(shapes: list[Shape], data: Any, view: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return triangles (T, 3, 3), right, up, towards, the farthest first; and colours (T, 4)."""
     corners, colours = [], []
     for shape in shapes:
-        world = np.eye(4) if shape.joint < 0 else data.oMi[shape.joint + 1].homogeneous  # type: ignore[attr-defined]
+        world = np.eye(4) if shape.joint < 0 else data.oMi[shape.joint + 1].homogeneous
         pose = world @ shape.placement
-        faces = triangles_of(shape) @ pose[:3, :3].T + pose[:3, 3]
-        corners.append(faces[:: 1 + len(faces) // _MOST] @ view.T)
+        own = triangles_of(shape)
+        faces = (own @ pose[:3, :3].T + pose[:3, 3]) @ view.T
+        if shape.kind != "mesh":
+            # Convex, around its own origin: of its far side, long triangles would shine through.
+            outwards = (_normals(own) * own.mean(axis=1)).sum(axis=1)
+            faces = faces[_normals(faces)[:, 2] * outwards >= 0.0]
+        corners.append(faces[:: 1 + len(faces) // _MOST])
         colours.append(np.tile(shape.colour, (len(corners[-1]), 1)))
     seen, colour = np.concatenate(corners), np.concatenate(colours)
-    normal = np.cross(seen[:, 1] - seen[:, 0], seen[:, 2] - seen[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     # Files do not agree on which side of a triangle is outside.
-    light = 0.55 + 0.45 * np.abs(normal @ (_LIGHT / np.linalg.norm(_LIGHT)))
-    colour[:, :3] *= light[:, np.newaxis]
+    light = np.abs(_normals(seen) @ (_LIGHT / np.linalg.norm(_LIGHT)))
+    colour[:, :3] *= 0.55 + 0.45 * light[:, np.newaxis]
     order = np.argsort(seen[:, :, 2].mean(axis=1))
     return seen[order], np.clip(colour[order], 0.0, 1.0)
+
+
+def _normals(faces: FloatArray) -> FloatArray:
+    """Return the unit normals of triangles (T, 3, 3); 0 of those without area."""
+    normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30))
 
 
 def triangles_of(shape: Shape) -> FloatArray:
@@ -128,27 +139,28 @@ def _turned(outline: FloatArray) -> FloatArray:
     return np.concatenate([np.stack(x, axis=2).reshape(-1, 3, 3) for x in ((a, b, c), (a, c, d))])
 
 
-def _mark(axes: object, arm: Arm, joint: int, place: object, view: FloatArray, size: float) -> None:
+def _mark(axes: Axes, arm: Arm, joint: int, place: Any, view: FloatArray, size: float) -> None:
     """Draw a joint's axis and number."""
-    at = view @ place.translation  # type: ignore[attr-defined]
-    along = view @ place.rotation @ joint_axis(arm.model, joint) * size  # type: ignore[attr-defined]
+    at = view @ place.translation
+    along = view @ place.rotation @ joint_axis(arm.model, joint) * size
     ends = np.stack([at - along, at + along])
     slides = arm.joint_kinds[joint] == PRISMATIC
-    colour = f"C{joint % 8}"
-    axes.plot(  # type: ignore[attr-defined]
+    colour = f"C{joint % COLOURS}"
+    axes.plot(
         ends[:, 0], ends[:, 1], color=colour, linestyle="-" if slides else (0, (3, 1.5)),
         linewidth=1.5,
     )  # fmt: skip
-    axes.annotate(  # type: ignore[attr-defined]
-        str(joint + 1), ends[1, :2], color="white", ha="center", va="center", fontsize=8,
+    axes.annotate(
+        str(joint + 1), (float(ends[1, 0]), float(ends[1, 1])), color="white", ha="center",
+        va="center", fontsize=8,
         bbox={"boxstyle": "circle,pad=0.2", "facecolor": colour, "edgecolor": "none"},
     )  # fmt: skip
 
 
-def _scale(axes: object, corner: FloatArray, half: float) -> None:
+def _scale(axes: Axes, corner: FloatArray, half: float) -> None:
     """Draw a bar of a round length in the lower left corner."""
     decade = 10.0 ** np.floor(np.log10(0.5 * half))
     length = decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= 0.5 * half)
     x, y = corner
-    axes.plot([x, x + length], [y, y], color="#262626", linewidth=2.0, solid_capstyle="butt")  # type: ignore[attr-defined]
-    axes.text(x + length / 2.0, y + 0.02 * half, f"{length:g} m", ha="center", va="bottom")  # type: ignore[attr-defined]
+    axes.plot([x, x + length], [y, y], color="#262626", linewidth=2.0, solid_capstyle="butt")
+    axes.text(x + length / 2.0, y + 0.02 * half, f"{length:g} m", ha="center", va="bottom")
