@@ -24,8 +24,9 @@ UNREACHABLE = 1e4
 class Parts:
     """What an arm is made of while it is being put together; changes alter these in place.
 
-    `model` is a ``pinocchio.Model`` with one revolute or prismatic joint per degree of freedom. `home` may be
-    None (then it is the middle of the limits), and so may `tool` (then it is the last frame).
+    `model` is a ``pinocchio.Model`` with one revolute or prismatic joint per degree of freedom.
+    `home` may be None (then it is the middle of the limits), and so may `tool` (then it is the last
+    frame).
     """
 
     model: Any

@@ -119,7 +119,7 @@ def _numbers(root: ET.Element) -> Iterator[tuple[str, str, ET.Element, str, int,
 
 
 def require_joints(root: ET.Element, label: str, lock: Mapping[str, float]) -> None:
-    """Refuse, by name, a joint without one axis that is not locked, and a lock of an unknown one."""
+    """Refuse, by name, a joint that has no axis and no lock, and a lock of an unknown one."""
     kinds = {j.get("name", ""): j.get("type", "") for j in root.findall("joint")}
     movable = [name for name, kind in kinds.items() if kind != "fixed"]
     for name in lock:

@@ -26,7 +26,7 @@ _PART = 0.4
 _FREQUENCY = 1.0
 #: Bandwidth of all controllers [rad/s]: ten times the reference's.
 _BANDWIDTH = 10.0
-#: The payload that is tried: this part of what the drives could bear beyond the arm, or of its mass.
+#: The payload: this part of what the drives can bear beyond the arm, or of its mass.
 _LOAD = 0.3
 
 _TEMPLATE = """\

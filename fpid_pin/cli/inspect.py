@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
+from fpid_pin.checks import FloatArray
 from fpid_pin.cli.arm_argument import find_arm
 from fpid_pin.cli.screen import say, screen
 from fpid_pin.control import AdaptiveFpid, gain_ceilings, stability_report, suggest_gains
@@ -17,7 +18,7 @@ from fpid_pin.control.controller import Controller
 from fpid_pin.text import visible
 
 WIDTH = 80
-Columns = dict[str, Sequence[object]]
+Column = Sequence[object] | FloatArray
 
 
 def run_inspect(
@@ -150,11 +151,11 @@ def _margins(arm: Arm, law: Controller, step: float) -> Iterator[str]:
     )
 
 
-def _or_dash(values: Sequence[float]) -> list[object]:
+def _or_dash(values: FloatArray) -> list[object]:
     return [value if value else "-" for value in values]
 
 
-def _table(columns: Columns, labels: Sequence[str] | None = None) -> Iterator[str]:
+def _table(columns: Mapping[str, Column], labels: Sequence[str] | None = None) -> Iterator[str]:
     """Yield rows of right-aligned columns, numbered from 1; a last column of names is left."""
     rows = len(next(iter(columns.values())))
     cells = {"#": list(labels or map(str, range(1, rows + 1)))}

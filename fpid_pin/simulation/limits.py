@@ -50,8 +50,8 @@ class Exceedance:
         unit = self.unit
         if self.quantity == "effort":
             return (
-                f"{self.joint}: at its effort limit of {self.limit:.3g} {unit} from {self.time:.3g} s "
-                f"on, {100.0 * self.part:.3g} % of the time"
+                f"{self.joint}: at its effort limit of {self.limit:.3g} {unit} from "
+                f"{self.time:.3g} s on, {100.0 * self.part:.3g} % of the time"
             )
         return (
             f"{self.joint}: {self.quantity} beyond {self.limit:.3g} {unit} at {self.time:.3g} s "

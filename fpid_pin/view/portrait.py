@@ -1,4 +1,4 @@
-"""A still picture of an arm: its shapes in one pose, its joints numbered, and how long things are."""
+"""A still picture of an arm: its shapes in one pose, its joints numbered, and a scale."""
 
 from __future__ import annotations
 

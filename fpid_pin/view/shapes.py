@@ -107,7 +107,7 @@ def _primitives(arm: Arm, joints: list[int]) -> list[Shape]:
     for joint in joints:
         hub = np.eye(4)
         hub[:3, :3] = _frame_along(joint_axis(model, joint))
-        kind, size = "cylinder", (1.6 * thick, 4.0 * thick)
+        kind, size = "cylinder", tuple[float, ...]((1.6 * thick, 4.0 * thick))
         if arm.joint_kinds[joint] == PRISMATIC:
             kind, size = "box", (2.4 * thick, 2.4 * thick, 4.0 * thick)
         shapes.append(Shape(joint, hub, kind, size, (*_JOINT_COLOUR, 1.0)))
