@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from fpid_pin.arms.mjcf_base import put_base, require_one_base
 from fpid_pin.arms.mjcf_limits import mend_limits
 from fpid_pin.arms.model import ModelSource
 from fpid_pin.arms.physical import require_physical
@@ -25,7 +26,15 @@ from fpid_pin.text import cut, named
 
 #: Elements that stand for others; Pinocchio's parser would pass them over in silence.
 _UNWRITTEN = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
-_PLACE = {
+#: Settings of the compiler that change masses or limits, which the parser does not do (Pinocchio
+#: 4.1); and what they are where they change nothing.
+_COMPILER = (
+    "settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiagrouprange",
+    "inertiafromgeom", "autolimits", "coordinate",
+)  # fmt: skip
+_NOTHING = {"inertiafromgeom": ("auto", "false"), "autolimits": ("true",)}
+_Counts = dict[str, tuple[int, ...]]
+_PLACE: _Counts = {
     "pos": (3,),
     "quat": (4,),
     "euler": (3,),
@@ -34,7 +43,7 @@ _PLACE = {
     "zaxis": (3,),
 }
 #: Attributes that are numbers, and how many; the parser would take what memory holds for others.
-_NUMBERS: dict[str, dict[str, tuple[int, ...]]] = {
+_NUMBERS: dict[str, _Counts] = {
     "option": {"gravity": (3,)},
     "body": _PLACE,
     "geom": _PLACE
@@ -58,12 +67,14 @@ def read_mjcf(
     root = parse_xml(read_text(path, "MJCF"), label)
     require_root(root, "mujoco", label)
     _require_written_out(root, label)
+    require_one_base(root, label)
     _require_numbers(root, label)
     _require_inertias(root, label)
     with one_line(label, "Pinocchio cannot build it"):
         model = pin.buildModelFromMJCF(str(path))
     mend_limits(model, root)
     geometry = _geometry(model, path, label)
+    put_base(model, geometry, root, label)
     option = root.find("option")
     if gravity is None:
         # The parser leaves its own.
@@ -81,6 +92,14 @@ def _require_written_out(root: ET.Element, label: str) -> None:
                 f"{label}: expected a model that is written out, got <{element.tag}> (MuJoCo's "
                 "mj_saveLastXML writes one)"
             )
+    for compiler in root.findall("compiler"):
+        for key in _COMPILER:
+            value = compiler.get(key)
+            if value not in (None, *_NOTHING.get(key, ("false", "0", "-1", "local"))):
+                raise ArmError(
+                    f"{label}: <compiler>: expected no {key}, which is not done here, got "
+                    f"{named(value)}"
+                )
 
 
 def _require_numbers(root: ET.Element, label: str) -> None:
@@ -107,6 +126,7 @@ def _require_numbers(root: ET.Element, label: str) -> None:
 def _require_inertias(root: ET.Element, label: str) -> None:
     """Refuse what no body is, and bodies whose mass the parser would make up."""
     names, masses, matrices = [], [], list[FloatArray]()
+    shared = any(geom.get("mass") for part in root.iter("default") for geom in part.iter("geom"))
     for body in root.iter("body"):
         name, inertial = body.get("name", ""), body.find("inertial")
         if inertial is not None:
@@ -119,7 +139,13 @@ def _require_inertias(root: ET.Element, label: str) -> None:
             # Of a mesh that it does not find it takes 1 kg and 1 kg m^2.
             raise ArmError(
                 f"{label}: body {named(name)}: expected an <inertial>, got meshes alone (MuJoCo's "
-                "mj_saveLastXML writes one)"
+                "compiler knows it: body_mass, body_ipos, body_iquat, body_inertia)"
+            )
+        elif shared and body.find("geom") is not None:
+            # The parser does not look there.
+            raise ArmError(
+                f"{label}: body {named(name)}: expected an <inertial> or the mass of each <geom>, "
+                "got a mass in <default>"
             )
     require_physical(names, masses, matrices, label)
 
