@@ -87,8 +87,11 @@ def _planar_axis(arm: Arm) -> FloatArray | None:
     axes = np.array([data.oMi[j + 1].rotation @ joint_axis(arm.model, j) for j in range(arm.n)])
     slides = _slides(arm)
     if slides.all():
-        # The direction in which they slide least; of one joint alone, any that is level.
-        normal = np.asarray(np.linalg.svd(np.vstack([axes, 1e-3 * _UP]))[2][-1])
+        # Across all of them; where they share a line, level as well.
+        if np.linalg.matrix_rank(axes) == 1:
+            axes = np.vstack([axes, _UP])
+        normal = np.asarray(np.linalg.svd(axes)[2][-1])
+        axes = axes[: arm.n]
     else:
         normal = axes[~slides][0]
     along = np.abs(axes @ normal)

@@ -119,8 +119,9 @@ REFUSED = {
     "include": ("<worldbody>", '<include file="x.xml"/><worldbody>', "got <include>"),
     "two bases": ("</worldbody>", '<body name="b"/></worldbody>', "expected one <body> .* got 2"),
     "a tree": (
-        '<site name="tool"', '<body name="e"><joint name="e"/><geom size="1"/></body><body name="f"><joint name="f"/>'
-        '<geom size="1"/></body><site name="tool"', "a tree that branches at joint 'wrist' into"),
+        '<site name="tool"', '<body name="e"><joint name="e"/><geom size="1"/></body>'
+        '<body name="f"><joint name="f"/><geom size="1"/></body><site name="tool"',
+        "a tree that branches at joint 'wrist' into"),
     "meshes alone": (
         '<geom type="box" size="0.1 0.05 0.04" mass="1.2" pos="0.02 0 0"/>',
         '<geom type="mesh" mesh="m"/>', "body 'carriage': expected an <inertial>, got meshes"),
