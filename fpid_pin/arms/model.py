@@ -100,13 +100,11 @@ class ModelSource(Source):
             if name in taken:
                 raise ArgumentError("name", "names of their own", f"{shown(name)} again")
             taken.add(name)
-        bodies = [inertia_of(np.array(joint["inertia"])) for joint in self.joints]
-        require_physical(
-            [str(joint["name"]) for joint in self.joints],
-            [body.mass for body in bodies],
-            [np.array(body.inertia) for body in bodies],
-            cut(self.name),
-        )
+        rows = np.array([joint["inertia"] for joint in self.joints], dtype=np.float64)
+        names = [str(joint["name"]) for joint in self.joints]
+        # xx, xy, yy, xz, yz, zz: Pinocchio would not make a body of any.
+        matrices = rows[:, [4, 5, 7, 5, 6, 8, 7, 8, 9]]
+        require_physical(names, rows[:, 0], matrices, cut(self.name))
         if self.home is not None:
             object.__setattr__(self, "home", checks.read_only(shaped("home", self.home, (n,))))
         if self.tool is not None:

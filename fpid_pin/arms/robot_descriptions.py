@@ -58,5 +58,5 @@ def _module(name: Any) -> Any:
         return importlib.import_module(f"{_PACKAGE}.{name}")
     except Exception as error:
         # Git, the network, the disk: each has exceptions of its own.
-        reason = " ".join(visible(str(error)).split()) or type(error).__name__
+        reason = visible(" ".join(str(error).split())) or type(error).__name__
         raise ArmError(f"{name}: cannot be downloaded: {cut(reason)}") from None

@@ -34,7 +34,7 @@ def mixed():
         pin.JointModelRevoluteUnaligned(oblique), pin.JointModelPZ(),
     )  # fmt: skip
     model.armature = np.array([0.1, 0.0, 0.02, 0.0])
-    model.upperEffortLimit = np.array([30.0, 20.0, 0.0, 5.0])
+    model.upperEffortLimit = np.array([300.0, 200.0, 0.0, 50.0])
     model.upperVelocityLimit = np.array([3.0, 0.0, 2.0, 1.0])
     model.damping = np.array([0.0, 0.3, 0.0, 0.1])
     model.upperDryFrictionLimit = np.array([0.2, 0.0, 0.0, 0.0])
@@ -60,7 +60,7 @@ def test_slides_limits_friction_and_rotors_are_read():
     assert arm.units == ("rad", "m", "rad", "m")
     expected = pin.rnea(model, model.createData(), q, v, a)
     assert arm.inverse_dynamics(q, v, a) == pytest.approx(expected, rel=1e-12)
-    assert arm.effort_limit.tolist() == [30.0, 20.0, np.inf, 5.0]
+    assert arm.effort_limit.tolist() == [300.0, 200.0, np.inf, 50.0]
     assert arm.velocity_limit.tolist() == [3.0, np.inf, 2.0, 1.0]
     assert arm.lower.tolist() == [-1.0, 0.1, -np.inf, -0.5]
     assert arm.viscous_friction.tolist() == [0.0, 0.3, 0.0, 0.1]
@@ -80,7 +80,7 @@ def test_a_run_holds_it_as_a_plain_table(tmp_path):
     assert descriptions.from_dict(table, Arm) == arm
     assert set(table) == {"kind", "name", "gravity", "joints", "frames", "changes"}
     experiment = fp.Experiment(arm, fp.references.Hold(arm.home), duration=0.05)
-    fp.simulate(experiment, fp.suggest_gains(arm)).save(tmp_path / "run.npz")
+    fp.simulate(experiment, fp.ComputedTorque(100.0, 20.0)).save(tmp_path / "run.npz")
     assert fp.Run.load(tmp_path / "run.npz").arm == arm
 
 
@@ -124,7 +124,9 @@ def test_shapes_come_with_it():
 
 
 def heavy(mass, *moments):
-    return pin.Inertia(mass, np.zeros(3), np.diag(moments))
+    body = pin.Inertia(mass, np.zeros(3), np.eye(3))
+    body.inertia = np.diag(moments)
+    return body
 
 
 REFUSED = {
@@ -209,6 +211,9 @@ TABLE_FAULTS = {
     "limits": (("joints", 0, "upper"), -5.0, "joints.0.upper: expected a number > -1, got -5"),
     "effort": (("joints", 0, "effort"), -5.0, "joints.0.effort: expected a number >= 0, got -5"),
     "name": (("joints", 0, "name"), "j2", "name: expected names of their own, got 'j2' again"),
+    "no body": (
+        ("joints", 1, "inertia"), [1, 0, 0, 0, 1, 0, -1, 0, 0, 1],
+        "link 'j2': expected principal moments"),
     "frame": (("frames", 0, "joint"), 9, "frames.0.joint: expected a whole number in"),
     "home": (("home",), [1.0], r"home: expected shape \(4,\)"),
 }  # fmt: skip
@@ -222,5 +227,5 @@ def test_a_wrong_table_is_refused_by_the_key_at_fault(case):
     for key in path[:-1]:
         place = place[key]
     place[path[-1]] = value
-    with pytest.raises(ArgumentError, match=message):
+    with pytest.raises((ArgumentError, ArmError), match=message):
         descriptions.from_dict(table, Arm)
