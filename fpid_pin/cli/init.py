@@ -18,8 +18,8 @@ from fpid_pin.descriptions import from_dict
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import kind_of, replacing
 
-#: The reference: as far from home at most [rad], [m]; and this part of speed limits and of the way
-#: to the position limits.
+#: The reference: so far to both sides at most [rad], [m], and this part of what position and speed
+#: limits allow.
 _SWING, _SLIDE = 0.3, 0.1
 _PART = 0.4
 #: Its frequency [rad/s].
@@ -36,7 +36,6 @@ _TEMPLATE = """\
 format = 1
 title = {title}
 
-[arm]
 {arm}
 
 [reference]                     # around home, within the joints' limits; out of phase
@@ -117,7 +116,7 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
     """Return the text of a configuration for an arm."""
     import tomli_w
 
-    amplitude = swing(arm)
+    amplitude, offset = swing(arm)
     kinds = sorted(set(arm.units), reverse=True)
     phase = np.round(np.linspace(0.0, np.pi, arm.n, endpoint=False), 2)
     viscous, dry = (np.round(values, 9) for values in frictions(arm))
@@ -125,9 +124,9 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
         asked=_comment(asked),
         file=_comment(str(file)),
         title=tomli_w.dumps({"t": f"{arm.name}: which controller?"}).partition("= ")[2].strip(),
-        arm=tomli_w.dumps(table).strip(),
+        arm=tomli_w.dumps({"arm": table}).strip(),
         amplitude=amplitude.tolist(),
-        offset=np.round(arm.home, 6).tolist(),
+        offset=np.round(offset, 6).tolist(),
         phase=phase.tolist(),
         units=" and ".join(f"[{unit}]" for unit in kinds),
         frequency=_FREQUENCY,
@@ -141,12 +140,16 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
     )
 
 
-def swing(arm: Arm) -> FloatArray:
-    """Return how far each joint moves to both sides of home, (n,) [rad] or [m], in its limits."""
-    room = np.minimum(arm.home - arm.lower, arm.upper - arm.home)
+def swing(arm: Arm) -> tuple[FloatArray, FloatArray]:
+    """Return how far each joint moves, and around where, (n,) [rad] or [m]: within its limits.
+
+    Around home, or as near to it as leaves room.
+    """
     most = [_SLIDE if kind == PRISMATIC else _SWING for kind in arm.joint_kinds]
-    speed = arm.velocity_limit / _FREQUENCY
-    return rounded(np.minimum(most, _PART * np.minimum(room, speed)))
+    room = 0.5 * (arm.upper - arm.lower)
+    amplitude = rounded(np.minimum(most, _PART * np.minimum(room, arm.velocity_limit / _FREQUENCY)))
+    # Room to overshoot by a quarter.
+    return amplitude, np.clip(arm.home, arm.lower + 1.25 * amplitude, arm.upper - 1.25 * amplitude)
 
 
 def payload(arm: Arm) -> float:

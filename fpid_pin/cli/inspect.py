@@ -27,13 +27,15 @@ def run_inspect(
     """Print all of it; draw the arm where a picture is asked for."""
     arm = find_arm(text, locks)
     console = screen()
-    for line in described(arm, bandwidth, step):
-        say(console, line)
     if picture is not None:
         from fpid_pin.view import plots
         from fpid_pin.view.portrait import portrait
 
+        # First: a name that no picture can have is told before a page of numbers.
         plots.save_figure(portrait(arm), picture)
+    for line in described(arm, bandwidth, step):
+        say(console, line)
+    if picture is not None:
         say(console, f"Written: {picture}")
 
 

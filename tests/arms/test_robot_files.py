@@ -72,7 +72,7 @@ def test_no_file_is_one_line(tmp_path):
 @pytest.mark.skipif(pin.WITH_SDFORMAT, reason="this Pinocchio reads SDF")
 def test_sdf_is_refused_where_pinocchio_has_no_parser(tmp_path):
     path = write(tmp_path, SDF, "a.sdf")
-    with pytest.raises(ArmError, match="expected a Pinocchio that reads SDF, got one built without"):
+    with pytest.raises(ArmError, match="that reads SDF, got one built without sdformat"):
         Arm.from_sdf(path)
     with pytest.raises(ArmError, match="expected a Pinocchio that reads SDF"):
         descriptions.from_dict({"kind": "sdf", "path": str(path)}, Arm)
