@@ -42,11 +42,17 @@ def run(
 
 
 @app.command()
-def compare(config: ConfigFile, out: OutputPath = None) -> None:
-    """Simulate every controller of a configuration under every condition, side by side."""
+def compare(
+    config: ConfigFile,
+    out: OutputPath = None,
+    metric: Annotated[
+        str, typer.Option(help="What decides: tail, rms, cost, energy, variation or peak.")
+    ] = "tail",
+) -> None:
+    """Simulate every controller of a configuration under every condition, and say who is best."""
     from fpid_pin.cli.experiments import run_comparison
 
-    run_comparison(config, out or Path("runs") / config.stem)
+    run_comparison(config, out or Path("runs") / config.stem, metric)
 
 
 @app.command()
