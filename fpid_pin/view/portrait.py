@@ -13,7 +13,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.view.camera import stage
-from fpid_pin.view.panels import COLOURS
+from fpid_pin.view.palette import colour
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of
 from fpid_pin.view.style import new_figure, styled
 
@@ -79,12 +79,12 @@ def _seen(shapes: list[Shape], data: Any, view: FloatArray) -> tuple[FloatArray,
             faces = faces[_normals(faces)[:, 2] * outwards >= 0.0]
         corners.append(faces[:: 1 + len(faces) // _MOST])
         colours.append(np.tile(shape.colour, (len(corners[-1]), 1)))
-    seen, colour = np.concatenate(corners), np.concatenate(colours)
+    seen, tint = np.concatenate(corners), np.concatenate(colours)
     # Files do not agree on which side of a triangle is outside.
     light = np.abs(_normals(seen) @ (_LIGHT / np.linalg.norm(_LIGHT)))
-    colour[:, :3] *= 0.55 + 0.45 * light[:, np.newaxis]
+    tint[:, :3] *= 0.55 + 0.45 * light[:, np.newaxis]
     order = np.argsort(seen[:, :, 2].mean(axis=1))
-    return seen[order], np.clip(colour[order], 0.0, 1.0)
+    return seen[order], np.clip(tint[order], 0.0, 1.0)
 
 
 def _normals(faces: FloatArray) -> FloatArray:
@@ -145,15 +145,15 @@ def _mark(axes: Axes, arm: Arm, joint: int, place: Any, view: FloatArray, size: 
     along = view @ place.rotation @ joint_axis(arm.model, joint) * size
     ends = np.stack([at - along, at + along])
     slides = arm.joint_kinds[joint] == PRISMATIC
-    colour = f"C{joint % COLOURS}"
+    own = colour(joint)
     axes.plot(
-        ends[:, 0], ends[:, 1], color=colour, linestyle="-" if slides else (0, (3, 1.5)),
+        ends[:, 0], ends[:, 1], color=own, linestyle="-" if slides else (0, (3, 1.5)),
         linewidth=1.5,
     )  # fmt: skip
     axes.annotate(
         str(joint + 1), (float(ends[1, 0]), float(ends[1, 1])), color="white", ha="center",
         va="center", fontsize=8,
-        bbox={"boxstyle": "circle,pad=0.2", "facecolor": colour, "edgecolor": "none"},
+        bbox={"boxstyle": "circle,pad=0.2", "facecolor": own, "edgecolor": "none"},
     )  # fmt: skip
 
 

@@ -5,7 +5,8 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
-from fpid_pin.view import export_html
+from fpid_pin.cli.summary import Entry, joint_rows
+from fpid_pin.view import export_html, plots
 from fpid_pin.view.portrait import portrait, triangles_of
 from fpid_pin.view.shapes import Shape, shapes_of
 
@@ -98,3 +99,21 @@ def test_every_arm_that_has_shapes_is_drawn_with_them():
     drawn = {tuple(np.round(colour / colour[:3].max(), 2)) for colour in
              axes.collections[0].get_facecolor()}  # fmt: skip
     assert len(drawn) >= len({shape.colour for shape in shapes_of(arm)}) - 1
+
+
+def labels(figure):
+    return [axes.get_ylabel() for axes in figure.axes]
+
+
+def test_figures_and_tables_say_metres_and_newtons(scara):
+    reference = fp.references.Sinusoid(amplitude=[0.3, 0.2, 0.1], frequency=2.0)
+    run = fp.simulate(fp.Experiment(scara, reference, duration=0.2), fp.suggest_gains(scara))
+    assert labels(plots.tracking(run)) == ["angle, rad", "position, m", "position, m"]
+    assert labels(plots.error(run)) == ["$q_d - q$, rad", "$q_d - q$, m", "$q_d - q$, m"]
+    assert labels(plots.torque(run)) == ["torque, N m", "force, N", "force, N"]
+    assert labels(plots.phase_plane(run))[:2] == ["$\\dot e$, rad/s", "$\\dot e$, m/s"]
+    assert labels(plots.comparison([run]))[2:4] == ["$q_d - q$, m", "force, N"]
+    together = labels(plots.plot(run))[:3]
+    assert together == ["position, rad, m", "$q_d - q$, rad, m", "torque, N m, N"]
+    rows = joint_rows([Entry("nominal", "law", run, "law.npz")])
+    assert [row["joint"] for row in rows] == ["j1", "j2 [m, N]", "j3 [m, N]"]

@@ -152,7 +152,7 @@ class RunView {
     this.arm.pose(q);
     this.ghost.pose(q_ref);
     this.arcBody.pose(q);
-    this.joints.forEach(({limit}, j) => {
+    this.joints.forEach(({limit, slides}, j) => {
       const part = torque[j] / (limit === null ? this.peak[j] : limit);
       this.arcs[j].show(part);
       const [bar, value] = this.bars[j], half = 50 * Math.min(Math.abs(part), 1);
@@ -161,7 +161,7 @@ class RunView {
       bar.style.background = `#${loadColour(Math.abs(part)).getHexString()}`;
       const full = limit === null ? "" : ` / ${limit}`;
       const shown = Math.abs(torque[j]) < 0.05 ? 0 : torque[j];
-      value.textContent = `${shown.toFixed(1)}${full} N m`;
+      value.textContent = `${shown.toFixed(1)}${full} ${slides ? "N" : "N m"}`;
     });
   }
 
