@@ -237,8 +237,9 @@ class Making:
     ) -> Arm:
         """Return an arm of robot_descriptions by its module's name, ``"ur5e_description"``.
 
-        That package downloads the robot's repository the first time, with git. A saved run holds
-        what was read, so that reading it needs neither.
+        That package downloads the robot's repository the first time, with git, and writes out by
+        xacro what is written for it, which evaluates expressions of the repository. A saved run
+        holds what was read, so that reading it needs none of this.
 
         Parameters
         ----------

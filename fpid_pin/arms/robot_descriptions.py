@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +29,8 @@ def read_description(
 ) -> Source:
     """Read an arm of robot_descriptions; see `Arm.from_description`."""
     module = _module(name)
-    if hasattr(module, "URDF_PATH"):
-        path = str(module.URDF_PATH)
+    if hasattr(module, "URDF_PATH") or hasattr(module, "XACRO_PATH"):
+        path = str(getattr(module, "URDF_PATH", None) or _written_out(module, name))
         folders = {str(getattr(module, key)) for key in ("PACKAGE_PATH", "REPOSITORY_PATH")
                    if hasattr(module, key)}  # fmt: skip
         # Meshes are addressed by the package's name, one folder up.
@@ -51,12 +52,26 @@ def _module(name: Any) -> Any:
             "(pip install fpid_pin[descriptions])"
         ) from None
     known = [
-        item.name for item in pkgutil.iter_modules(package.__path__) if item.name.endswith(ENDING)
+        item.name
+        for item in pkgutil.iter_modules(package.__path__)
+        if item.name.endswith(ENDING) and not item.name.startswith("_")
     ]
     checks.choice("description", name, known)
-    try:
+    with _told(f"{name}: cannot be downloaded"):
         return importlib.import_module(f"{_PACKAGE}.{name}")
+
+
+def _written_out(module: Any, name: str) -> str:
+    """Return the URDF that the package's own xacro makes of a description, as its loaders do."""
+    with _told(f"{name}: xacro cannot write it out"):
+        return str(importlib.import_module(f"{_PACKAGE}._xacro").get_urdf_path(module))
+
+
+@contextmanager
+def _told(what: str) -> Iterator[None]:
+    """Turn whatever comes of it into one line: git, network, disk, xacro each raise their own."""
+    try:
+        yield
     except Exception as error:
-        # Git, the network, the disk: each has exceptions of its own.
         reason = visible(" ".join(str(error).split())) or type(error).__name__
-        raise ArmError(f"{name}: cannot be downloaded: {cut(reason)}") from None
+        raise ArmError(f"{what}: {cut(reason)}") from None

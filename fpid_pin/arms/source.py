@@ -140,5 +140,7 @@ def one_line(name: str, what: str) -> Iterator[None]:
     try:
         yield
     except (ValueError, RuntimeError, IndexError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        # Some of its messages begin with where in its source they come from.
+        said = str(error).rpartition("message:\n")[2]
+        reason = " ".join(said.split()) or type(error).__name__
         raise ArmError(f"{name}: {what}: {reason}") from None

@@ -110,6 +110,13 @@ def package(tmp_path, monkeypatch):
         "lifter_mj_description": f"MJCF_PATH = {str(mjcf)!r}\n",
         "far_description": "raise OSError('no network\\nat all')\n",
         "empty_description": "",
+        "_private_description": "",
+        "macro_description": f"XACRO_PATH = 'x'\nPACKAGE_PATH = {str(tmp_path)!r}\n",
+        "bad_macro_description": "XACRO_PATH = ''\n",
+        "_xacro": (
+            f"def get_urdf_path(module):\n    if module.XACRO_PATH:\n        return {str(urdf)!r}\n"
+            "    raise ModuleNotFoundError('Install it with `pip install xacrodoc`.')\n"
+        ),
         "loaders": "raise AssertionError\n",
     }
     for name, code in modules.items():
@@ -124,6 +131,7 @@ def test_a_description_is_read_whichever_file_it_has(package, tmp_path):
     arm = Arm.from_description("two_description", gravity=9.8)
     two = Arm.two_link()
     assert np.array_equal(arm.mass_matrix([0.1, 0.2]), two.mass_matrix([0.1, 0.2]))
+    assert Arm.from_description("macro_description").n == 2
     lifter = Arm.from_description("lifter_mj_description", lock={"slide": 0.1})
     assert lifter == Arm.from_mjcf(tmp_path / "lifter.xml", {"slide": 0.1})
 
@@ -141,6 +149,8 @@ def test_what_is_saved_needs_neither_package_nor_network(package, tmp_path, monk
     ("name", "message"),
     [
         ("too_description", "description: expected one of .*did you mean two_description"),
+        ("_private_description", "description: expected one of"),
+        ("bad_macro_description", "xacro cannot write it out: Install it with `pip install xacro"),
         ("loaders", "description: expected one of"),
         ("far_description", "far_description: cannot be downloaded: no network at all"),
         ("empty_description", "expected a description with a URDF or an MJCF file, got neither"),
