@@ -126,6 +126,12 @@ def _require_numbers(root: ET.Element, label: str) -> None:
 def _require_inertias(root: ET.Element, label: str) -> None:
     """Refuse what no body is, and bodies whose mass the parser would make up."""
     names, masses, matrices = [], [], list[FloatArray]()
+    moving = {
+        below
+        for body in root.iter("body")
+        if body.find("joint") is not None
+        for below in body.iter("body")
+    }
     shared = any(geom.get("mass") for part in root.iter("default") for geom in part.iter("geom"))
     for body in root.iter("body"):
         name, inertial = body.get("name", ""), body.find("inertial")
@@ -133,9 +139,10 @@ def _require_inertias(root: ET.Element, label: str) -> None:
             names.append(name)
             masses.append((numbers(inertial.get("mass", "")) or [0.0])[0])
             matrices.append(_matrix(inertial))
-        elif any(
-            g.get("mesh") is not None or g.get("type") == "mesh" for g in body.findall("geom")
-        ):
+        elif body not in moving:
+            # Held by the world: nothing feels its weight.
+            continue
+        elif any(g.get("mesh") or g.get("type") == "mesh" for g in body.findall("geom")):
             # Of a mesh that it does not find it takes 1 kg and 1 kg m^2.
             raise ArmError(
                 f"{label}: body {named(name)}: expected an <inertial>, got meshes alone (MuJoCo's "

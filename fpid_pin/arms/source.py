@@ -141,6 +141,6 @@ def one_line(name: str, what: str) -> Iterator[None]:
         yield
     except (ValueError, RuntimeError, IndexError) as error:
         # Some of its messages begin with where in its source they come from.
-        said = str(error).rpartition("message:\n")[2]
+        said = str(error).rpartition("\nmessage:")[2]
         reason = " ".join(said.split()) or type(error).__name__
         raise ArmError(f"{name}: {what}: {reason}") from None

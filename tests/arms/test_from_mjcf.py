@@ -148,13 +148,21 @@ def test_what_is_no_arm_is_refused_on_one_line(case, tmp_path):
         ('settotalmass="9"', "", "expected no settotalmass, .* got '9'"),
         ('boundmass="3"', "", "expected no boundmass"),
         ('autolimits="false"', "", "expected no autolimits"),
-        ("", 'mass="0.3"', "body 'b': expected an <inertial> or the mass of each"),
+        ("", 'mass="0.3"', "body 'u': expected an <inertial> or the mass of each"),
     ],
 )
 def test_what_mujoco_compiles_and_pinocchio_does_not_is_refused(tmp_path, compiler, wrist, message):
     path = write(tmp_path, SHAPES.format(compiler=compiler, wrist=wrist))
     with pytest.raises(ArmError, match=message):
         Arm.from_mjcf(path)
+
+
+def test_meshes_that_are_not_there_are_said_and_the_arm_moves_all_the_same(tmp_path, lifter):
+    text = TEXT.replace("<worldbody>", '<asset><mesh name="m" file="m.stl"/></asset><worldbody>')
+    path = write(tmp_path, text.replace("<site", '<geom type="mesh" mesh="m"/><site'))
+    with pytest.warns(FpidWarning, match="visuals cannot be loaded: Could not load .*m.stl"):
+        arm = Arm.from_mjcf(path)
+    assert arm == lifter
 
 
 def test_what_pulls_at_joints_besides_is_said_to_be_left_out(tmp_path):
