@@ -1,6 +1,7 @@
 """Which kind a robot's file is, what has to be done first, and robots that are downloaded."""
 
 import sys
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -167,3 +168,8 @@ def test_a_missing_package_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "robot_descriptions", None)
     with pytest.raises(ArmError, match=r"pip install fpid_pin\[descriptions\]"):
         Arm.from_description("ur5e_description")
+
+
+def test_the_page_on_models_runs():
+    page = (Path(__file__).parents[2] / "docs" / "models.md").read_text(encoding="utf-8")
+    exec(page.partition("```python\n")[2].partition("```")[0], {})
