@@ -134,7 +134,7 @@ def test_a_cost_that_is_not_a_number_never_wins():
             ise = float(metrics.ise.sum())
             return ise if ise > 0.07 else float("nan")
 
-    result = tune(EXPERIMENT, CONTROLLER, ORDERS, Odd(), small())
+    result = tune(EXPERIMENT, CONTROLLER, ORDERS, Odd(), small(population=24))
     assert result.cost > 0.07
 
 
