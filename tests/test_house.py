@@ -19,7 +19,7 @@ TIERS = [
     {"kernels", "text"},
     {"_version", "exceptions", "progress"},
     {"archive", "budget", "checks", "files"},
-    {"descriptions", "locks", "sealed"},
+    {"descriptions", "locks", "packed", "sealed"},
     {"costs", "disturbances"},
     {"fractional", "arms"},
     {"control", "references"},
