@@ -20,6 +20,7 @@ from fpid_pin.costs import Metrics
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.simulation import run_file
 from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.limits import torque_limit
 from fpid_pin.simulation.metrics import metrics_of
 from fpid_pin.simulation.recorders import Outcome
 
@@ -205,6 +206,7 @@ def describe_run(experiment: Experiment, controller: Controller, name: str) -> d
         },
         "platform": platform.platform(),
         "seed": experiment.seed,
+        "effort_limit": torque_limit(experiment).tolist(),
         "experiment": descriptions.to_dict(experiment),
         "controller": descriptions.to_dict(controller),
         "arm": descriptions.to_dict(experiment.arm),

@@ -143,7 +143,11 @@ def _check_table(table: Any) -> None:
     step = checks.number("meta.step", table.get("step"), low=low, high=high)
     rows = checks.integer("meta.rows", table.get("rows"), low=0, high=checks.MOST_ROWS)
     checks.integer("meta.planned_rows", table.get("planned_rows"), low=rows, high=checks.MOST_ROWS)
-    checks.integer("meta.joints", table.get("joints"), low=1, high=MOST_JOINTS)
+    joints = checks.integer("meta.joints", table.get("joints"), low=1, high=MOST_JOINTS)
+    if "effort_limit" in table:
+        name = "meta.effort_limit"
+        checks.instance(name, table["effort_limit"], list, "a list")
+        checks.per_joint(name, table["effort_limit"], joints, low=0.0, finite=False)
     _check_outcome(table.get("outcome"), step)
 
 
