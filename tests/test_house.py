@@ -17,8 +17,8 @@ PACKAGE = Path(fpid_pin.__file__).parent
 # A room may import those before it, in its own tier and above.
 TIERS = [
     {"kernels", "text"},
-    {"_version", "exceptions", "progress"},
-    {"archive", "budget", "checks", "files"},
+    {"_version", "exceptions", "progress", "shown"},
+    {"archive", "budget", "checks", "extras", "files"},
     {"descriptions", "locks", "packed", "sealed"},
     {"costs", "disturbances"},
     {"fractional", "arms"},

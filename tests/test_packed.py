@@ -23,7 +23,9 @@ def by_the_page(packed, shape):
 
 @given(
     arrays_of.arrays(
-        np.uint64, arrays_of.array_shapes(max_dims=2, max_side=30), elements=st.integers(0, 2**64 - 1)
+        np.uint64,
+        arrays_of.array_shapes(max_dims=2, max_side=30),
+        elements=st.integers(0, 2**64 - 1),
     )
 )
 def test_any_bits_come_back_nan_s_and_zeros_signs_among_them(bits):

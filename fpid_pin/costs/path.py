@@ -48,7 +48,9 @@ class ToolCost(RowCost):
 
 def tool_distance(arm: Any, q: FloatArray, q_ref: FloatArray) -> FloatArray:
     """Return how far the tool of an `Arm` at `q` is from that at `q_ref`, (K, n) both, (K,) [m]."""
-    apart = [arm.tool_pose(a)[:3, 3] - arm.tool_pose(b)[:3, 3] for a, b in zip(q, q_ref, strict=True)]
+    apart = [
+        arm.tool_pose(a)[:3, 3] - arm.tool_pose(b)[:3, 3] for a, b in zip(q, q_ref, strict=True)
+    ]
     return np.asarray(np.linalg.norm(np.reshape(apart, (-1, 3)), axis=1))
 
 

@@ -21,7 +21,8 @@ from fpid_pin.simulation.limits import overloaded_joints
 from fpid_pin.simulation.lockstep import apart_if_wrong, batches, lockstep, pair
 from fpid_pin.simulation.metrics import MetricsRecorder
 from fpid_pin.simulation.recorders import FullRecord, Outcome
-from fpid_pin.simulation.run import Run, describe_run
+from fpid_pin.simulation.run import Run
+from fpid_pin.simulation.run_meta import describe_run
 from fpid_pin.simulation.streamed import RowCosts
 
 # More runs in one call gain nothing: their states no longer fit the processor's cache.

@@ -87,7 +87,9 @@ def read(
             size, shapes = sum(map(prod, shapes.values())), _shapes_of(table, members)
         _check_shapes(table["rows"], table["joints"], shapes)
         if packed and not _bearable(shapes, size):
-            raise ArgumentError("meta.rows", "as many as a file of its size may hold", table["rows"])
+            raise ArgumentError(
+                "meta.rows", "as many as a file of its size may hold", table["rows"]
+            )
         return dict(table)
 
     arrays, table = sealed.read(path, KIND, (FORMAT, PACKED), expect)

@@ -66,10 +66,10 @@ class RowCosts:
         Raises
         ------
         ArgumentError
-            `RowCost.finish` gave no number.
+            A cost that is no number.
         """
         value = self._costs[cost].finish(self._states[run][cost])
         try:
             return float(value)
         except (TypeError, ValueError):
-            raise ArgumentError("cost.finish", "a number", type(value).__name__) from None
+            raise ArgumentError("cost", "a number", type(value).__name__) from None
