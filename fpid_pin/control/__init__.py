@@ -4,10 +4,14 @@ from fpid_pin.control.adaptive_orders import adapt_orders
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.controller import Controller
+from fpid_pin.control.encoder import EncoderRate
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import gain_ceilings, suggest_gains
+from fpid_pin.control.joint_order import JointOrder
 from fpid_pin.control.loop import Loop
 from fpid_pin.control.observer_bandwidth import suggest_observer
+from fpid_pin.control.record import Record
+from fpid_pin.control.robot_loop import RobotLoop, Ticks
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.stability import StabilityReport, stability_report
 from fpid_pin.control.state import LawState, State
@@ -18,11 +22,15 @@ __all__ = [
     "AdaptiveFpid",
     "ComputedTorque",
     "Controller",
+    "EncoderRate",
     "GravityOnly",
+    "JointOrder",
     "LawState",
     "Loop",
     "PdGravity",
     "Pid",
+    "Record",
+    "RobotLoop",
     "Safeguards",
     "SlidingMode",
     "SlotineLi",
@@ -30,6 +38,7 @@ __all__ = [
     "State",
     "SuggestedFpid",
     "Supervisor",
+    "Ticks",
     "adapt_orders",
     "gain_ceilings",
     "lyapunov_matrix",

@@ -39,7 +39,7 @@ class JointOrder:
                 arm[checks.integer("joint_names", place, low=0, high=len(arm) - 1)]
                 for place in given
             ]
-        for name in dict.fromkeys([*arm, *given]):
+        for name in dict.fromkeys([*given, *arm]):
             if not isinstance(name, str):
                 raise ArgumentError("joint_names", "names, or places alone", repr(name))
             count = given.count(name)

@@ -118,9 +118,8 @@ class Loop:
 
     def new_record(self, rows: int = ROWS) -> Record:
         """Return a record of this law that somebody else fills."""
-        live = {name: value[0] for name, value in self.state.signals().items()}
-        rows = checks.integer("rows", rows, low=1)
-        return Record(self.state.arm, self.state.step, self.controller, live, rows)
+        state, rows = self.state, checks.integer("rows", rows, low=1)
+        return Record(state.arm, state.step, self.controller, state.signals(), rows)
 
     def reset(self) -> None:
         """Be as at the start: no integral, no memory, the gains as given. Not for within a tick.
@@ -132,7 +131,7 @@ class Loop:
         """
         if self._restart is None:
             raise SimulationError(
-                "reset: expected a loop from controller.start, got one of a state"
+                "reset: expected a loop by controller.start, got a state's"
             )
         self.state = self._restart()
         self._torque = self.state.torque[0]

@@ -33,7 +33,7 @@ class Ticks:
     missed
         Ticks that no call came for.
     early
-        Calls before their tick was due, which got the torque that was there.
+        Second calls for a tick, which got the torque that was there.
     latest
         The most that a call was behind its tick [s].
     """
@@ -54,11 +54,11 @@ class Ticks:
 class RobotLoop:
     """A `Loop` with what hardware needs around it; all numbers are in the robot's order.
 
-    The law keeps the time of the robot's clock. Its k-th tick is due k steps after the first; a call
-    belongs to the tick that is nearest. Where none came for some ticks the law makes them up before
-    it goes on, with measurements and references on a straight line between the two calls, so that
-    integrals, fractional memories and gains have seen all of the time; meanwhile the drives have held
-    the last torque. A call before its tick is due changes nothing and gets the last torque again.
+    The law keeps the time of the robot's clock. Its k-th tick is due k steps after the first; a
+    call belongs to the tick that is nearest. Where none came for some ticks the law makes them up
+    before it goes on, with measurements and references on a straight line between the two calls, so
+    that integrals, fractional memories and gains have seen all of the time; meanwhile the drives
+    have held the last torque. A second call for a tick changes nothing and gets the torque again.
 
     Parameters
     ----------

@@ -110,7 +110,7 @@ class Run:
 
     @cached_property
     def tool_error(self) -> FloatArray:
-        """How far the tool is from where the reference would have it, by the nominal arm, (N,) [m]."""
+        """How far the tool is from where it should be, by the nominal arm, (N,) [m]."""
         return tool_distance(self.arm, self.q, self.q_ref)
 
     def __getattr__(self, name: str) -> FloatArray:
@@ -272,9 +272,10 @@ class Run:
     @classmethod
     def from_record(cls, record: Record, name: str = "recorded") -> Run:
         """Make a run of what a loop has recorded (`Loop.record`)."""
+        own = record.arrays()
         return cls.from_arrays(
-            **record.arrays(), arm=record.arm, signals=record.signals(),
-            controller=record.controller, name=name,
+            own["t"], own["q"], own["q_ref"], own["torque"], v=own["v"], v_ref=own["v_ref"],
+            arm=record.arm, signals=record.signals(), controller=record.controller, name=name,
         )  # fmt: skip
 
     @classmethod

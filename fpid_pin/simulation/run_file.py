@@ -113,7 +113,7 @@ def _bearable(shapes: Mapping[str, tuple[int, ...]], size: int) -> bool:
 
 def _shapes_of(table: Mapping[str, Any], members: Iterable[str]) -> dict[str, tuple[int, ...]]:
     """Return the shapes that a table gives for packed arrays, one each."""
-    shapes = table.get("shapes")
+    shapes: Any = table.get("shapes")
     checks.instance("meta.shapes", shapes, dict, "a table")
     if list(shapes) != list(members):
         raise ArgumentError("meta.shapes", f"one for each of {listed(members)}", listed(shapes))
