@@ -105,20 +105,20 @@ class FromRows(RowCost):
     step
         ``step(state, rows)`` returns the state with `Rows` more.
     value
-        ``value(state)`` returns the cost.
+        ``value(state)`` returns the cost; None: the state is it.
     signals
         As in `RowCost`: ``("u_fpid",)``.
     """
 
     start: Any
     step: Callable[[Any, Rows], Any]
-    value: Callable[[Any], float] = float
+    value: Callable[[Any], float] | None = None
     signals: Sequence[str] = ()
 
     def __post_init__(self) -> None:
-        for name in ("step", "value"):
-            if not callable(function := getattr(self, name)):
-                raise ArgumentError(f"cost.{name}", "a function", shown(function))
+        for name, given in (("step", self.step), ("value", self.value)):
+            if not callable(given) and not (name == "value" and given is None):
+                raise ArgumentError(f"cost.{name}", "a function", shown(given))
         names = (self.signals,) if isinstance(self.signals, str) else tuple(self.signals)
         object.__setattr__(self, "signals", names)
 
@@ -132,12 +132,12 @@ class FromRows(RowCost):
 
     def finish(self, state: Any) -> float:
         """See `RowCost.finish`."""
-        return self.value(state)
+        return state if self.value is None else self.value(state)  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
         # Without addresses: a checkpoint compares it.
         step, value = (
-            f"{f.__module__}.{getattr(f, '__qualname__', type(f).__qualname__)}"
+            f and f"{f.__module__}.{getattr(f, '__qualname__', type(f).__qualname__)}"
             for f in (self.step, self.value)
         )
         return f"FromRows({shown(self.start)}, {step}, {value}, {self.signals!r})"

@@ -190,7 +190,7 @@ def test_a_loop_of_a_state_alone_cannot_be_reset():
 
 @pytest.mark.parametrize("rows", [1, 7, 10_000])
 def test_a_recorded_loop_is_the_run_that_the_engine_makes(rows):
-    """The loop on our own integrator: every number of the run, and its metrics, to the bit."""
+    """Fed with what the engine measured, it gives and keeps what the engine did."""
     experiment = fp.paper_experiment(duration=0.3)
     run = fp.simulate(experiment, fp.paper_controller())
     loop = fp.paper_controller().start(ARM, step=STEP, horizon=20.0)
