@@ -35,9 +35,8 @@ def from_arrays(
         raise ArgumentError("t", "(N,) with at least 2 rows", f"shape {time.shape}")
     backwards = np.flatnonzero(np.diff(time) <= 0.0)
     if backwards.size:
-        raise ArgumentError(
-            "t", "times that increase", f"t[{backwards[0] + 1}] = {time[backwards[0] + 1]:g}"
-        )
+        k = int(backwards[0]) + 1
+        raise ArgumentError("t", "times that increase", f"{time[k]:g} s in row {k}")
     rows, n = len(time), arm.n
     given = {"q": q, "q_ref": q_ref, "torque": torque, "v": v, "v_ref": v_ref}
     arrays = {
