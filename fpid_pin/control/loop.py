@@ -130,9 +130,7 @@ class Loop:
             The loop was made of a state alone, not by ``controller.start``.
         """
         if self._restart is None:
-            raise SimulationError(
-                "reset: expected a loop by controller.start, got a state's"
-            )
+            raise SimulationError("reset: expected a loop by controller.start, got a state's")
         self.state = self._restart()
         self._torque = self.state.torque[0]
         self._record = None

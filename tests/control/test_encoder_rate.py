@@ -62,7 +62,10 @@ def test_it_starts_at_rest_and_again_after_a_reset():
 
 @pytest.mark.parametrize(
     ("given", "message"),
-    [({"tau": -1.0}, "tau: expected a number >= 0"), ({"turn": 0.0}, "turn: expected a number > 0")],
+    [
+        ({"tau": -1.0}, "tau: expected a number >= 0"),
+        ({"turn": 0.0}, "turn: expected a number > 0"),
+    ],
 )
 def test_what_cannot_be_is_refused(given, message):
     with pytest.raises(ArgumentError, match=message):

@@ -136,8 +136,19 @@ def first_of(state):
 
 ISE = FromRows(0.0, weigh)
 PEAK = FromRows([0.0, 0], longest, first_of, signals="u_fpid")
-COSTS = [ISE, MetricCost("ise"), PEAK, ToolCost(), SettlingCost(), MetricCost("rms", joints="worst")]
-LAWS = [fp.paper_controller("symbol"), fp.paper_controller("integer"), fp.Pid(kp=1.0, ki=0.0, kd=1.0)]
+COSTS = [
+    ISE,
+    MetricCost("ise"),
+    PEAK,
+    ToolCost(),
+    SettlingCost(),
+    MetricCost("rms", joints="worst"),
+]
+LAWS = [
+    fp.paper_controller("symbol"),
+    fp.paper_controller("integer"),
+    fp.Pid(kp=1.0, ki=0.0, kd=1.0),
+]
 
 
 def test_a_cost_of_rows_is_what_the_record_says(run):
@@ -177,7 +188,9 @@ def test_memory_does_not_depend_on_the_horizon():
 
 
 def test_a_signal_that_the_law_has_not_is_named():
-    with pytest.raises(ArgumentError, match=r"cost.signals: expected signals of the law .*'?u_fpid"):
+    with pytest.raises(
+        ArgumentError, match=r"cost.signals: expected signals of the law .*'?u_fpid"
+    ):
         fp.evaluate(fp.paper_experiment(duration=0.1), LAWS[2], PEAK)
 
 

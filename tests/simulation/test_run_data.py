@@ -105,7 +105,9 @@ def test_a_package_that_is_missing_is_named_with_its_extra(
     run, tmp_path, monkeypatch, call, module, extra
 ):
     monkeypatch.setitem(sys.modules, module, None)
-    line = rf"^{module}: expected it to be installed \(pip install 'fpid_pin\[{extra}\]'\), got none$"
+    line = (
+        rf"^{module}: expected it to be installed \(pip install 'fpid_pin\[{extra}\]'\), got none$"
+    )
     with pytest.raises(FpidError, match=line):
         call(run, tmp_path / "x")
     assert list(tmp_path.iterdir()) == []
@@ -137,7 +139,9 @@ def test_a_run_of_arrays_is_as_good_as_ours(run, tmp_path):
     fp.view.export_html([other, run], tmp_path / "replay.html")
     fp.view.report_html(tmp_path / "report.html", [other], title="robot")
     fp.view.plots.save_figure(fp.view.plot(other), tmp_path / "plot.svg")
-    assert other.to_csv(tmp_path / "a.csv").read_text() == run.to_csv(tmp_path / "b.csv").read_text()
+    assert (
+        other.to_csv(tmp_path / "a.csv").read_text() == run.to_csv(tmp_path / "b.csv").read_text()
+    )
     with pytest.raises(FpidError, match="experiment.kind"):
         _ = other.experiment
 
@@ -186,7 +190,10 @@ ROWS = np.zeros((5, 2))
         ({"t": [0.0]}, r"t: expected \(N,\) with at least 2 rows, got shape \(1,\)"),
         ({"t": [0, 1, 3, 2, 4]}, "t: expected times that increase, got 2 s in row 3"),
         ({"t": [0, 1, 2, 3.2, 4]}, r"t: expected a step of 1 s .* got row 3 off by 0.2 s"),
-        ({"q": np.zeros((5, 3))}, r"q: expected shape \(5, 2\) \(rows, joints\), got shape \(5, 3\)"),
+        (
+            {"q": np.zeros((5, 3))},
+            r"q: expected shape \(5, 2\) \(rows, joints\), got shape \(5, 3\)",
+        ),
         ({"torque": np.zeros((4, 2))}, r"torque: expected shape \(5, 2\)"),
         ({"q": [["a", "b"]] * 5}, "q: expected numbers"),
         ({"v": np.full((5, 2), np.nan)}, "v.0.0: expected a number finite, got nan"),
