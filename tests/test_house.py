@@ -111,7 +111,10 @@ FACE = {
 }  # fmt: skip
 ROOMS = {
     "arms": {"Arm", "DryFriction", "Fleet", "names"},
-    "control": {"Controller", "EncoderRate", "Loop", "RobotLoop", "StabilityReport", "State", "gain_ceilings"},
+    "control": {
+        "Controller", "EncoderRate", "Loop", "RobotLoop", "StabilityReport", "State",
+        "gain_ceilings",
+    },
     "costs": {"Cost", "FromRows", "MetricCost", "Metrics", "QuadraticCost", "ToolCost"},
     "disturbances": {"Cosine", "Disturbance", "Pulse", "Sum"},
     "export": {"export_c"},

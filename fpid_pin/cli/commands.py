@@ -17,6 +17,9 @@ app = typer.Typer(
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
 OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
+Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
+NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
+NoFigures = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
 
 
 @app.command()
@@ -32,19 +35,32 @@ def run(
     config: ConfigFile,
     out: OutputPath = None,
     controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    every: Every = 1,
+    no_runs: NoRuns = False,
+    no_figures: NoFigures = False,
 ) -> None:
     """Simulate one controller of a configuration and record everything."""
     from fpid_pin.cli.experiments import run_one
+    from fpid_pin.cli.keep import Keep
 
-    run_one(config, out or Path("runs") / config.stem, controller)
+    keep = Keep(not no_runs, not no_figures, every)
+    run_one(config, out or Path("runs") / config.stem, controller, keep)
 
 
 @app.command()
-def compare(config: ConfigFile, out: OutputPath = None) -> None:
+def compare(
+    config: ConfigFile,
+    out: OutputPath = None,
+    every: Every = 1,
+    no_runs: NoRuns = False,
+    no_figures: NoFigures = False,
+) -> None:
     """Simulate every controller of a configuration under every condition, side by side."""
     from fpid_pin.cli.experiments import run_comparison
+    from fpid_pin.cli.keep import Keep
 
-    run_comparison(config, out or Path("runs") / config.stem)
+    keep = Keep(not no_runs, not no_figures, every)
+    run_comparison(config, out or Path("runs") / config.stem, keep)
 
 
 @app.command()

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 from fpid_pin.cli import summary
 from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import Config, load, parse
+from fpid_pin.cli.keep import ALL, Keep
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.screen import say, screen
 from fpid_pin.cli.summary import Entry
-from fpid_pin.simulation import simulate
+from fpid_pin.simulation import Run, simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,10 +41,8 @@ def run_demo(out: Path) -> None:
     show(entries, config.title, out)
 
 
-def run_one(path: Path, out: Path, name: str | None) -> None:
+def run_one(path: Path, out: Path, name: str | None, keep: Keep = ALL) -> None:
     """Run one controller of a configuration."""
-    from fpid_pin.view import plots
-
     config = load(path)
     chosen = pick(config, name)
     (file,) = file_names([[chosen]])
@@ -52,36 +51,47 @@ def run_one(path: Path, out: Path, name: str | None) -> None:
         with progress_bar("simulating") as progress:
             run = simulate(config.experiment, controller, progress=progress)
         entries = [Entry("nominal", chosen, run, f"{file}.npz")]
-        figures = {
-            "tracking": plots.tracking(run),
-            "torque": plots.torque(run),
-            "error": plots.error(run),
-        }
-        if "kp" in run.signals:
-            figures["gains"] = plots.gains(run)
-        write(folder, config, entries, figures)
+        write(folder, config, entries, _figures(run) if keep.figures else {}, keep)
     show(entries, config.title or path.stem, out)
 
 
-def run_comparison(path: Path, out: Path) -> None:
+def _figures(run: Run) -> dict[str, Figure]:
+    from fpid_pin.view import plots
+
+    figures = {
+        "tracking": plots.tracking(run),
+        "torque": plots.torque(run),
+        "error": plots.error(run),
+    }
+    if "kp" in run.signals:
+        figures["gains"] = plots.gains(run)
+    return figures
+
+
+def run_comparison(path: Path, out: Path, keep: Keep = ALL) -> None:
     """Run every controller under every condition."""
+    config = load(path)
+    with output_folder(out) as folder:
+        entries = simulate_all(config)
+        figures = _comparisons(config, entries) if keep.figures else {}
+        write(folder, config, entries, figures, keep)
+    show(entries, config.title or path.stem, out)
+
+
+def _comparisons(config: Config, entries: Sequence[Entry]) -> dict[str, Figure]:
     from fpid_pin.view import plots
     from fpid_pin.view.panels import has_orders
 
-    config = load(path)
+    figures = {}
     names = file_names([[condition] for condition in config.conditions], prefix="comparison-")
-    with output_folder(out) as folder:
-        entries = simulate_all(config)
-        figures = {}
-        for name, condition in zip(names, config.conditions, strict=True):
-            runs = [entry.run for entry in entries if entry.condition == condition]
-            figures[name] = plots.comparison(runs)
-        moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
-        stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
-        for stem, entry in zip(stems, moving, strict=True):
-            figures[stem] = plots.gains(entry.run)
-        write(folder, config, entries, figures)
-    show(entries, config.title or path.stem, out)
+    for name, condition in zip(names, config.conditions, strict=True):
+        runs = [entry.run for entry in entries if entry.condition == condition]
+        figures[name] = plots.comparison(runs)
+    moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
+    stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
+    for stem, entry in zip(stems, moving, strict=True):
+        figures[stem] = plots.gains(entry.run)
+    return figures
 
 
 def simulate_all(config: Config) -> list[Entry]:
@@ -99,8 +109,9 @@ def simulate_all(config: Config) -> list[Entry]:
 
 
 def write(
-    folder: Path, config: Config, entries: Sequence[Entry], figures: Mapping[str, Figure]
-) -> None:
+    folder: Path, config: Config, entries: Sequence[Entry], figures: Mapping[str, Figure],
+    keep: Keep = ALL,
+) -> None:  # fmt: skip
     """Write runs, tables, figures, report and configuration into `folder`."""
     from fpid_pin.view import plots
     from fpid_pin.view.report import report_html
@@ -108,9 +119,11 @@ def write(
     (folder / "config.toml").write_text(config.text, encoding="utf-8")
     many = len(config.conditions) > 1
     for entry in entries:
-        entry.run.save(folder / entry.file)
+        keep.save(entry.run, folder / entry.file)
     rows = summary.drop_constant(summary.run_rows(entries), "condition")
     joints = summary.drop_constant(summary.joint_rows(entries), "condition")
+    if not keep.runs:
+        rows = [{key: value for key, value in row.items() if key != "file"} for row in rows]
     (folder / "summary.csv").write_text(summary.comma_separated(rows), encoding="utf-8")
     (folder / "joints.csv").write_text(summary.comma_separated(joints), encoding="utf-8")
     remarks = "".join(f"- {summary.in_markdown(line)}\n" for line in summary.remarks(entries))

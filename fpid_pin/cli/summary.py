@@ -27,13 +27,17 @@ class Entry:
 
 
 Row = dict[str, Any]
+_NOT_ON_SCREEN = (
+    "outcome", "file", "peak error (worst joint) [mrad]", "settled (worst joint) [s]",
+    "at its limit (worst joint) [%]", "torque rate (worst joint) [N m/s]",
+)  # fmt: skip
 
 
 def run_rows(entries: Sequence[Entry], cost: Cost | None = None) -> list[Row]:
     """Return one row a run: figures over all joints.
 
-    RMS and tail are root mean squares over the joints of their RMS errors (whole run, last
-    half); energy and total variation are sums, peak the largest of any joint.
+    Of all joints RMS and tail are root mean squares over the joints of their RMS errors (whole
+    run, last half), energy and total variation sums; what is of the worst joint is the largest.
 
     Parameters
     ----------
@@ -52,11 +56,15 @@ def run_rows(entries: Sequence[Entry], cost: Cost | None = None) -> list[Row]:
                 "condition": entry.condition,
                 "controller": entry.controller,
                 "cost (33)": cost.of(m) if completed else float("inf"),
-                "RMS [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms**2))),
-                "tail [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms_tail**2))),
-                "energy [N²m²s]": float(m.energy.sum()),
-                "variation [N m]": float(m.total_variation.sum()),
-                "peak [N m]": float(m.peak_torque.max()),
+                "RMS (all joints) [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms**2))),
+                "tail (all joints) [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms_tail**2))),
+                "energy (all joints) [N²m²s]": float(m.energy.sum()),
+                "variation (all joints) [N m]": float(m.total_variation.sum()),
+                "peak (worst joint) [N m]": float(m.peak_torque.max()),
+                "peak error (worst joint) [mrad]": 1e3 * float(m.peak_error.max()),
+                "settled (worst joint) [s]": float(m.settling_time.max()),
+                "at its limit (worst joint) [%]": 100.0 * float(m.saturated.max()),
+                "torque rate (worst joint) [N m/s]": float(m.torque_rate.max()),
                 "outcome": "completed" if completed else str(entry.run.outcome),
                 "file": entry.file,
             }
@@ -83,6 +91,11 @@ def joint_rows(entries: Sequence[Entry]) -> list[Row]:
                     "energy [N²m²s]": m.energy[j],
                     "variation [N m]": m.total_variation[j],
                     "peak torque [N m]": m.peak_torque[j],
+                    "peak error [rad]": m.peak_error[j],
+                    "settled [s]": m.settling_time[j],
+                    "overshoot [rad]": m.overshoot[j],
+                    "at its limit [%]": 100.0 * m.saturated[j],
+                    "torque rate [N m/s]": m.torque_rate[j],
                 }
             )
     return rows
@@ -147,13 +160,13 @@ def comma_separated(rows: Sequence[Row]) -> str:
 def rich_table(rows: Sequence[Row], title: str) -> Any:
     """Return a table for the screen, units under their names.
 
-    How runs ended is left to prose, and their files to the folder's summary.
+    How runs ended is left to prose; their files, and what a screen has no room for, to the
+    folder's summary.
     """
     from rich.table import Table
     from rich.text import Text
 
-    hidden = ("outcome", "file")
-    rows = [{head: value for head, value in row.items() if head not in hidden} for row in rows]
+    rows = [{k: value for k, value in row.items() if k not in _NOT_ON_SCREEN} for row in rows]
     table = Table(
         title=Text(visible(title), style="table.title"),
         title_justify="left",

@@ -132,7 +132,7 @@ class FromRows(RowCost):
 
     def finish(self, state: Any) -> float:
         """See `RowCost.finish`."""
-        return state if self.value is None else self.value(state)  # type: ignore[no-any-return]
+        return state if self.value is None else self.value(state)
 
     def __repr__(self) -> str:
         # Without addresses: a checkpoint compares it.

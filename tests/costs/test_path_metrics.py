@@ -203,7 +203,7 @@ def test_a_signal_that_the_law_has_not_is_named():
         (lambda: SettlingCost(0.0), "cost.band: expected a number > 0"),
         (lambda: MetricCost("rms", joints="best"), "cost.joints: expected one of all, worst"),
         (lambda: ISE.of(None), r"cost: expected a run \(simulation.cost_of\) or evaluate"),
-        (lambda: fp.evaluate(fp.paper_experiment(duration=0.1), LAWS[0], FromRows("a", longest_text)),
+        (lambda: cost_of(made(RINGING, RINGING), FromRows("a", longest_text)),
          "cost: expected a number, got str"),
     ],
 )  # fmt: skip
