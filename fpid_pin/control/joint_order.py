@@ -59,20 +59,20 @@ class JointOrder:
         ArgumentError
             Naming `name`: another length, a joint that is missing, no numbers.
         """
+        # The checks of a well-made array take longer than all else; they are for the others.
+        if type(values) is np.ndarray and values.shape == self._shape and values.dtype == float:
+            return values.take(self._places)
         if isinstance(values, Mapping):
-            missing = [joint for joint in self.arm_names if joint not in values]
+            names = self.arm_names
+            missing = [joint for joint in names if joint not in values]
             if missing:
-                raise ArgumentError(name, f"a number for {missing[0]}", f"{listed(values)}")
-            return checks.vector(
-                name, [values[joint] for joint in self.arm_names], len(self._places)
-            )
-        if not (type(values) is np.ndarray and values.dtype == float):
-            values = checks.floats(name, values)
-        if values.shape != self._shape:
-            raise ArgumentError(
-                name, f"shape {self._shape} (the robot's joints)", f"shape {values.shape}"
-            )
-        return np.asarray(values[self._places])
+                raise ArgumentError(name, f"a number for {missing[0]}", listed(values))
+            return checks.vector(name, [values[joint] for joint in names], len(names))
+        array = checks.floats(name, values)
+        if array.shape != self._shape:
+            expected = f"shape {self._shape} (the robot's joints)"
+            raise ArgumentError(name, expected, f"shape {array.shape}")
+        return array.take(self._places)
 
     def to_robot(self, values: FloatArray) -> FloatArray:
         """Return the robot's numbers, (m,), of the arm's, (n,); 0 for joints that it has not."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -179,7 +180,8 @@ class RobotLoop:
         """Return which tick a call is for, and by how much it is off [s]."""
         if now is None:
             return self._tick + 1, 0.0
-        now = checks.number("now", now)
+        if type(now) is not float or not math.isfinite(now):
+            now = checks.number("now", now)
         if self._tick < 0:
             self._first = now
         tick = round((now - self._first) / self.step)

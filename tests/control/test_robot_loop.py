@@ -18,9 +18,11 @@ def started(**changes):
 
 def straight(k):
     """Return q, v, q_ref, v_ref, a_ref at tick k; all of them straight lines in time."""
-    t = k * STEP
-    return [np.array([a + b * t, c - b * t]) for a, b, c in
-            ((0.1, 0.2, 0.5), (0.3, 0.1, -0.2), (0.15, 0.3, 0.4), (0.2, -0.1, 0.1), (0.1, 0.3, 0.0))]  # fmt: skip
+    lines = np.array([
+        [[0.1, 0.2], [0.5, -0.2]], [[0.3, 0.1], [-0.2, 0.1]], [[0.15, 0.3], [0.4, -0.3]],
+        [[0.2, -0.1], [0.1, 0.3]], [[0.1, 0.3], [0.0, -0.3]],
+    ])  # fmt: skip
+    return list(lines @ [1.0, k * STEP])
 
 
 def call(robot, k, **more):
