@@ -177,7 +177,7 @@ def rich_table(rows: Sequence[Row], title: str) -> Any:
     for head in rows[0]:
         justify: Any = "right" if _numeric(rows, head) else "left"
         table.add_column(
-            Text(head.replace(" [", "\n[").replace(" (", "\n(")),
+            Text(head.replace(" [", "\n[").replace(" (", "\n(").replace(" joint", "\njoint")),
             justify=justify,
             no_wrap=head == "controller",
         )
