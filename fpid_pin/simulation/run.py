@@ -130,8 +130,8 @@ class Run:
         path
             Gets ``.npz`` where it has not.
         compressed
-            Take some 4 to 6 times fewer bytes, every bit of the numbers kept. NumPy reads such a
-            file too, but not at a glance (docs/data.md).
+            Take 2 to 7 times fewer bytes (noise has the most), every bit of the numbers kept.
+            NumPy reads such a file too, but not at a glance (docs/data.md).
         every
             Keep one row in so many, as `thinned` does.
 
