@@ -21,10 +21,11 @@ import warnings
 from pathlib import Path
 
 import numpy as np
-from contestants import FAMILIES, Family
-from converging import LONGEST, PATIENCE, SHORTEST, SIZE, SPREAD, Track, converge, load
+from contestants import AT, FAMILIES, MIDDLE, Family
+from converging import INWARDS, LONGEST, PATIENCE, SHORTEST, SIZE, SPREAD, Track, converge, load
 from protocol import Job, excess, jobs
 from verdict import Trial, written
+from verdict_picture import draw
 
 import fpid_pin as fp
 from fpid_pin import descriptions
@@ -53,7 +54,9 @@ class Searches:
     def fingerprint(self, name: str) -> str:
         """Return what a search depends on."""
         rule = (SIZE, SPREAD, PATIENCE, SHORTEST, LONGEST)
-        text = repr((self._experiments, self.job.quiet, FAMILIES[name].space, rule))
+        family = FAMILIES[name]
+        more = (AT, INWARDS, MIDDLE) if family.contains else ()
+        text = repr((self._experiments, self.job.quiet, family.space, rule, *more))
         return hashlib.sha256(text.encode()).hexdigest()
 
     def load(self, name: str) -> list[Track] | None:
@@ -61,20 +64,33 @@ class Searches:
         tracks = load(self.path(name), self.fingerprint(name))
         return tracks if tracks and all(track.done for track in tracks) else None
 
+    def generation(self, name: str) -> int:
+        """Return how far an unfinished search has come, its longest track."""
+        tracks = load(self.path(name), self.fingerprint(name)) or []
+        return max((len(track.history) for track in tracks), default=0)
+
     def fresh(self, family: Family) -> list[Track]:
-        """Return two searches a seed: one from nothing, one from the best law known to be in it."""
-        tracks = []
+        """Return three searches a seed; some start from the best law known to be in the family."""
+        tracks, size = [], len(family.space)
         for seed in SEEDS:
-            tracks.append(Track("alone", seed, len(family.space)))
             known = []
             for name in family.contains:
                 found = self.load(name)
                 assert found is not None
                 track = best_of(found, seed)
                 known.append((track.best, family.point(FAMILIES[name].genes(track.point))))
-            start = min(known, key=lambda pair: pair[0])[1] if known else None
-            label = "from a part of it" if known else "once more"
-            tracks.append(Track(label, seed, len(family.space), start))
+            tracks.append(Track("alone", seed, size))
+            if not known:
+                tracks.append(Track("once more", seed, size))
+                tracks.append(Track("a third time", seed, size))
+                continue
+            start = min(known, key=lambda pair: pair[0])[1]
+            tracks.append(Track("from a part of it", seed, size, start))
+            if "mu" in family.space:
+                start = family.with_orders(start, *MIDDLE)
+                tracks.append(Track("from there with other orders", seed, size, start))
+            else:
+                tracks.append(Track("once more alone", seed, size))
         return tracks
 
     def run(self, name: str, until: float, pool: WorkerPool | None) -> bool:
@@ -169,12 +185,14 @@ def main() -> None:
         return
     found = {name: searches.load(name) for name in options.families}
     ready = {name: tracks for name, tracks in found.items() if tracks is not None}
+    unfinished = {name: searches.generation(name) for name in found if name not in ready}
     trials = {}
     for name in ready:
         trials[name] = searches.trial(name)
         print(f"{options.arm}: tried {name}", flush=True)
     path = Path(__file__).parent / "results" / f"baselines-{options.arm}.md"
-    path.write_text(written(searches.job, ready, trials), encoding="utf-8")
+    path.write_text(written(searches.job, ready, trials, unfinished), encoding="utf-8")
+    draw(trials, path.with_suffix(".png"), options.arm)
     print(path.read_text(encoding="utf-8"))
 
 

@@ -19,6 +19,11 @@ from fpid_pin.control.baselines import PdGravity, Pid, SlidingMode, SlotineLi
 
 #: Error at which adaptation at rate 1 doubles a gain within `LEARNING_TIME`, rad and s.
 LEARNING_ERROR, LEARNING_TIME = 0.05, 5.0
+#: Where Ki and Kd are what they would be at orders 1 [rad/s]: I^lambda and D^mu have the sizes
+#: w^-lambda and w^mu, so that a search moves orders without moving the loop's bandwidth.
+AT = 50.0
+#: lambda and mu that one search of a fractional family starts from.
+MIDDLE = (0.95, 0.5)
 #: How far adapted gains may go from where they start.
 LOWER, RAISE = 0.5, 4.0
 Genes = Mapping[str, float]
@@ -94,12 +99,20 @@ class Family:
         places = [where.place(known[name]) for name, where in self.space.items()]
         return np.clip(places, 0.0, 1.0)
 
+    def with_orders(self, point: np.ndarray, lam: float, mu: float) -> np.ndarray:
+        """Return a point with other orders."""
+        known = dict(zip(self.space, point, strict=True))
+        known["lambda"] = self.space["lambda"].place(lam)
+        known["mu"] = self.space["mu"].place(mu)
+        return np.array([known[name] for name in self.space])
+
 
 def fpid(_: fp.Arm, scale: np.ndarray, g: Genes, *, model: bool = False) -> Controller:
     """Build an FPID; with `model` its feedforward and observer."""
-    one = np.ones(len(scale))
-    start = np.stack([g["kp"] * one, g["ki"] * one, g["kd"] * one])
     known = ABSENT | dict(g)
+    ki = g["ki"] * AT ** (known["lambda"] - 1.0)
+    kd = g["kd"] * AT ** (1.0 - known["mu"])
+    start = np.outer([g["kp"], ki, kd], np.ones(len(scale)))
     # S phi is about k1 e^2 for Kp and Ki, and Kp times that for Kd.
     strength = 2.0 * LEARNING_ERROR**2 * LEARNING_TIME * np.array([[1.0], [1.0], [g["kp"]]])
     guard = Safeguards(minimum=LOWER * start, maximum=RAISE * start) if known["rate"] else None

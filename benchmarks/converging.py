@@ -25,6 +25,7 @@ SIZE = 12  # candidates in a generation
 PATIENCE, GAIN = 12, 0.005
 SHORTEST, LONGEST = 20, 120  # generations
 SPREAD = 3  # generations that look around before, where nothing is known
+INWARDS = 0.1  # from the walls of the unit cube
 HUGE = 1e9
 
 
@@ -55,7 +56,8 @@ class Track:
         self.rng = np.random.default_rng((self.seed, sum(map(ord, self.label))))
         self.around = qmc.LatinHypercube(self.size, rng=self.rng).random(SPREAD * SIZE)
         if self.start is not None:
-            self.begin(self.start, 0.15)
+            # From beside the walls: a law that lacks a parameter lies in a corner.
+            self.begin(np.clip(self.start, INWARDS, 1.0 - INWARDS), 0.15)
 
     def begin(self, at: np.ndarray, sigma: float) -> None:
         """Start the engine."""

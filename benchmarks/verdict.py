@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from contestants import FAMILIES
+from contestants import AT, FAMILIES
 from converging import GAIN, LONGEST, PATIENCE, SIZE, Track
 from protocol import HELD_OUT, STEP, TRAINING, Job
 
@@ -89,21 +89,23 @@ def training(found: Mapping[str, list[Track]]) -> list[str]:
     """Return what the searches came to, and how far they still moved at the end."""
     head = [
         "controller", "numbers", "cost [mrad]: median (least, most)", "candidates a search",
-        "cost at half of them", "at three quarters",
+        "cost at half of them", "worst of three searches / best", "cut short",
     ]  # fmt: skip
     rows = []
     for name, tracks in found.items():
         costs = best(tracks)
-        at = []
-        for part in (0.5, 0.75):
-            then = [t.history[int(part * (len(t.history) - 1))] / t.best for t in tracks]
-            at.append(f"x {np.median(then):.3f} (worst {max(then):.2f})")
+        half = [t.history[(len(t.history) - 1) // 2] / t.best for t in tracks]
+        seeds = sorted({t.seed for t in tracks})
+        both = [sorted(t.best for t in tracks if t.seed == seed) for seed in seeds]
+        apart = [pair[-1] / pair[0] for pair in both]
+        at = [f"x {np.median(x):.3f} (worst {max(x):.2f})" for x in (half, apart)]
         sizes = [SIZE * len(t.history) for t in tracks]
         rows.append(
             [
                 name, str(len(FAMILIES[name].space)),
                 f"{np.median(costs):.3g} ({costs.min():.3g}, {costs.max():.3g})",
                 f"{min(sizes)} to {max(sizes)}", *at,
+                f"{sum(len(t.history) >= LONGEST for t in tracks)} of {len(tracks)}",
             ]
         )  # fmt: skip
     return table(head, rows)
@@ -127,8 +129,9 @@ def nested(found: Mapping[str, list[Track]]) -> list[str]:
                 text += "; **worse somewhere: the optimiser failed**"
             if failed:
                 text += (
-                    f"; searched from nothing it was worse in {failed} of {len(less)} seeds: a "
-                    "failure of the optimiser, made good by the start from the smaller family"
+                    f"; searched from nothing it was worse in {failed} of {len(less)} seeds, up to "
+                    f"x {max(alone / less):.3f}: a failure of the optimiser, made good by the "
+                    "start from the smaller family"
                 )
             lines.append(text + ".")
     return [*lines, ""]
@@ -186,23 +189,33 @@ def pairs(trials: Trials) -> list[str]:
     return table(["tail error of", *conditions], rows)
 
 
-def written(job: Job, found: Mapping[str, list[Track]], trials: Trials) -> str:
-    """Return the report on an arm."""
+def written(
+    job: Job, found: Mapping[str, list[Track]], trials: Trials, unfinished: Mapping[str, int]
+) -> str:
+    """Return the report on an arm; `unfinished`: generations of searches that go on, by family."""
     lines = [
         f"# {job.name}",
         "",
         f"Printed by `benchmarks/baselines.py report {job.name}`. Five seeds, each with {TRAINING} "
-        f"training arms of its own and two searches (CMA-ES, {SIZE} candidates a generation, until "
-        f"{PATIENCE} generations gain less than {100 * GAIN:g} %, at most {LONGEST}); {HELD_OUT} "
-        f"held-out arms; {1e3 * STEP:g} ms. Model errors: payload to {job.payload:g} kg, masses "
-        f"20 %, friction, a push to {job.push:g} N m, a sample of delay. Cost: RMS error over all "
-        f"joints in the last half, the torque varying by at most {1e-3 * job.quiet:g} kN m/s.",
+        f"training arms of its own and three searches (CMA-ES, {SIZE} candidates a generation, "
+        f"until {PATIENCE} generations gain less than {100 * GAIN:g} %, at most {LONGEST}); "
+        f"{HELD_OUT} held-out arms; {1e3 * STEP:g} ms. Model errors: payload to {job.payload:g} "
+        f"kg, masses 20 %, friction, a push to {job.push:g} N m, a sample of delay. Cost: RMS "
+        "error over all joints in the last half, the torque varying by at most "
+        f"{1e-3 * job.quiet:g} kN m/s.",
+        "",
+        f"![Tail errors](baselines-{job.name}.png)",
         "",
         "## The searches",
         "",
+        *(
+            f"**{name} is left out: not converged**, stopped in generation {count}.\n"
+            for name, count in unfinished.items()
+        ),
         *training(found),
         *nested(found),
-        "Parameters, median over seeds (least, most):",
+        "Parameters, median over seeds (least, most); Ki and Kd as their terms weigh at "
+        f"{AT:g} rad/s:",
         "",
         *parameters(found),
         "## Tail RMS error [mrad]",

@@ -18,18 +18,15 @@ def block(start):
     return text
 
 
-def test_the_demo_s_table_is_printed_by_the_demo(monkeypatch):
-    from rich.console import Console
+def test_what_the_demo_prints_is_what_the_readme_says(monkeypatch, capsys):
+    from fpid_pin.cli import experiments
+    from fpid_pin.cli.verdict import MEASURES, rank
 
-    from fpid_pin.cli import experiments, summary
-
-    monkeypatch.setenv("COLUMNS", "100")
     config = experiments.demo_config()
-    rows = summary.drop_constant(summary.run_rows(experiments.simulate_all(config)), "condition")
-    printed = io.StringIO()
-    Console(file=printed).print(summary.rich_table(rows, config.title))
-    expected = [line.rstrip() for line in printed.getvalue().splitlines()]
-    assert block(config.title).splitlines()[:-1] == expected
+    entries = experiments.simulate_all(config)
+    experiments.show(entries, rank(entries, MEASURES["tail"]), config.title, Path("runs/demo"))
+    printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert block("Least RMS error").splitlines() == printed
 
 
 def test_ten_lines_of_python_print_what_stands_below_them():

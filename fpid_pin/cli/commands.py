@@ -51,16 +51,20 @@ def run(
 def compare(
     config: ConfigFile,
     out: OutputPath = None,
+    metric: Annotated[
+        str,
+        typer.Option(help="What decides: tail, rms, peak_error, cost, energy, variation or peak."),
+    ] = "tail",
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
 ) -> None:
-    """Simulate every controller of a configuration under every condition, side by side."""
+    """Simulate every controller of a configuration under every condition, and say who is best."""
     from fpid_pin.cli.experiments import run_comparison
     from fpid_pin.cli.keep import Keep
 
     keep = Keep(not no_runs, not no_figures, every)
-    run_comparison(config, out or Path("runs") / config.stem, keep)
+    run_comparison(config, out or Path("runs") / config.stem, metric, keep)
 
 
 @app.command()

@@ -7,6 +7,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fpid_pin import checks
 from fpid_pin.cli import summary
 from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import Config, load, parse
@@ -14,8 +15,9 @@ from fpid_pin.cli.keep import ALL, Keep
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.progress import progress_bar
-from fpid_pin.cli.screen import say, screen
+from fpid_pin.cli.screen import print_table, say, screen
 from fpid_pin.cli.summary import Entry
+from fpid_pin.cli.verdict import MEASURES, Ranking, answer, rank
 from fpid_pin.simulation import Run, simulate
 
 if TYPE_CHECKING:
@@ -36,9 +38,10 @@ def run_demo(out: Path) -> None:
     config = demo_config()
     with output_folder(out) as folder:
         entries = simulate_all(config)
-        write(folder, config, entries, figures([entry.run for entry in entries]))
+        ranking = rank(entries, MEASURES["tail"])
+        write(folder, config, entries, ranking, figures([entry.run for entry in entries]))
         make(config, folder / "playground.html")
-    show(entries, config.title, out)
+    show(entries, ranking, config.title, out)
 
 
 def run_one(path: Path, out: Path, name: str | None, keep: Keep = ALL) -> None:
@@ -51,8 +54,9 @@ def run_one(path: Path, out: Path, name: str | None, keep: Keep = ALL) -> None:
         with progress_bar("simulating") as progress:
             run = simulate(config.experiment, controller, progress=progress)
         entries = [Entry("nominal", chosen, run, f"{file}.npz")]
-        write(folder, config, entries, _figures(run) if keep.figures else {}, keep)
-    show(entries, config.title or path.stem, out)
+        ranking = rank(entries, MEASURES["tail"])
+        write(folder, config, entries, ranking, _figures(run) if keep.figures else {}, keep)
+    show(entries, ranking, config.title or path.stem, out)
 
 
 def _figures(run: Run) -> dict[str, Figure]:
@@ -68,21 +72,26 @@ def _figures(run: Run) -> dict[str, Figure]:
     return figures
 
 
-def run_comparison(path: Path, out: Path, keep: Keep = ALL) -> None:
-    """Run every controller under every condition."""
+def run_comparison(path: Path, out: Path, metric: str = "tail", keep: Keep = ALL) -> None:
+    """Run every controller under every condition, and say who is best by a metric."""
+    measure = MEASURES[checks.choice("--metric", metric, MEASURES)]
     config = load(path)
     with output_folder(out) as folder:
         entries = simulate_all(config)
-        figures = _comparisons(config, entries) if keep.figures else {}
-        write(folder, config, entries, figures, keep)
-    show(entries, config.title or path.stem, out)
+        ranking = rank(entries, measure)
+        figures = _comparisons(config, entries, ranking) if keep.figures else {}
+        write(folder, config, entries, ranking, figures, keep)
+    show(entries, ranking, config.title or path.stem, out)
 
 
-def _comparisons(config: Config, entries: Sequence[Entry]) -> dict[str, Figure]:
+def _comparisons(config: Config, entries: Sequence[Entry], ranking: Ranking) -> dict[str, Figure]:
     from fpid_pin.view import plots
     from fpid_pin.view.panels import has_orders
 
-    figures = {}
+    label = f"{ranking.measure.label}, {ranking.measure.unit}".removesuffix(", ")
+    figures = {
+        "ranking": plots.heat_map(ranking.values, ranking.controllers, ranking.conditions, label)
+    }
     names = file_names([[condition] for condition in config.conditions], prefix="comparison-")
     for name, condition in zip(names, config.conditions, strict=True):
         runs = [entry.run for entry in entries if entry.condition == condition]
@@ -109,50 +118,66 @@ def simulate_all(config: Config) -> list[Entry]:
 
 
 def write(
-    folder: Path, config: Config, entries: Sequence[Entry], figures: Mapping[str, Figure],
+    folder: Path,
+    config: Config,
+    entries: Sequence[Entry],
+    ranking: Ranking,
+    figures: Mapping[str, Figure],
     keep: Keep = ALL,
-) -> None:  # fmt: skip
+) -> None:
     """Write runs, tables, figures, report and configuration into `folder`."""
     from fpid_pin.view import plots
     from fpid_pin.view.report import report_html
 
     (folder / "config.toml").write_text(config.text, encoding="utf-8")
-    many = len(config.conditions) > 1
     for entry in entries:
         keep.save(entry.run, folder / entry.file)
-    rows = summary.drop_constant(summary.run_rows(entries), "condition")
-    joints = summary.drop_constant(summary.joint_rows(entries), "condition")
+    tables = {
+        "All joints": summary.run_rows(entries, ranking),
+        "Each joint": summary.joint_rows(entries),
+        "Limits": summary.limit_rows(entries),
+    }
+    for constant in ("condition", "outcome"):
+        tables = {head: summary.drop_constant(rows, constant) for head, rows in tables.items()}
     if not keep.runs:
-        rows = [{key: value for key, value in row.items() if key != "file"} for row in rows]
-    (folder / "summary.csv").write_text(summary.comma_separated(rows), encoding="utf-8")
-    (folder / "joints.csv").write_text(summary.comma_separated(joints), encoding="utf-8")
-    remarks = "".join(f"- {summary.in_markdown(line)}\n" for line in summary.remarks(entries))
+        for row in tables["All joints"]:
+            del row["file"]
+    for name, head in (("summary", "All joints"), ("joints", "Each joint"), ("limits", "Limits")):
+        if tables[head]:
+            text = summary.comma_separated(tables[head])
+            (folder / f"{name}.csv").write_text(text, encoding="utf-8")
+    told = answer(entries, ranking)
+    lines = "".join(f"- {summary.in_markdown(line)}\n" for line in told)
     sections = [
         f"# {summary.in_markdown(config.title or config.path)}\n",
-        summary.markdown(rows),
-        summary.markdown(joints),
-        *([remarks] if remarks else []),
+        *([lines] if lines else []),
+        *(summary.markdown(rows) for rows in tables.values() if rows),
     ]
     (folder / "summary.md").write_text("\n".join(sections), encoding="utf-8")
     for name, figure in figures.items():
         plots.save_figure(figure, folder / f"{name}.svg")
         plots.save_figure(figure, folder / f"{name}.png")
+    # The hardest condition first: that is where controllers differ.
+    ahead = ranking.conditions[ranking.hardest]
+    order = sorted(ranking.conditions, key=lambda name: name != ahead)
     report_html(
         folder / "report.html",
         [entry.run for entry in entries],
         title=config.title or Path(config.path).stem,
-        tables={"All joints": rows, "Each joint": joints},
+        tables=tables,
         figures=figures,
         config_text=config.text,
-        captions=[f"{e.controller}, {e.condition}" if many else e.controller for e in entries],
+        captions=[entry.controller for entry in entries],
+        answer=told,
+        groups={c: [k for k, e in enumerate(entries) if e.condition == c] for c in order},
     )
 
 
-def show(entries: Sequence[Entry], title: str, out: Path) -> None:
-    """Print the comparison and say where everything is."""
-    rows = summary.drop_constant(summary.run_rows(entries), "condition")
+def show(entries: Sequence[Entry], ranking: Ranking, title: str, out: Path) -> None:
+    """Print the answer, the figures behind it, and where everything is."""
     console = screen()
-    console.print(summary.rich_table(rows, title or "Result"))
-    for line in summary.remarks(entries):
+    for line in answer(entries, ranking):
         say(console, line)
+    rows = summary.drop_constant(summary.run_rows(entries, ranking), "condition")
+    print_table(console, summary.rich_table(rows, title or "Result"))
     say(console, f"Written to {out}: report.html (open it in a browser), figures, tables, runs")

@@ -6,8 +6,13 @@ from typing import TYPE_CHECKING
 
 from fpid_pin.text import visible
 
+#: Letters in a line that our tables can do with.
+_NARROWEST = 80
+_ENDLESS = 10_000
+
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
 
 def screen(*, error: bool = False) -> Console:
@@ -28,3 +33,13 @@ def say(console: Console, line: str) -> None:
     from rich.text import Text
 
     console.print(Text(visible(line)), soft_wrap=True)
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table whole: in a pipe or a file it is as wide as it would be, given the room.
+
+    A terminal too narrow for its numbers breaks the lines itself.
+    """
+    wide = console.measure(table, options=console.options.update(max_width=_ENDLESS)).maximum
+    console.width = max(console.width, _NARROWEST if console.is_terminal else wide)
+    console.print(table)

@@ -1,4 +1,4 @@
-"""Tables of runs: one row a run, and one row a run and joint; for screen, Markdown and CSV."""
+"""Tables of runs: a row a run, a row a run and joint, limits; for screen, Markdown and CSV."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.costs import Cost, QuadraticCost
+from fpid_pin.cli.verdict import COST, Ranking, over_joints
 from fpid_pin.simulation import Run, limit_report
 from fpid_pin.text import visible
 
@@ -28,12 +28,15 @@ class Entry:
 
 Row = dict[str, Any]
 _NOT_ON_SCREEN = (
-    "outcome", "file", "peak error (worst joint) [mrad]", "settled (worst joint) [s]",
-    "at its limit (worst joint) [%]", "torque rate (worst joint) [N m/s]",
+    "condition", "outcome", "file", "best", "peak error (worst joint) [mrad]",
+    "settled (worst joint) [s]", "at its limit (worst joint) [%]",
+    "torque rate (worst joint) [N m/s]",
 )  # fmt: skip
+#: Letters of a name that a table on the screen has room for in a line, at least.
+_NAME = 16
 
 
-def run_rows(entries: Sequence[Entry], cost: Cost | None = None) -> list[Row]:
+def run_rows(entries: Sequence[Entry], ranking: Ranking | None = None) -> list[Row]:
     """Return one row a run: figures over all joints.
 
     Of all joints RMS and tail are root mean squares over the joints of their RMS errors (whole
@@ -43,32 +46,32 @@ def run_rows(entries: Sequence[Entry], cost: Cost | None = None) -> list[Row]:
     ----------
     entries
         The runs.
-    cost
-        None: eq. (33) with its default weights.
+    ranking
+        Says which runs are the best under their conditions; None: no such column.
     """
-    cost = cost or QuadraticCost()
     rows = []
     for entry in entries:
         m = entry.run.metrics
         completed = entry.run.outcome.completed
-        rows.append(
-            {
-                "condition": entry.condition,
-                "controller": entry.controller,
-                "cost (33)": cost.of(m) if completed else float("inf"),
-                "RMS (all joints) [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms**2))),
-                "tail (all joints) [mrad]": 1e3 * float(np.sqrt(np.mean(m.rms_tail**2))),
-                "energy (all joints) [N²m²s]": float(m.energy.sum()),
-                "variation (all joints) [N m]": float(m.total_variation.sum()),
-                "peak (worst joint) [N m]": float(m.peak_torque.max()),
-                "peak error (worst joint) [mrad]": 1e3 * float(m.peak_error.max()),
-                "settled (worst joint) [s]": float(m.settling_time.max()),
-                "at its limit (worst joint) [%]": 100.0 * float(m.saturated.max()),
-                "torque rate (worst joint) [N m/s]": float(m.torque_rate.max()),
-                "outcome": "completed" if completed else str(entry.run.outcome),
-                "file": entry.file,
-            }
-        )
+        row = {
+            "condition": entry.condition,
+            "controller": entry.controller,
+            "tail (all joints) [mrad]": over_joints(m.rms_tail) if completed else float("inf"),
+            "RMS (all joints) [mrad]": over_joints(m.rms),
+            "peak (worst joint) [N m]": float(m.peak_torque.max()),
+            "variation (all joints) [N m]": float(m.total_variation.sum()),
+            "energy (all joints) [N²m²s]": float(m.energy.sum()),
+            "cost (33)": COST.of(m) if completed else float("inf"),
+            "peak error (worst joint) [mrad]": 1e3 * float(m.peak_error.max()),
+            "settled (worst joint) [s]": float(m.settling_time.max()),
+            "at its limit (worst joint) [%]": 100.0 * float(m.saturated.max()),
+            "torque rate (worst joint) [N m/s]": float(m.torque_rate.max()),
+            "outcome": "completed" if completed else str(entry.run.outcome),
+            "file": entry.file,
+        }
+        if ranking is not None:
+            row["best"] = "best" if ranking.is_best(entry.condition, entry.controller) else ""
+        rows.append(row)
     return rows
 
 
@@ -101,20 +104,27 @@ def joint_rows(entries: Sequence[Entry]) -> list[Row]:
     return rows
 
 
-def remarks(entries: Sequence[Entry]) -> list[str]:
-    """Return what a table does not say: runs that ended early, and limits that were passed."""
-    lines = []
-    for entry in entries:
-        label = f"{entry.controller}, {entry.condition}"
-        if not entry.run.outcome.completed:
-            lines.append(f"{label}: {entry.run.outcome}")
-        lines += [f"{label}: {exceedance}" for exceedance in limit_report(entry.run)]
-    return lines
+def limit_rows(entries: Sequence[Entry]) -> list[Row]:
+    """Return one row a limit that a run passed, or that its torque stood at."""
+    return [
+        {
+            "condition": entry.condition,
+            "controller": entry.controller,
+            "joint": e.joint,
+            "quantity": e.quantity,
+            "limit": e.limit,
+            "first [s]": e.time,
+            "worst": e.value,
+            "part [%]": 100.0 * e.part,
+        }
+        for entry in entries
+        for e in limit_report(entry.run)
+    ]
 
 
 def drop_constant(rows: list[Row], key: str) -> list[Row]:
     """Leave out a column that says the same in every row."""
-    if len({row[key] for row in rows}) > 1:
+    if not rows or len({row.get(key) for row in rows}) > 1:
         return rows
     return [{k: v for k, v in row.items() if k != key} for row in rows]
 
@@ -158,15 +168,15 @@ def comma_separated(rows: Sequence[Row]) -> str:
 
 
 def rich_table(rows: Sequence[Row], title: str) -> Any:
-    """Return a table for the screen, units under their names.
+    """Return a table for the screen, units under their names; a condition heads its runs.
 
-    How runs ended is left to prose; their files, and what a screen has no room for, to the
-    folder's summary.
+    The best run of each condition is marked. How runs ended is left to prose; their files, and
+    what a screen has no room for, to the folder's summary. Numbers are never cut or broken; names
+    are, where there is no room.
     """
     from rich.table import Table
     from rich.text import Text
 
-    rows = [{k: value for k, value in row.items() if k not in _NOT_ON_SCREEN} for row in rows]
     table = Table(
         title=Text(visible(title), style="table.title"),
         title_justify="left",
@@ -174,16 +184,34 @@ def rich_table(rows: Sequence[Row], title: str) -> Any:
         box=None,
         padding=(0, 2, 0, 0),
     )
-    for head in rows[0]:
-        justify: Any = "right" if _numeric(rows, head) else "left"
-        table.add_column(
-            Text(head.replace(" [", "\n[").replace(" (", "\n(").replace(" joint", "\njoint")),
-            justify=justify,
-            no_wrap=head == "controller",
-        )
+    heads = [head for head in rows[0] if head not in _NOT_ON_SCREEN]
+    for head in heads:
+        label = Text(head.replace(" [", "\n[").replace(" (", "\n(").replace(" joint", "\njoint"))
+        numeric = _numeric(rows, head)
+        if numeric:
+            table.add_column(label, justify="right", no_wrap=True)
+        else:
+            table.add_column(label, overflow="fold", min_width=_NAME)
+    condition = None
     for row in rows:
-        table.add_row(*(Text(visible(cell(value))) for value in row.values()))
+        if row.get("condition") != condition:
+            condition = row["condition"]
+            table.add_row(Text(visible(condition), style="bold"))
+        best = bool(row.get("best"))
+        cells = [Text(visible(_short(row[head]))) for head in heads]
+        if best:
+            cells[0].append(" *")
+        table.add_row(*cells, style="bold" if best else None)
     return table
+
+
+def _short(value: Any) -> str:
+    """Write a value as `cell` does, with no more in an exponent than it takes: 1.143e5."""
+    text = cell(value)
+    if _is_number(value) and "e" in text:
+        digits, _, exponent = text.partition("e")
+        return f"{digits}e{int(exponent)}"
+    return text
 
 
 def _is_number(value: Any) -> bool:

@@ -20,6 +20,7 @@ from fpid_pin.cli.search_bar import search_bar
 from fpid_pin.cli.summary import Row
 from fpid_pin.cli.tune_plan import Plan, read_plan
 from fpid_pin.cli.tune_results import compare, draw, write
+from fpid_pin.exceptions import FpidError
 from fpid_pin.files import discard, replacing
 from fpid_pin.tuning import TuningResult, WorkerPool, tune
 
@@ -52,6 +53,10 @@ def run_tuning(
             except KeyboardInterrupt:
                 say(screen(error=True), f"{checkpoint}: --resume goes on from here")
                 raise
+            except FpidError:
+                # Refused before it went on, a search has not touched what it took up.
+                _drop_copy(checkpoint, out / KEPT)
+                raise
             figures = draw(plan, result, pool)
         entries = compare(plan, result)
         rows = write(folder, out, config, plan, result, entries, figures)
@@ -68,13 +73,16 @@ def _take_up(checkpoint: Path, kept: Path, resume: bool) -> None:
     While a search goes on its checkpoint lies beside the folder, at its end in it; killed in
     between, a search leaves two that are equal.
     """
-    if not kept.is_file():
-        return
-    if checkpoint.is_file() and filecmp.cmp(checkpoint, kept, shallow=False):
-        discard(checkpoint)
-    if resume and not checkpoint.exists():
+    _drop_copy(checkpoint, kept)
+    if resume and kept.is_file() and not checkpoint.exists():
         with replacing(checkpoint) as temporary:
             shutil.copyfile(kept, temporary)
+
+
+def _drop_copy(checkpoint: Path, kept: Path) -> None:
+    both = checkpoint.is_file() and kept.is_file()
+    if both and filecmp.cmp(checkpoint, kept, shallow=False):
+        discard(checkpoint)
 
 
 def _search(plan: Plan, pool: Executor | None, checkpoint: Path, resume: bool) -> TuningResult:

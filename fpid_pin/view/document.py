@@ -70,14 +70,14 @@ def document(
     live
         Whether it may connect to this machine.
     embedded
-        A page in a frame of this one, whose policy this one's binds as well: it has the same.
+        A page in a frame of this one, which this one's policy binds as well: it names its scripts.
     """
     codes = [closed(script) for script in scripts]
-    policy = _policy_of(embedded) if embedded else _policy(codes) + _LIVE * live
+    policy = _policy(codes, _hashes_of(embedded)) + _LIVE * live
     kept = comment.replace("--", "- -").replace(">", "")
     return _DOCUMENT.format(
         policy=policy,
-        title=escape(cut(visible(title))),
+        title=as_text(cut(title)),
         style=style,
         comment=f"<!--\n{kept}\n-->\n" if kept else "",
         body=body,
@@ -90,13 +90,14 @@ def closed(script: str) -> str:
     return _ENDS.sub(r"<\\\1", script)
 
 
-def _policy(scripts: Sequence[str]) -> str:
-    hashes = " ".join(f"'sha256-{_digest(script)}'" for script in scripts)
-    return _POLICY.format(scripts=hashes or "'none'")
+def _policy(scripts: Sequence[str], others: Sequence[str] = ()) -> str:
+    hashes = [f"'sha256-{_digest(script)}'" for script in scripts]
+    return _POLICY.format(scripts=" ".join([*hashes, *others]) or "'none'")
 
 
-def _policy_of(page: str) -> str:
-    return page.partition('http-equiv="Content-Security-Policy" content="')[2].partition('"')[0]
+def _hashes_of(page: str) -> list[str]:
+    policy = page.partition('http-equiv="Content-Security-Policy" content="')[2].partition('"')[0]
+    return re.findall(r"'sha256-[^']*'", policy)
 
 
 def _digest(script: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from fpid_pin.files import replacing
@@ -22,10 +22,11 @@ def replay_html(
     captions: Sequence[str] | None = None,
     fps: float = 30.0,
     title: str | None = None,
+    groups: Mapping[str, Sequence[int]] | None = None,
 ) -> str:
-    """Return the page that `export_html` writes."""
+    """Return the page that `export_html` writes; of several `groups` it shows the first."""
     several = as_runs(runs)
-    scene = replay_scene(several, captions=captions, fps=fps)
+    scene = replay_scene(several, captions=captions, fps=fps, groups=groups)
     return render(scene, title or " / ".join(captions_of(several, captions)))
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cache
-from html import escape
 from importlib import util
 from pathlib import Path
 from typing import Any
 
 from fpid_pin.exceptions import FpidError
-from fpid_pin.text import cut, visible
-from fpid_pin.view.document import asset, document
+from fpid_pin.text import cut
+from fpid_pin.view.document import as_text, asset, document
 from fpid_pin.view.scene import to_script_json
 
 _BODY = """<div id="meshcat-pane"></div>
@@ -20,7 +19,8 @@ _BODY = """<div id="meshcat-pane"></div>
 <div id="message" role="alert" hidden></div>
 <div id="clock"><button id="play" type="button" >Pause</button>
 <input id="seek" type="range" min="0" max="1" step="any" value="0" aria-label="time">
-<output id="time">t = 0.00 s</output></div>"""
+<output id="time">t = 0.00 s</output></div>
+<script type="application/json" id="scene">{scene}</script>"""
 
 
 @cache
@@ -62,10 +62,10 @@ def render(scene: Mapping[str, Any], title: str) -> str:
     return document(
         title,
         style=asset("replay.css"),
-        body=_BODY.format(title=escape(cut(visible(title)))),
+        body=_BODY.format(title=as_text(cut(title)), scene=to_script_json(scene)),
         scripts=[
             meshcat_file("dist/main.min.js"),
-            f"const SCENE = {to_script_json(scene)};",
+            asset("scene.js"),
             asset("bodies.js"),
             asset("replay.js"),
         ],

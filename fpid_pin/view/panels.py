@@ -10,6 +10,7 @@ import numpy as np
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
+from fpid_pin.view.palette import PLAIN, colour
 from fpid_pin.view.style import lettering, new_figure, thinned
 
 if TYPE_CHECKING:
@@ -26,8 +27,7 @@ GAIN_UNITS = {
     "none": ("N m/rad", r"N m/(rad s$^\lambda$)", r"N m s$^\mu$/rad"),
     "scaled": ("s$^{-2}$", r"s$^{-2-\lambda}$", r"s$^{\mu-2}$"),
 }
-#: Colours of the style sheet's cycle; dashes, each leaving more open than the last.
-COLOURS = 8
+#: Dashes, each leaving more open than the last.
 DASHES: tuple[Any, ...] = ("-", (0, (6, 3)), (0, (2, 4)))
 # Part of a panel's height within which two curves are taken for one.
 _CLOSE = 0.02
@@ -64,15 +64,15 @@ def legend(axes: Axes, columns: int) -> None:
 
 
 def looks_of(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Return how each of several runs is drawn, in the order of the style sheet's colours.
+    """Return how each of several runs is drawn, in the palette's order.
 
-    One that follows an earlier one closely is dashed, so that both are seen; so are those for
-    which no colour is left.
+    One that follows an earlier one closely is dashed, so that both are seen; so are those whose
+    colours alone might be mistaken.
     """
     looks = []
     for k, run in enumerate(runs):
-        dash = max(k // COLOURS, sum(_hides(run, earlier) for earlier in runs[:k]))
-        look = {"color": f"C{k % COLOURS}", "linestyle": DASHES[min(dash, len(DASHES) - 1)]}
+        dash = max(k // PLAIN, sum(_hides(run, earlier) for earlier in runs[:k]))
+        look = {"color": colour(k), "linestyle": DASHES[min(dash, len(DASHES) - 1)]}
         looks.append(look)
     return looks
 

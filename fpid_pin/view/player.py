@@ -73,7 +73,7 @@ def play(
     fps = checks.number("fps", fps, low=1.0, high=240.0)
     runs = as_runs(run)
     scene = replay_scene(runs, captions=captions, fps=_FINE)
-    scene = {key: value for key, value in scene.items() if key != "duration"} | {"live": True}
+    scene |= scene.pop("groups")[0] | {"live": True}
     motions = [sample_run(one, _FINE) for one in runs]
     title = " / ".join(captions_of(runs, captions))
     end = max(float(t[-1]) for t, *_ in motions)

@@ -26,7 +26,7 @@ from fpid_pin.view.page import licences, meshcat_file
 from fpid_pin.view.playground_engine import Engine, require_playable
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.playground_supervisor import supervision, supervisor_of
-from fpid_pin.view.scene import Buffers, arm_scene, to_script_json
+from fpid_pin.view.scene import still_scene, to_script_json
 
 #: Points of a curve: two for each of so many spans of time.
 SHOWN = 1200
@@ -157,9 +157,7 @@ def _scene(e: Experiment) -> dict[str, Any]:
     """Return the table of the arm alone, looked at from where its reference fits in."""
     t = np.linspace(0.0, e.duration, 240)
     motion = np.concatenate([e.motion(t)[0], [np.asarray(e.q0)]])
-    scene = arm_scene([e.arm], [e.arm.name], stage([e.arm], [motion]))
-    buffers: Buffers = scene.pop("_buffers")
-    return scene | {"buffers": buffers.table}
+    return still_scene([e.arm], [e.arm.name], stage([e.arm], [motion]))
 
 
 def _page(

@@ -10,6 +10,7 @@ import numpy as np
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.export import as_runs
+from fpid_pin.view.palette import colour
 from fpid_pin.view.panels import (
     GAIN_UNITS,
     GAINS,
@@ -31,6 +32,7 @@ from fpid_pin.view.panels import (
     shared_legend,
     threshold_of,
 )
+from fpid_pin.view.ranking import heat_map
 from fpid_pin.view.scene import captions_of
 from fpid_pin.view.searches import convergence, cost_map
 from fpid_pin.view.style import figure_bytes, lettering, new_figure, save_figure, styled
@@ -45,6 +47,7 @@ __all__ = [
     "error",
     "figure_bytes",
     "gains",
+    "heat_map",
     "lyapunov",
     "phase_plane",
     "plot",
@@ -207,7 +210,7 @@ def plot(run: Run) -> Figure:
     figure, axes = new_figure(rows, 1, WIDTH, 1.7 * rows + 0.3)
     angle, e, u, *more = (row[0] for row in axes)
     for j, name in enumerate(names):
-        line(angle, run.t, run.q[:, j], name, color=f"C{j % 7}")
+        line(angle, run.t, run.q[:, j], name, color=colour(j))
         line(angle, run.t, run.q_ref[:, j], "desired" if j == n - 1 else "", **REFERENCE)
         line(e, run.t, run.error[:, j])
         line(u, run.t, run.torque[:, j])
@@ -221,7 +224,7 @@ def plot(run: Run) -> Figure:
         for j in range(n):
             for (name, label), dash in zip(kind, ("-", "--", ":"), strict=False):
                 shown = label if j == 0 else ""
-                look = {"color": f"C{j % 7}", "linestyle": dash}
+                look = {"color": colour(j), "linestyle": dash}
                 line(panel, run.t, run.signals[name][:, j], shown, **look)
         panel.set(ylabel=title)
         legend(panel, 3)

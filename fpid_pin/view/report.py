@@ -16,6 +16,7 @@ from fpid_pin.files import replacing
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.document import as_text, asset, document
 from fpid_pin.view.export import as_runs, replay_html
+from fpid_pin.view.palette import colour
 from fpid_pin.view.panels import names_of
 from fpid_pin.view.paper_figures import figures as standard_figures
 from fpid_pin.view.scene import captions_of
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 #: numbers are set to four significant digits.
 Table = Sequence[Sequence[object]] | Sequence[Mapping[str, object]]
 
+#: The last column of a table may say which rows are the best, and is called so itself.
+_BEST = "best"
 # What a configuration's text is laid out by.
 _LINES = "\n\t"
 #: More arms than these side by side cannot be told apart on a screen.
@@ -45,6 +48,7 @@ _CAPTIONS = {
     "gains": "Adapted gains, and orders where they move",
     "lyapunov": "The supervisor's Lyapunov function and torque",
     "comparison": "Errors and torques compared",
+    "ranking": "Every controller under every condition",
 }
 
 
@@ -58,6 +62,8 @@ def report_html(
     config_text: str = "",
     embed_replay: bool = True,
     captions: Sequence[str] | None = None,
+    answer: Sequence[str] = (),
+    groups: Mapping[str, Sequence[int]] | None = None,
 ) -> Path:
     """Write a report as one self-contained page, light or dark as its reader's system is.
 
@@ -77,9 +83,14 @@ def report_html(
     config_text
         The configuration, as it was read.
     embed_replay
-        Whether the replay is part of the page; it shows the first six runs.
+        Whether the replay is part of the page; it shows the first six runs of each group.
     captions
         One a run; None: their names.
+    answer
+        What the runs say, in lines, the most important first; it stands above all else.
+    groups
+        Runs that were made under one condition, by its name, as indices; the replay shows the
+        first, and a menu has the others. None: all are one group.
 
     Returns
     -------
@@ -96,19 +107,17 @@ def report_html(
     names = captions_of(several, captions)
     drawn = standard_figures(several) if figures is None else figures
     shown = {"Figures of merit": metrics_table(several, names)} if tables is None else tables
-    parts, replay = [_outcomes(several, names)], ""
+    parts, replay = [_answer(answer) + _outcomes(several, names)], ""
+    cells = {name: _figure(name, figure) for name, figure in drawn.items()}
+    if "ranking" in cells:
+        parts.append(_section("Ranking", f'<div class="figures">{cells.pop("ranking")}</div>'))
     if embed_replay:
-        first = slice(MOST_IN_REPLAY)
-        replay = replay_html(several[first], captions=names[first], title=title)
-        heading = "Replay"
-        if len(several) > MOST_IN_REPLAY:
-            heading += f" of the first {MOST_IN_REPLAY} runs"
-        parts.append(_section(heading, f'<iframe title="replay" sandbox="allow-scripts" '
-                              f'srcdoc="{escape(replay)}"></iframe>'))  # fmt: skip
-    parts += [_section(heading, _table(rows)) for heading, rows in shown.items()]
-    if drawn:
-        cells = "".join(_figure(name, figure) for name, figure in drawn.items())
-        parts.append(_section("Figures", f'<div class="figures">{cells}</div>'))
+        replay, section = _replay(several, names, title, groups or {"": range(len(several))})
+        parts.append(section)
+    marks = {run.name: colour(k) for k, run in reversed(list(enumerate(several)))}
+    parts += [_section(heading, _table(rows, marks)) for heading, rows in shown.items() if rows]
+    if cells:
+        parts.append(_section("Figures", f'<div class="figures">{"".join(cells.values())}</div>'))
     if config_text:
         parts.append(_section("Configuration", f"<pre>{as_text(config_text, keep=_LINES)}</pre>"))
     parts.append(_section("Versions", _table(_versions(several, names))))
@@ -117,6 +126,35 @@ def report_html(
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
+
+
+def _answer(lines: Sequence[str]) -> str:
+    return "".join(
+        f'<p class="{"answer" if k == 0 else "about"}">{as_text(line)}</p>'
+        for k, line in enumerate(lines)
+    )
+
+
+def _replay(
+    runs: Sequence[Run], captions: Sequence[str], title: str, groups: Mapping[str, Sequence[int]]
+) -> tuple[str, str]:
+    """Return the replay's page, and the section that holds it with a menu of the groups."""
+    seen = {name: list(members)[:MOST_IN_REPLAY] for name, members in groups.items()}
+    kept = sorted({k for members in seen.values() for k in members})
+    places = {name: [kept.index(k) for k in members] for name, members in seen.items()}
+    page = replay_html(
+        [runs[k] for k in kept], captions=[captions[k] for k in kept], title=title, groups=places
+    )
+    heading, menu = "Replay", ""
+    if any(len(members) > MOST_IN_REPLAY for members in groups.values()):
+        heading += f" of the first {MOST_IN_REPLAY} runs"
+    if len(groups) > 1:
+        options = "".join(
+            f'<option value="{k}">{as_text(name)}</option>' for k, name in enumerate(groups)
+        )
+        menu = f'<p><label>Condition <select id="group">{options}</select></label></p>'
+    frame = f'<iframe title="replay" sandbox="allow-scripts" srcdoc="{escape(page)}"></iframe>'
+    return page, _section(heading, menu + frame)
 
 
 def metrics_table(runs: Sequence[Run], captions: Sequence[str]) -> Table:
@@ -161,14 +199,32 @@ def _rows(table: Table) -> list[list[object]]:
     return [list(heads), *filled]
 
 
-def _table(table: Table) -> str:
+def _table(table: Table, marks: Mapping[str, str] | None = None) -> str:
+    """Return a table; cells that are a key of `marks` have its colour before them."""
     rows = _rows(table)
     if not rows:
         return ""
-    head = "".join(f"<th>{_cell(cell)}</th>" for cell in rows[0])
-    body = "".join(
-        "<tr>" + "".join(f"<td>{_cell(cell)}</td>" for cell in row) + "</tr>" for row in rows[1:]
+    # A row's weight says that it is the best; the column that does is for files.
+    heads = [_cell(cell) for cell in rows[0] if cell != _BEST]
+    words = [
+        ' class="text"' if all(isinstance(row[k], str) for row in rows[1:]) else ""
+        for k in range(len(heads))
+    ]
+    head = "".join(
+        f'<th scope="col"{kind}>{text}</th>' for text, kind in zip(heads, words, strict=True)
     )
+
+    def write(text: str, kind: str, cell: object) -> str:
+        mark = (marks or {}).get(cell) if isinstance(cell, str) else None
+        shown = _cell(cell)
+        if mark:
+            shown = f'<span><i class="swatch" style="background: {mark}"></i>{shown}</span>'
+        return f'<td{kind} data-head="{text}">{shown}</td>'
+
+    body = ""
+    for row in rows[1:]:
+        cells = "".join(write(*parts) for parts in zip(heads, words, row, strict=False))
+        body += f'<tr class="best">{cells}</tr>' if row[-1:] == [_BEST] else f"<tr>{cells}</tr>"
     element = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
     return f'<div class="wide" tabindex="0">{element}</div>'
 
@@ -199,9 +255,9 @@ def inline_svg(figure: Figure, name: str) -> str:
 
 def _outcomes(runs: Sequence[Run], captions: Sequence[str]) -> str:
     return "".join(
-        f'<p class="{"about" if run.outcome.completed else "ended"}">'
-        f"{as_text(caption)}: {as_text(str(run.outcome))}</p>"
+        f'<p class="ended">{as_text(caption)}: {as_text(str(run.outcome))}</p>'
         for run, caption in zip(runs, captions, strict=True)
+        if not run.outcome.completed
     )
 
 
@@ -224,5 +280,6 @@ def _page(title: str, parts: Sequence[str], replay: str) -> str:
         title,
         style=asset("report.css"),
         body=f"{head}{''.join(parts[1:])}</main>",
+        scripts=[asset("report.js")],
         embedded=replay,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, visible
 from fpid_pin.view.camera import Stage, stage
+from fpid_pin.view.palette import colour
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of, tool_placement
 
 if TYPE_CHECKING:
@@ -87,9 +88,21 @@ def _short(text: str) -> str:
 
 
 def replay_scene(
-    runs: Sequence[Run], *, captions: Sequence[str] | None = None, fps: float = 30.0
+    runs: Sequence[Run],
+    *,
+    captions: Sequence[str] | None = None,
+    fps: float = 30.0,
+    groups: Mapping[str, Sequence[int]] | None = None,
 ) -> dict[str, Any]:
     """Return the table of a replay of one or several runs, side by side.
+
+    Parameters
+    ----------
+    runs, captions, fps
+        See `export_html`.
+    groups
+        What is seen together, by name, as indices of runs; the first is shown. A run's colour is
+        that of its place in its group. None: all.
 
     Raises
     ------
@@ -109,55 +122,75 @@ def replay_scene(
             raise ArgumentError("run", "finite angles", f"NaN or inf in {text!r}")
     samples = [sample_run(run, fps) for run in runs]
     arms = [run.arm for run in runs]
-    place = stage(arms, [np.concatenate([q, q_ref]) for _, q, q_ref, _ in samples])
-    scene = arm_scene(arms, texts, place)
-    buffers: Buffers = scene.pop("_buffers")
-    for entry, run, (t, q, q_ref, torque) in zip(scene["runs"], runs, samples, strict=True):
-        for name, array in (("t", t), ("q", q), ("q_ref", q_ref), ("torque", torque)):
-            entry[name] = buffers.add(array.astype(np.float32))
-        if not run.outcome.completed:
-            entry["outcome"] = visible(str(run.outcome))
-    scene |= {"duration": max(float(t[-1]) for t, *_ in samples), "live": False}
-    return scene | {"buffers": buffers.table}
+    cast = _Cast(arms)
+    table = []
+    for name, members in (groups or {"": range(len(runs))}).items():
+        chosen = [samples[k] for k in members]
+        room = [np.concatenate([q, q_ref]) for _, q, q_ref, _ in chosen]
+        place = stage([arms[k] for k in members], room)
+        group = cast.group([arms[k] for k in members], [texts[k] for k in members], place)
+        for entry, k, (t, q, q_ref, torque) in zip(group["runs"], members, chosen, strict=True):
+            for key, array in (("t", t), ("q", q), ("q_ref", q_ref), ("torque", torque)):
+                entry[key] = cast.buffers.add(array.astype(np.float32))
+            if not runs[k].outcome.completed:
+                entry["outcome"] = visible(str(runs[k].outcome))
+        group["duration"] = max(float(t[-1]) for t, *_ in chosen)
+        table.append({"name": _short(name), **group})
+    return {"shown": 0, "groups": table, "live": False, **cast.table()}
 
 
 def live_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
     """Return the table of a scene whose motion arrives frame by frame."""
-    scene = arm_scene(arms, captions, place)
-    buffers: Buffers = scene.pop("_buffers")
-    return scene | {"live": True, "buffers": buffers.table}
+    return {"live": True, **still_scene(arms, captions, place)}
 
 
-def arm_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
-    """Return everything but the motion; arms that are equal are described once."""
-    buffers, described, known = Buffers(), [], list[Arm]()
-    runs = []
-    for k, (arm, caption) in enumerate(zip(arms, captions, strict=True)):
-        if arm not in known:
-            known.append(arm)
-            described.append(_arm_table(arm, buffers))
-        runs.append(
-            {
-                "caption": _short(caption),
-                "arm": known.index(arm),
-                "offset": place.offsets[k].tolist(),
-                "top": float(place.heights[k]),
-            }
-        )
-    return {
-        "arms": described,
-        "runs": runs,
-        "camera": {
-            "towards": place.towards.tolist(),
-            "centre": place.centre.tolist(),
-            "extent": place.extent.tolist(),
-        },
-        "floor": place.floor,
-        "reach": place.reach,
-        "planar": place.planar,
-        "credits": sorted({arm.credit for arm in known if arm.credit}),
-        "_buffers": buffers,
-    }
+def still_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
+    """Return everything but the motion."""
+    cast = _Cast(arms)
+    return cast.group(arms, captions, place) | cast.table()
+
+
+class _Cast:
+    """The arms of a scene; those that are equal are described once."""
+
+    def __init__(self, arms: Sequence[Arm]) -> None:
+        self.buffers = Buffers()
+        self._known: list[Arm] = []
+        for arm in arms:
+            if arm not in self._known:
+                self._known.append(arm)
+        self._described = [_arm_table(arm, self.buffers) for arm in self._known]
+
+    def table(self) -> dict[str, Any]:
+        """Return what does not depend on who is on the stage."""
+        return {
+            "arms": self._described,
+            "buffers": self.buffers.table,
+            "credits": sorted({arm.credit for arm in self._known if arm.credit}),
+        }
+
+    def group(self, arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
+        """Return who is on the stage, and where it is seen from."""
+        return {
+            "runs": [
+                {
+                    "caption": _short(caption),
+                    "arm": self._known.index(arm),
+                    "offset": place.offsets[k].tolist(),
+                    "top": float(place.heights[k]),
+                    "colour": colour(k),
+                }
+                for k, (arm, caption) in enumerate(zip(arms, captions, strict=True))
+            ],
+            "camera": {
+                "towards": place.towards.tolist(),
+                "centre": place.centre.tolist(),
+                "extent": place.extent.tolist(),
+            },
+            "floor": place.floor,
+            "reach": place.reach,
+            "planar": place.planar,
+        }
 
 
 def _arm_table(arm: Arm, buffers: Buffers) -> dict[str, Any]:

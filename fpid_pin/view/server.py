@@ -3,9 +3,8 @@
 Run as a script by `fpid_pin.view.link`, so that neither its imports nor its work touch the process
 that controls. It reads two lines from its standard input, the token and what is good for one
 redirection to it, then messages: a length (4 bytes, big-endian), a kind (1 byte) and a body: ``P``
-the page, ``F`` a frame for every viewer.
-It writes lines of JSON: ``{"port": 7000}`` once it listens, ``{"viewers": 1}`` and ``{"key": "+"}``
-as they happen. When its standard input ends, for whatever reason, so does it.
+the page, ``F`` a frame for every viewer. It writes lines of JSON: ``{"port": 7000}`` once it
+listens, ``{"viewers": 1}`` and ``{"key": "+"}``. When its input ends, so does it.
 
 Any program of any user of this machine may connect, and so may any page that a browser shows. None
 is served or heard without the token, and what those without it send takes neither memory nor, for
@@ -82,8 +81,7 @@ class State:
     def spends(cls, path: str) -> bool:
         """Whether a path is the one that is good for once, which it was with this."""
         good = bool(cls.once) and hmac.compare_digest(path.encode("utf-8", "replace"), cls.once)
-        if good:
-            cls.once = b""
+        cls.once = b"" if good else cls.once
         return good
 
     @classmethod
@@ -108,10 +106,9 @@ class Server(tornado.httpserver.HTTPServer):
 
     def handle_stream(self, stream: tornado.iostream.IOStream, address: Any) -> None:
         """Serve a new connection, or close it."""
-        if State.has_room(stream):
-            super().handle_stream(stream, address)
-        else:
-            stream.close()
+        if not State.has_room(stream):
+            return stream.close()
+        super().handle_stream(stream, address)
 
 
 def tell(**news: object) -> None:
@@ -166,7 +163,6 @@ class Page(Gate):
 
     async def get(self) -> None:
         """Send the page; close on a browser that does not take it."""
-        self.set_header("Content-Type", "text/html; charset=utf-8")
         try:
             await asyncio.wait_for(self.finish(State.page), IDLE)
         except (TimeoutError, tornado.iostream.StreamClosedError):
@@ -256,7 +252,7 @@ async def obey() -> None:
     reader = asyncio.StreamReader(limit=2**20)
     await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), sys.stdin)
     pending: set[asyncio.Task[None]] = set()
-    try:
+    with contextlib.suppress(asyncio.IncompleteReadError):
         while True:
             head = await reader.readexactly(5)
             body = await reader.readexactly(int.from_bytes(head[:4], "big"))
@@ -267,8 +263,6 @@ async def obey() -> None:
                     task = loop.create_task(viewer.show(body))
                     pending.add(task)
                     task.add_done_callback(pending.discard)
-    except asyncio.IncompleteReadError:
-        return
 
 
 def read_line() -> bytes:

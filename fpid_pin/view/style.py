@@ -18,6 +18,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
 from fpid_pin.text import cut, shown, visible
+from fpid_pin.view.palette import PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -43,11 +44,13 @@ _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 @functools.cache
 def _settings() -> dict[str, Any]:
+    from cycler import cycler
     from matplotlib import rc_params_from_file
 
     file = resources.files("fpid_pin.view") / "fpid_pin.mplstyle"
     with resources.as_file(file) as path:
         everything = rc_params_from_file(path, use_default_template=True)
+    everything["axes.prop_cycle"] = cycler(color=PALETTE)
     # Matplotlib's own defaults stand for what the sheet leaves open, not the user's settings; how
     # windows are made is no matter of style.
     return {k: v for k, v in everything.items() if k.startswith(_STYLE_KEYS)}

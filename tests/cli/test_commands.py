@@ -161,7 +161,7 @@ def test_a_diverged_run_is_a_result(config, capsys):
     config.write_text(SHORT.replace("kd = [20.0, 15.0]", "kd = [9000.0, 9000.0]", 1))
     assert main(["compare", str(config)]) == 0
     printed = capsys.readouterr().out
-    assert "FPID, published orders, nominal: diverged at" in " ".join(printed.split())
+    assert "Limits passed by FPID, published orders: diverged at" in " ".join(printed.split())
     table = (config.parent / "runs" / "short" / "summary.csv").read_text()
     assert "diverged at" in table
     assert "inf" in table

@@ -318,7 +318,10 @@ def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     assert main(command) == 2
     assert "expected a new folder" in capsys.readouterr().err
     assert main(["export", str(config), "--out", str(tmp_path / "d")]) == 2
-    assert "expected one controller, or --controller NAME, got mine, PID" in capsys.readouterr().err
+    assert (
+        "expected one controller, or --controller NAME, got 'mine', 'PID'"
+        in capsys.readouterr().err
+    )
     assert main([*command[:3], "none", "--out", str(tmp_path / "d")]) == 2
     assert "--controller" in capsys.readouterr().err
     assert main([*command[:3], "PID", "--out", str(tmp_path / "d")]) == 2

@@ -39,8 +39,10 @@ def tally(request):
 def pytest_runtest_logreport(report):
     here = "torture" in report.nodeid.split("::")[0]
     if here and report.when == "call" and report.nodeid not in COUNTED and not report.skipped:
-        name = report.nodeid.split("::")[-1].removeprefix("test_").replace("_", " ")
-        TRIED[name] = (1, ["failed"] if report.failed else [])
+        test = report.nodeid.split("::")[-1].partition("[")[0]
+        name = test.removeprefix("test_").replace("_", " ")
+        tried, bad = TRIED.get(name, (0, []))
+        TRIED[name] = (tried + 1, [*bad, "failed"] if report.failed else bad)
 
 
 def pytest_terminal_summary(terminalreporter):

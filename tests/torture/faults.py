@@ -8,6 +8,7 @@ import ctypes
 import errno
 import hashlib
 import io
+import itertools
 import json
 import shutil
 import sys
@@ -52,9 +53,12 @@ def command(*arguments):
     def made(folder):
         for name in ("short.toml", "run.npz"):
             shutil.copyfile(folder.parent / name, folder / name)
-        words = [word.replace("@", str(folder)) for word in arguments]
+        rounds = itertools.count()
 
         def run():
+            # An export never takes an older one's place: each has a folder of its own.
+            own = str(next(rounds))
+            words = [word.replace("@", str(folder)).replace("#", own) for word in arguments]
             status = main(words)
             if status:
                 raise FpidError(sys.stderr.getvalue())
@@ -71,6 +75,10 @@ WORK = {
     "run": command("run", "@/short.toml", "--out", "@/out", "--controller", "integer PID"),
     "tune": command("tune", "@/short.toml", "--out", "@/out"),
     "view --html": command("view", "@/run.npz", "--html", "@/page.html"),
+    "playground --html": command("playground", "@/short.toml", "--html", "@/playground.html"),
+    "export": command(
+        "export", "@/short.toml", "--controller", "integer PID", "--ticks", "5", "--out", "@/c#"
+    ),
     "operators --plot": command("operators", "--order", "0.5", "--plot", "@/plot.svg"),
 }
 

@@ -1,6 +1,7 @@
 """A file that is damaged, or lies, is read as what it was or refused in one line."""
 
 import dataclasses
+import os
 import random
 import re
 import time
@@ -10,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damage import bombs, lying, repacked, shell_of, structured
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 import fpid_pin as fp
 from fpid_pin.exceptions import FpidError, FpidWarning
@@ -20,6 +23,15 @@ pytestmark = pytest.mark.torture
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
 LAW = fp.paper_controller()
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
+MANY = settings(
+    max_examples=2000 if os.environ.get("FPID_TORTURE") == "full" else 60, deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture],
+)  # fmt: skip
+#: What takes the place of some bytes at a part of the file; a failure shrinks to the least.
+EDITS = st.lists(
+    st.tuples(st.floats(0.0, 1.0), st.integers(0, 64), st.binary(max_size=64)), min_size=1,
+    max_size=4,
+)  # fmt: skip
 #: Memory that a bad file may take beyond an honest one [MB].
 MOST = 200.0
 
@@ -117,6 +129,20 @@ def test_structured_mutations(kind, files, tmp_path, tally, full):
         path.write_bytes(data)
         fault = judge()
         tally(f"{kind}: structured mutation", fault and f"{k}, {what}: {fault}")
+
+
+@pytest.mark.parametrize("kind", READERS)
+@MANY
+@given(edits=EDITS)
+def test_any_edits(kind, files, tmp_path, edits):
+    path = tmp_path / "file.npz"
+    data = files[kind, 0]
+    judge = Judge(kind, data, path)
+    for part, lost, put in edits:
+        at = round(part * len(data))
+        data = data[:at] + put + data[at + lost :]
+    path.write_bytes(data)
+    assert judge() == ""
 
 
 @pytest.mark.parametrize("kind", READERS)

@@ -86,7 +86,7 @@ def never(tmp_path_factory):
 def test_killed_at_any_moment_and_resumed(never, tmp_path, tally, full):
     bits, seconds = never
     chance, kills, round_, resumed = random.Random(6), 0, 0, 0
-    while kills < (100 if full else 3):
+    while kills < (100 if full else 2):
         folder = tmp_path / str(round_)
         folder.mkdir()
         (folder / "study.toml").write_text(SHORT + TUNE)
@@ -94,7 +94,7 @@ def test_killed_at_any_moment_and_resumed(never, tmp_path, tally, full):
         status = None
         while status != 0:
             child = start(folder, "tune", "study.toml", "--out", "out", "--resume")
-            if kills < (100 if full else 3):
+            if kills < (100 if full else 2):
                 time.sleep(chance.uniform(0.3, 1.1) * seconds)
             else:
                 child.wait()

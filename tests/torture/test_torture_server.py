@@ -436,7 +436,7 @@ def nonsense(rng, token, port):
     return bytes(data)
 
 
-def test_nonsense_is_survived_and_says_nothing(link):
+def test_nonsense_is_survived_and_says_nothing(link, tally):
     rng, token = random.Random(5), link.url.split("/")[3]
     # Without the token: what is heard would be a way in.
     for _ in range(3000 if FULL else 150):
@@ -446,10 +446,12 @@ def test_nonsense_is_survived_and_says_nothing(link):
             client.socket.settimeout(0.2)
             with contextlib.suppress(OSError):
                 assert b"page" not in client.socket.recv(65536).partition(b"\r\n\r\n")[2]
+        tally("requests of nonsense")
     assert link.keys() == ""
     for _ in range(3000 if FULL else 150):
         with Client(link) as client:
             client.send(nonsense(rng, token, link.port))
+        tally("and with the token")
     assert wait_until(lambda: set(link.keys()) <= set(map(chr, range(32, 256))), 5.0)
     assert served(link)
     assert resident(link) < 200.0

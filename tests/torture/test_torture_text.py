@@ -53,8 +53,8 @@ def names(seed, count):
     return [*PIECES, *joined]
 
 
-def few(full, some):
-    return names(1, 400) if full else random.Random(2).sample(names(1, 40), some)
+def few(count):
+    return random.Random(2).sample(names(1, 400), count)
 
 
 class Structure(HTMLParser):
@@ -106,7 +106,7 @@ def test_a_page_has_the_elements_that_it_has_with_harmless_names(tmp_path, tally
         return path.read_text("utf-8"), replay_html([run], captions=[name], title=name)
 
     expected = [structure(page) for page in pages("x")]
-    for name in few(full, 25):
+    for name in few(150 if full else 15):
         if not name.strip():
             continue
         for kind, page, sound in zip(("report", "replay"), pages(name), expected, strict=True):
@@ -119,13 +119,13 @@ def test_a_playground_has_the_elements_that_it_has_with_harmless_names(tally, fu
         return playground_html(fp.paper_experiment(duration=0.02), law_called(name), title=name)
 
     expected = structure(page("x"))
-    for name in few(full, 8)[: 60 if full else 8]:
+    for name in few(50 if full else 4):
         same = structure(page(name or "x")) == expected
         tally("names in a playground", "" if same else f"{name!r} makes elements")
 
 
 def test_an_svg_is_well_formed_and_has_nothing_but_drawing_in_it(run, tally, full):
-    for name in few(full, 8)[: 150 if full else 8]:
+    for name in few(50 if full else 4):
         figure = plots.comparison([run_called(name), run])
         tree = xml.fromstring(figure_bytes(figure, "svg"))
         fault = ""
@@ -143,7 +143,7 @@ def parsed(text):
 
 
 def test_markdown_takes_a_name_for_text(tally, full):
-    for name in names(3, 3000 if full else 100):
+    for name in names(3, 2000 if full else 100):
         rows = [{"controller": name, "figure": 1.0}, {"controller": "x", "figure": 2.0}]
         shown = visible(name).strip()
         where = {
@@ -165,7 +165,7 @@ def test_markdown_takes_a_name_for_text(tally, full):
 
 
 def test_the_terminal_is_told_a_name_and_nothing_else(tally, full):
-    for name in names(4, 3000 if full else 100):
+    for name in names(4, 2000 if full else 100):
         for coloured in (False, True):
             text = io.StringIO()
             console = screen()
@@ -188,7 +188,7 @@ def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, 
     original = re.findall(r'^name = ("[^"]*")', base, re.MULTILINE)
     sound = [name for name in names(5, 60) if "\ud800" not in name and name.strip()]
     chance = random.Random(6)
-    for k in range(15 if full else 1):
+    for k in range(8 if full else 1):
         text = base
         title, *chosen = chance.sample(sound, len(original) + 1)
         for name, hostile in zip(original, chosen, strict=True):
@@ -216,7 +216,7 @@ def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, 
 @pytest.mark.browser
 def test_no_name_runs_in_a_browser(browser, tmp_path, tally, full):
     chance = random.Random(7)
-    for k in range(40 if full else 3):
+    for k in range(12 if full else 1):
         name = " ".join(chance.sample([p for p in PIECES if "hacked" in p or len(p) > 2], 6))
         run = run_called(name)
         path = tmp_path / f"{k}.html"

@@ -63,6 +63,8 @@ def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
     with pytest.raises(TuningError, match="another search: population is 6 there and 8 here"):
         run_tuning(written(tmp_path, TUNE.replace("= 6", "= 8")), out, resume=True)
     assert (out / "history.csv").read_text() == before
+    # What it took up from the folder does not stay beside it, to be taken for a search's own.
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["out", "study.toml"]
 
 
 def test_a_robust_search_goes_through_every_condition(tmp_path):

@@ -25,7 +25,7 @@ class Outline(HTMLParser):
         self.inside = tag
 
     def handle_data(self, data):
-        if self.inside in ("td", "th"):
+        if self.inside in ("td", "th", "i"):
             self.cells.append(data)
 
 
@@ -71,7 +71,7 @@ def test_tables_are_rows_or_mappings_and_numbers_are_short(report):
 
 def test_nothing_from_a_file_becomes_markup(report):
     page = outline(report)
-    assert "script" not in page.tags
+    assert page.tags.count("script") == 1  # that which sorts tables
     assert "b" not in page.tags
     assert "<title>Two &amp; &lt;two&gt;</title>" in report.read_text()
 

@@ -49,7 +49,7 @@ def test_poses_of_the_page_are_those_of_pinocchio(make_run):
     """The page turns joints about axes from the scene; follow the chain as its script does."""
     arm = Arm.from_example("panda")
     scene = replay_scene([make_run(arm)], fps=10)
-    table, run = scene["arms"][0], scene["runs"][0]
+    table, run = scene["arms"][0], scene["groups"][0]["runs"][0]
     q = decode(scene, run["q"]).reshape(-1, arm.n)[7].astype(float)
     place = np.eye(4)
     for joint, angle in zip(table["joints"], q, strict=True):
@@ -89,7 +89,7 @@ def test_planar_arms_of_any_length_are_drawn(make_run):
         arm = Arm.planar(np.full(n, 0.4), np.ones(n))
         scene = replay_scene([make_run(arm)], fps=10)
         assert len(scene["arms"][0]["shapes"]) >= 2 * n
-        assert scene["planar"]
+        assert scene["groups"][0]["planar"]
 
 
 def test_an_arm_without_its_meshes_is_drawn_from_primitives(tmp_path):
@@ -156,5 +156,5 @@ def test_a_run_of_one_sample_can_be_shown(make_run, two_link):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         scene = replay_scene([make_run(two_link, rows=1)])
-    assert scene["duration"] == 0.0
-    assert scene["runs"][0]["outcome"].startswith("diverged at")
+    assert scene["groups"][0]["duration"] == 0.0
+    assert scene["groups"][0]["runs"][0]["outcome"].startswith("diverged at")

@@ -1,6 +1,5 @@
 "use strict";
 // The scene, its clock and its panel. meshcat keeps the time; what is seen follows from it.
-const COLOURS = [[0.0, 0.45, 0.7], [0.84, 0.37, 0.0], [0.8, 0.47, 0.65], [0.9, 0.6, 0.0]];
 const GHOST = [0.0, 0.62, 0.45];
 const element = (id) => document.getElementById(id);
 const css = ([r, g, b]) => `rgb(${[r, g, b].map((x) => Math.round(255 * x)).join(",")})`;
@@ -45,7 +44,7 @@ class RunView {
   constructor(table, number) {
     this.table = table;
     this.joints = SCENE.arms[table.arm].joints;
-    this.colour = COLOURS[number % COLOURS.length];
+    this.colour = table.colour;
     const node = (name) => {
       const group = viewer.scene_tree.find(["fpid_pin", `${number + 1} ${table.caption}`, name]).object;
       group.position.set(...table.offset);
@@ -60,7 +59,7 @@ class RunView {
     this.arcs = arcs.turns.map(([, axis], j) => new TorqueArc(arcs.frames[j], axis, 0.08 * reach));
     const paths = node("path");
     this.wanted = new Tube(paths, 0.003 * reach, three(GHOST), 0.7);
-    this.trail = new Tube(paths, 0.005 * reach, three(this.colour), 1);
+    this.trail = new Tube(paths, 0.005 * reach, new THREE.Color(this.colour), 1);
     this.label = SCENE.runs.length > 1
       ? caption(table.caption, node("caption"), table.top + 0.16 * reach) : null;
     this.peak = this.joints.map(() => 1e-9);
@@ -103,7 +102,7 @@ class RunView {
     const box = element("runs"), head = document.createElement("h2");
     const swatch = document.createElement("span");
     swatch.className = "swatch";
-    swatch.style.background = css(this.colour);
+    swatch.style.background = this.colour;
     head.append(swatch, this.table.caption);
     box.append(head);
     if (this.table.outcome) {
@@ -238,8 +237,13 @@ function frame() {
   camera.far = 200 * reach;
   const rise = Math.tan((camera.fov * Math.PI) / 360);
   const top = extent[1] + (views.length > 1 ? 0.12 * reach : 0);
+  // A caption may be wider than the arm that it stands above.
+  const [x, y] = towards, level = Math.hypot(x, y) || 1;
+  const wide = Math.max(extent[0], ...views.filter(({label}) => label).map(({label, table}) =>
+    Math.abs((y * (table.offset[0] - centre[0]) - x * (table.offset[1] - centre[1])) / level)
+    + 0.5 * label.scale.x));
   const away = extent[2]
-    + Math.max((top * height) / (rise * tall), (extent[0] * height) / (rise * free));
+    + Math.max((top * height) / (rise * tall), (wide * height) / (rise * free));
   const y_up = ([x, y, z]) => [x, z, -y];
   viewer.controls.target.set(...y_up(centre));
   camera.position.set(...y_up(centre.map((c, i) => c + away * towards[i])));

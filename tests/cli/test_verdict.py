@@ -1,0 +1,188 @@
+"""What a comparison says: hand-made runs whose ranking is known."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import fpid_pin as fp
+from fpid_pin.cli import summary, verdict
+from fpid_pin.cli.main import main
+from fpid_pin.cli.screen import print_table, screen
+from fpid_pin.costs import Metrics
+from fpid_pin.simulation.recorders import Outcome
+
+COMPLETED = Outcome(True, 1.0)
+
+
+def entry(condition, controller, tail, outcome=COMPLETED):
+    """A run of two joints whose tail errors are 3 and 4 times `tail` [rad]."""
+    names = [field.name for field in dataclasses.fields(Metrics)]
+    metrics = Metrics(**{name: np.array([3.0, 4.0]) for name in names})
+    metrics = dataclasses.replace(metrics, rms_tail=tail * np.array([3.0, 4.0]))
+    run = SimpleNamespace(metrics=metrics, outcome=outcome, name=controller)
+    return summary.Entry(condition, controller, run, f"{controller}.npz")
+
+
+@pytest.fixture(autouse=True)
+def _no_limits(monkeypatch):
+    for module in (verdict, summary):
+        monkeypatch.setattr(module, "limit_report", lambda run: getattr(run, "limits", []))
+
+
+def ranked(*entries, metric="tail"):
+    return verdict.rank(entries, verdict.MEASURES[metric])
+
+
+FIELD = [
+    entry("calm", "A", 1e-3), entry("calm", "B", 2e-3), entry("calm", "C", 3e-3),
+    entry("storm", "A", 9e-3), entry("storm", "B", 5e-3),
+    entry("storm", "C", np.nan, Outcome(False, 0.3, "joint2", "speed is beyond 10 rad/s")),
+    entry("rain", "A", 2e-3), entry("rain", "B", 3e-3), entry("rain", "C", 4e-3),
+]  # fmt: skip
+
+
+def test_figures_are_over_all_joints_and_infinite_where_a_run_ended():
+    ranking = ranked(*FIELD)
+    rms = 1e3 * np.sqrt((9.0 + 16.0) / 2.0)
+    assert ranking.values == pytest.approx(
+        rms * np.array([[1e-3, 2e-3, 3e-3], [9e-3, 5e-3, np.inf], [2e-3, 3e-3, 4e-3]])
+    )
+    assert ranking.order(1) == [1, 0, 2]
+    assert ranking.conditions[ranking.hardest] == "storm"
+    assert ranking.is_best("calm", "A")
+    assert not ranking.is_best("storm", "C")
+
+
+def test_the_answer_says_who_is_best_where_and_the_worst_of_each():
+    first, second, third = verdict.answer(FIELD, ranked(*FIELD))
+    assert first == "Least RMS error of the last half: A under calm and rain; B under storm."
+    assert (
+        second
+        == "Worst case of each: B 17.7 mrad (storm); A 31.8 mrad (storm); C ended early (storm)."
+    )
+    assert third.startswith("Limits passed by C: storm, diverged at 0.3 s, joint2: speed")
+
+
+def test_where_all_ended_early_nobody_is_best():
+    gone = Outcome(False, 0.3, "joint1", "speed is not finite")
+    lost = [entry("calm", "A", 1.0, gone), entry("calm", "B", 1.0, gone)]
+    ranking = ranked(*lost)
+    assert verdict.answer(lost, ranking)[0].endswith("nobody under calm, where all ended early.")
+    assert not ranking.is_best("calm", "A")
+    assert not np.isfinite(ranking.values).any()
+
+
+def test_one_condition_names_the_margin_and_one_controller_has_no_rival():
+    pair = [entry("nominal", "A", 1e-3), entry("nominal", "B", 2e-3)]
+    assert verdict.answer(pair, ranked(*pair))[0] == (
+        "Least RMS error of the last half: A, 3.54 mrad; next B, 7.07 mrad."
+    )
+    assert verdict.answer(pair[:1], ranked(*pair[:1])) == []
+
+
+def test_limits_are_told_by_condition_and_quantity():
+    one = entry("calm", "A", 1e-3)
+    limit = fp.simulation.limits.Exceedance
+    one.run.limits = [
+        limit(joint, "effort", 5.0, 0.1, 5.0, part) for joint, part in (("j1", 0.25), ("j2", 0.5))
+    ]
+    assert verdict.limit_lines([one]) == [
+        "Limits passed by A: effort limit of j1 25 % and j2 50 % of the time."
+    ]
+    assert [row["part [%]"] for row in summary.limit_rows([one])] == [25.0, 50.0]
+
+
+@pytest.mark.parametrize("metric", verdict.MEASURES)
+def test_every_measure_has_a_value(metric):
+    ranking = ranked(*FIELD, metric=metric)
+    assert np.isfinite(ranking.values[0]).all()
+    assert np.isinf(ranking.values[1, 2])
+
+
+def test_the_cost_is_named_with_its_weights():
+    assert verdict.MEASURES["cost"].label == "cost (33) with w1 = 1, w2 = 0.0001"
+
+
+NAMES = [
+    "adaptive FPID with a long name", "a_name_without_any_place_to_break_it_at_all", "PID", "x" * 60
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("width", [80, 60])
+def test_no_number_is_cut_in_a_narrow_terminal(width, capsys):
+    field = [entry("a condition", name, 10.0 ** (7 - k)) for k, name in enumerate(NAMES)]
+    rows = summary.run_rows(field, ranked(*field))
+    console = Console(force_terminal=True, width=width, color_system=None)
+    print_table(console, summary.rich_table(rows, "title"))
+    printed = capsys.readouterr().out
+    if width == 80:
+        assert max(map(len, printed.splitlines())) <= width
+    assert "…" not in printed
+    assert "..." not in printed
+    for head in ("tail (all joints) [mrad]", "energy (all joints) [N²m²s]", "cost (33)"):
+        assert all(summary._short(row[head]) in printed for row in rows)
+    # In a pipe a table is as wide as it has to be: names are whole, too.
+    print_table(screen(), summary.rich_table(rows, "title"))
+    piped = capsys.readouterr().out
+    assert all(name in piped for name in NAMES)
+    assert all(summary._short(row["energy (all joints) [N²m²s]"]) in piped for row in rows)
+
+
+CONFIG = """
+format = 1
+[arm]
+kind = "two_link"
+[reference]
+kind = "sinusoid"
+[simulation]
+duration = 0.2
+[[controller]]
+kind = "pd_gravity"
+kp = 10
+kd = 2
+name = "soft"
+[[controller]]
+kind = "computed_torque"
+k0 = 100
+k1 = 20
+name = "stiff"
+[[condition]]
+name = "nominal"
+[[condition]]
+name = "payload"
+plant = { payload = { mass = 1.0 } }
+"""
+
+
+def test_compare_begins_with_the_answer_by_the_metric_asked_for(tmp_path, capsys):
+    config = tmp_path / "c.toml"
+    config.write_text(CONFIG)
+    out = tmp_path / "out"
+    assert main(["compare", str(config), "--out", str(out), "--metric", "peak"]) == 0
+    printed = capsys.readouterr().out.splitlines()
+    found = {
+        (e["condition"], e["controller"]): float(e["peak (worst joint) [N m]"])
+        for e in _csv(out / "summary.csv")
+    }
+    best = {c: min(("soft", "stiff"), key=lambda k: found[c, k]) for c in ("nominal", "payload")}
+    assert printed[0].startswith("Least peak torque (worst joint): ")
+    for condition, controller in best.items():
+        told = printed[0].removeprefix("Least peak torque (worst joint): ")
+        said = next(p for p in told.split(";") if condition in p)
+        assert controller in said
+    marked = [e for e in _csv(out / "summary.csv") if e["best"] == "best"]
+    assert {(e["condition"], e["controller"]) for e in marked} == set(best.items())
+    assert (out / "ranking.svg").is_file()
+    assert printed[0] in (out / "report.html").read_text("utf-8")
+    assert main(["compare", str(config), "--out", str(out), "--metric", "speed"]) == 2
+    assert "--metric: expected one of" in capsys.readouterr().err
+
+
+def _csv(path):
+    import csv
+
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
