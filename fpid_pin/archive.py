@@ -1,8 +1,8 @@
 """A zip of arrays (.npz) that has one form only: all bytes but the data follow from its members.
 
 NumPy and any zip tool read such a file. Whoever knows its members need not parse it: the bytes
-that they call for either are there or are not. Nothing is compressed, so that no file is smaller
-than what is in it.
+that they call for either are there or are not. The zip compresses nothing, so that no file is
+smaller than what is in it.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import re
 import stat
 import struct
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from math import prod
 from pathlib import Path
 from typing import Any, BinaryIO, TypeVar
@@ -32,7 +32,7 @@ LIST, TEXT = "members", "meta"
 #: A list longer than this [bytes] is none of ours.
 LONGEST_LIST = 1 << 20
 _MOST_DIMENSIONS, _LONGEST_NAME = 4, 100
-_DTYPE = re.compile(r"<f8|<i8|<U[1-9]\d{0,7}")  # NumPy knows no longer texts
+_DTYPE = re.compile(r"<f8|<i8|\|u1|<U[1-9]\d{0,7}")  # NumPy knows no longer texts
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 _PIECE = 1 << 20
 _CUT = "something else or one that is cut short"
@@ -48,7 +48,7 @@ class _Fault(Exception):
 
 
 def write(file: BinaryIO, kind: str, number: int, text: str, arrays: Mapping[str, Any]) -> None:
-    """Write a text and arrays of float64, int64 or texts.
+    """Write a text and arrays of float64, int64, bytes or texts.
 
     Parameters
     ----------
@@ -82,11 +82,12 @@ def write(file: BinaryIO, kind: str, number: int, text: str, arrays: Mapping[str
 
 def _plain(name: str, value: Any) -> NDArray[Any]:
     array = np.asarray(value)
-    wanted = {"f": "<f8", "i": "<i8", "U": f"<U{max(array.dtype.itemsize // 4, 1)}"}
+    wanted = {"f": "<f8", "i": "<i8", "u": "|u1", "U": f"<U{max(array.dtype.itemsize // 4, 1)}"}
     dtype = wanted.get(array.dtype.kind)
-    if dtype is None or array.ndim > _MOST_DIMENSIONS:
+    unsigned = array.dtype.kind == "u" and array.dtype != np.uint8
+    if dtype is None or unsigned or array.ndim > _MOST_DIMENSIONS:
         raise ArgumentError(
-            name, f"float64, int64 or texts, in {_MOST_DIMENSIONS} dimensions at most",
+            name, f"float64, int64, bytes or texts, in {_MOST_DIMENSIONS} dimensions at most",
             f"{array.dtype} in {array.ndim}",
         )  # fmt: skip
     if not _fit(name) or name == LIST:
@@ -116,9 +117,12 @@ def _sealed(name: str, array: NDArray[Any]) -> Member:
 
 
 def read(
-    path: str | Path, kind: str, number: int, expect: Callable[[str, Mapping[str, Member]], T]
-) -> tuple[Arrays, T]:
+    path: str | Path, kind: str, numbers: Collection[int],
+    expect: Callable[[str, Mapping[str, Member]], T],
+) -> tuple[Arrays, T]:  # fmt: skip
     """Return the arrays of a file, and what `expect` makes of its text and of its list.
+
+    `numbers` are the formats that the caller knows.
 
     `expect` raises an `FpidError` for what it does not accept, before any other array is read.
 
@@ -131,7 +135,7 @@ def read(
     try:
         _require_file(path)
         with open(path, "rb") as file:
-            return _read(file, os.fstat(file.fileno()).st_size, kind, number, expect)
+            return _read(file, os.fstat(file.fileno()).st_size, kind, numbers, expect)
     except FileNotFoundError:
         raise FileFormatError(f"{path}: no such file") from None
     except OSError as error:
@@ -155,11 +159,11 @@ def _require_file(path: str | Path) -> None:
 
 
 def _read(
-    file: BinaryIO, size: int, kind: str, number: int,
+    file: BinaryIO, size: int, kind: str, numbers: Collection[int],
     expect: Callable[[str, Mapping[str, Member]], T],
 ) -> tuple[Arrays, T]:  # fmt: skip
     first, listed = _list(file, size)
-    members = [first, *_members(listed, size, kind, number)]
+    members = [first, *_members(listed, size, kind, numbers)]
     heads, tail = skeleton(members)
     starts = [0]
     for head, member in zip(heads, members, strict=True):
@@ -211,7 +215,7 @@ def _list(file: BinaryIO, size: int) -> tuple[Member, Any]:
     return Member(LIST, member.dtype, (), zlib.crc32(body)), listed
 
 
-def _members(listed: Any, size: int, kind: str, number: int) -> list[Member]:
+def _members(listed: Any, size: int, kind: str, numbers: Collection[int]) -> list[Member]:
     """Return the members that a list names, each of which may be in a file of `size` bytes."""
     if not isinstance(listed, dict) or listed.keys() != {"kind", "format", "members"}:
         raise _Fault(_ALTERED)
@@ -220,8 +224,9 @@ def _members(listed: Any, size: int, kind: str, number: int) -> list[Member]:
         raise _Fault(f"a {found}" if isinstance(found, str) and _fit(found) else _ALTERED)
     if type(version) is not int or not 0 < version < 1000:
         raise _Fault(_ALTERED)
-    if version != number:
-        raise _Fault(f"one of format {version}; format {number} is known")
+    if version not in numbers:
+        known = " or ".join(map(str, numbers))
+        raise _Fault(f"one of format {version}; format {known} is known")
     rows = listed["members"]
     if not isinstance(rows, list) or not rows:
         raise _Fault(_ALTERED)

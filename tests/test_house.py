@@ -17,9 +17,9 @@ PACKAGE = Path(fpid_pin.__file__).parent
 # A room may import those before it, in its own tier and above.
 TIERS = [
     {"kernels", "text"},
-    {"_version", "exceptions", "progress"},
-    {"archive", "budget", "checks", "files"},
-    {"descriptions", "locks", "sealed"},
+    {"_version", "exceptions", "progress", "shown"},
+    {"archive", "budget", "checks", "extras", "files"},
+    {"descriptions", "locks", "packed", "sealed"},
     {"costs", "disturbances"},
     {"fractional", "arms"},
     {"control", "references"},
@@ -111,8 +111,11 @@ FACE = {
 }  # fmt: skip
 ROOMS = {
     "arms": {"Arm", "DryFriction", "Fleet", "names"},
-    "control": {"Controller", "Loop", "StabilityReport", "State", "gain_ceilings"},
-    "costs": {"Cost", "MetricCost", "Metrics", "QuadraticCost"},
+    "control": {
+        "Controller", "EncoderRate", "Loop", "RobotLoop", "StabilityReport", "State",
+        "gain_ceilings",
+    },
+    "costs": {"Cost", "FromRows", "MetricCost", "Metrics", "QuadraticCost", "ToolCost"},
     "disturbances": {"Cosine", "Disturbance", "Pulse", "Sum"},
     "export": {"export_c"},
     "exceptions": {"ArgumentError", "ConfigError", "FileFormatError", "TuningError"},
@@ -121,7 +124,7 @@ ROOMS = {
     "references": {
         "Hold", "Quintic", "RecordedMotion", "Reference", "Sinusoid", "ToolCircle", "Waypoints",
     },
-    "simulation": {"Outcome", "Recorder", "limit_report"},
+    "simulation": {"Outcome", "Recorder", "cost_of", "limit_report", "metrics_of"},
     "tuning": {
         "Gene", "RobustCost", "SearchProgress", "SearchSettings", "Space", "WorkerPool", "cost_map",
         "cross_check", "scenarios",

@@ -141,6 +141,11 @@ class RigidBody:
         q = self._joint("q", q)
         return np.array(pin.computeFrameJacobian(self.model, self._data, q, frame, axes))
 
+    def _repr_html_(self) -> str:
+        from fpid_pin.arms.joint_table import joint_table
+
+        return joint_table(self)
+
     def dynamics_key(self) -> bytes:
         """Return bytes that are equal for arms with the same rigid-body dynamics, bit for bit."""
         key: bytes | None = self._cache.get("key")

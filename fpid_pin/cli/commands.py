@@ -19,6 +19,9 @@ ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to
 OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
 ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, or a robot's file.")]
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
+Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
+NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
+NoFigures = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
 
 
 @app.command()
@@ -34,11 +37,16 @@ def run(
     config: ConfigFile,
     out: OutputPath = None,
     controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    every: Every = 1,
+    no_runs: NoRuns = False,
+    no_figures: NoFigures = False,
 ) -> None:
     """Simulate one controller of a configuration and record everything."""
     from fpid_pin.cli.experiments import run_one
+    from fpid_pin.cli.keep import Keep
 
-    run_one(config, out or Path("runs") / config.stem, controller)
+    keep = Keep(not no_runs, not no_figures, every)
+    run_one(config, out or Path("runs") / config.stem, controller, keep)
 
 
 @app.command()
@@ -46,13 +54,19 @@ def compare(
     config: ConfigFile,
     out: OutputPath = None,
     metric: Annotated[
-        str, typer.Option(help="What decides: tail, rms, cost, energy, variation or peak.")
+        str,
+        typer.Option(help="What decides: tail, rms, peak_error, cost, energy, variation or peak."),
     ] = "tail",
+    every: Every = 1,
+    no_runs: NoRuns = False,
+    no_figures: NoFigures = False,
 ) -> None:
     """Simulate every controller of a configuration under every condition, and say who is best."""
     from fpid_pin.cli.experiments import run_comparison
+    from fpid_pin.cli.keep import Keep
 
-    run_comparison(config, out or Path("runs") / config.stem, metric)
+    keep = Keep(not no_runs, not no_figures, every)
+    run_comparison(config, out or Path("runs") / config.stem, metric, keep)
 
 
 @app.command()

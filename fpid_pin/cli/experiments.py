@@ -11,13 +11,14 @@ from fpid_pin import checks
 from fpid_pin.cli import summary
 from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import Config, load, parse
+from fpid_pin.cli.keep import ALL, Keep
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.screen import print_table, say, screen
 from fpid_pin.cli.summary import Entry
 from fpid_pin.cli.verdict import MEASURES, Ranking, answer, rank
-from fpid_pin.simulation import simulate
+from fpid_pin.simulation import Run, simulate
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,10 +44,8 @@ def run_demo(out: Path) -> None:
     show(entries, ranking, config.title, out)
 
 
-def run_one(path: Path, out: Path, name: str | None) -> None:
+def run_one(path: Path, out: Path, name: str | None, keep: Keep = ALL) -> None:
     """Run one controller of a configuration."""
-    from fpid_pin.view import plots
-
     config = load(path)
     chosen = pick(config, name)
     (file,) = file_names([[chosen]])
@@ -55,44 +54,53 @@ def run_one(path: Path, out: Path, name: str | None) -> None:
         with progress_bar("simulating") as progress:
             run = simulate(config.experiment, controller, progress=progress)
         entries = [Entry("nominal", chosen, run, f"{file}.npz")]
-        figures = {
-            "tracking": plots.tracking(run),
-            "torque": plots.torque(run),
-            "error": plots.error(run),
-        }
-        if "kp" in run.signals:
-            figures["gains"] = plots.gains(run)
         ranking = rank(entries, MEASURES["tail"])
-        write(folder, config, entries, ranking, figures)
+        write(folder, config, entries, ranking, _figures(run) if keep.figures else {}, keep)
     show(entries, ranking, config.title or path.stem, out)
 
 
-def run_comparison(path: Path, out: Path, metric: str = "tail") -> None:
-    """Run every controller under every condition, and say who is best by a metric."""
+def _figures(run: Run) -> dict[str, Figure]:
     from fpid_pin.view import plots
-    from fpid_pin.view.panels import has_orders
 
+    figures = {
+        "tracking": plots.tracking(run),
+        "torque": plots.torque(run),
+        "error": plots.error(run),
+    }
+    if "kp" in run.signals:
+        figures["gains"] = plots.gains(run)
+    return figures
+
+
+def run_comparison(path: Path, out: Path, metric: str = "tail", keep: Keep = ALL) -> None:
+    """Run every controller under every condition, and say who is best by a metric."""
     measure = MEASURES[checks.choice("--metric", metric, MEASURES)]
     config = load(path)
-    names = file_names([[condition] for condition in config.conditions], prefix="comparison-")
     with output_folder(out) as folder:
         entries = simulate_all(config)
         ranking = rank(entries, measure)
-        label = f"{measure.label}, {measure.unit}".removesuffix(", ")
-        figures = {
-            "ranking": plots.heat_map(
-                ranking.values, ranking.controllers, ranking.conditions, label
-            )
-        }
-        for name, condition in zip(names, config.conditions, strict=True):
-            runs = [entry.run for entry in entries if entry.condition == condition]
-            figures[name] = plots.comparison(runs)
-        moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
-        stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
-        for stem, entry in zip(stems, moving, strict=True):
-            figures[stem] = plots.gains(entry.run)
-        write(folder, config, entries, ranking, figures)
+        figures = _comparisons(config, entries, ranking) if keep.figures else {}
+        write(folder, config, entries, ranking, figures, keep)
     show(entries, ranking, config.title or path.stem, out)
+
+
+def _comparisons(config: Config, entries: Sequence[Entry], ranking: Ranking) -> dict[str, Figure]:
+    from fpid_pin.view import plots
+    from fpid_pin.view.panels import has_orders
+
+    label = f"{ranking.measure.label}, {ranking.measure.unit}".removesuffix(", ")
+    figures = {
+        "ranking": plots.heat_map(ranking.values, ranking.controllers, ranking.conditions, label)
+    }
+    names = file_names([[condition] for condition in config.conditions], prefix="comparison-")
+    for name, condition in zip(names, config.conditions, strict=True):
+        runs = [entry.run for entry in entries if entry.condition == condition]
+        figures[name] = plots.comparison(runs)
+    moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
+    stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
+    for stem, entry in zip(stems, moving, strict=True):
+        figures[stem] = plots.gains(entry.run)
+    return figures
 
 
 def simulate_all(config: Config) -> list[Entry]:
@@ -115,6 +123,7 @@ def write(
     entries: Sequence[Entry],
     ranking: Ranking,
     figures: Mapping[str, Figure],
+    keep: Keep = ALL,
 ) -> None:
     """Write runs, tables, figures, report and configuration into `folder`."""
     from fpid_pin.view import plots
@@ -122,7 +131,7 @@ def write(
 
     (folder / "config.toml").write_text(config.text, encoding="utf-8")
     for entry in entries:
-        entry.run.save(folder / entry.file)
+        keep.save(entry.run, folder / entry.file)
     tables = {
         "All joints": summary.run_rows(entries, ranking),
         "Each joint": summary.joint_rows(entries),
@@ -130,6 +139,9 @@ def write(
     }
     for constant in ("condition", "outcome"):
         tables = {head: summary.drop_constant(rows, constant) for head, rows in tables.items()}
+    if not keep.runs:
+        for row in tables["All joints"]:
+            del row["file"]
     for name, head in (("summary", "All joints"), ("joints", "Each joint"), ("limits", "Limits")):
         if tables[head]:
             text = summary.comma_separated(tables[head])

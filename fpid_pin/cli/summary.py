@@ -27,6 +27,11 @@ class Entry:
 
 
 Row = dict[str, Any]
+_NOT_ON_SCREEN = (
+    "condition", "outcome", "file", "best", "peak error (worst joint) [mrad]",
+    "settled (worst joint) [s]", "at its limit (worst joint) [%]",
+    "torque rate (worst joint) [N m/s]",
+)  # fmt: skip
 #: Letters of a name that a table on the screen has room for in a line, at least.
 _NAME = 16
 
@@ -34,8 +39,8 @@ _NAME = 16
 def run_rows(entries: Sequence[Entry], ranking: Ranking | None = None) -> list[Row]:
     """Return one row a run: figures over all joints.
 
-    RMS and tail are root mean squares over the joints of their RMS errors (whole run, last
-    half); energy and total variation are sums, peak the largest of any joint.
+    Of all joints RMS and tail are root mean squares over the joints of their RMS errors (whole
+    run, last half), energy and total variation sums; what is of the worst joint is the largest.
 
     Parameters
     ----------
@@ -51,12 +56,16 @@ def run_rows(entries: Sequence[Entry], ranking: Ranking | None = None) -> list[R
         row = {
             "condition": entry.condition,
             "controller": entry.controller,
-            "tail [mrad]": over_joints(m.rms_tail) if completed else float("inf"),
-            "RMS [mrad]": over_joints(m.rms),
-            "peak [N m]": float(m.peak_torque.max()),
-            "variation [N m]": float(m.total_variation.sum()),
-            "energy [N²m²s]": float(m.energy.sum()),
+            "tail (all joints) [mrad]": over_joints(m.rms_tail) if completed else float("inf"),
+            "RMS (all joints) [mrad]": over_joints(m.rms),
+            "peak (worst joint) [N m]": float(m.peak_torque.max()),
+            "variation (all joints) [N m]": float(m.total_variation.sum()),
+            "energy (all joints) [N²m²s]": float(m.energy.sum()),
             "cost (33)": COST.of(m) if completed else float("inf"),
+            "peak error (worst joint) [mrad]": 1e3 * float(m.peak_error.max()),
+            "settled (worst joint) [s]": float(m.settling_time.max()),
+            "at its limit (worst joint) [%]": 100.0 * float(m.saturated.max()),
+            "torque rate (worst joint) [N m/s]": float(m.torque_rate.max()),
             "outcome": "completed" if completed else str(entry.run.outcome),
             "file": entry.file,
         }
@@ -88,6 +97,11 @@ def joint_rows(entries: Sequence[Entry]) -> list[Row]:
                     "energy [N²m²s]": m.energy[j],
                     "variation [N m]": m.total_variation[j],
                     "peak torque [N m]": m.peak_torque[j],
+                    "peak error [rad]": m.peak_error[j],
+                    "settled [s]": m.settling_time[j],
+                    "overshoot [rad]": m.overshoot[j],
+                    "at its limit [%]": 100.0 * m.saturated[j],
+                    "torque rate [N m/s]": m.torque_rate[j],
                 }
             )
     return rows
@@ -159,8 +173,9 @@ def comma_separated(rows: Sequence[Row]) -> str:
 def rich_table(rows: Sequence[Row], title: str) -> Any:
     """Return a table for the screen, units under their names; a condition heads its runs.
 
-    The best run of each condition is marked. How runs ended is left to prose, and their files to
-    the folder's summary. Numbers are never cut or broken; names are, where there is no room.
+    The best run of each condition is marked. How runs ended is left to prose; their files, and
+    what a screen has no room for, to the folder's summary. Numbers are never cut or broken; names
+    are, where there is no room.
     """
     from rich.table import Table
     from rich.text import Text
@@ -172,9 +187,9 @@ def rich_table(rows: Sequence[Row], title: str) -> Any:
         box=None,
         padding=(0, 2, 0, 0),
     )
-    heads = [head for head in rows[0] if head not in ("condition", "outcome", "file", "best")]
+    heads = [head for head in rows[0] if head not in _NOT_ON_SCREEN]
     for head in heads:
-        label = Text(head.replace(" [", "\n[").replace(" (", "\n("))
+        label = Text(head.replace(" [", "\n[").replace(" (", "\n(").replace(" joint", "\njoint"))
         numeric = _numeric(rows, head)
         if numeric:
             table.add_column(label, justify="right", no_wrap=True)

@@ -22,7 +22,7 @@ from fpid_pin.cli.summary import Entry, Row
 from fpid_pin.cli.tune_parameters import parameter_rows, what_mattered
 from fpid_pin.cli.tune_plan import Plan
 from fpid_pin.control import AdaptiveFpid, Controller
-from fpid_pin.simulation import simulate
+from fpid_pin.simulation import cost_of, simulate
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
 from fpid_pin.tuning import Profile, TuningResult, cost_map
 from fpid_pin.tuning.robust import over_scenarios
@@ -139,10 +139,7 @@ def cost_rows(plan: Plan, entries: Sequence[Entry]) -> list[Row]:
 
     `entries` are those of `compare`: condition by condition, the controllers in one order.
     """
-    costs = [
-        plan.cost.of(entry.run.metrics) if entry.run.outcome.completed else np.inf
-        for entry in entries
-    ]
+    costs = [cost_of(entry.run, plan.cost) for entry in entries]
     total = over_scenarios(plan.cost, np.array(costs).reshape(len(plan.experiments), -1))
     with np.errstate(divide="ignore", invalid="ignore"):  # costs of 0, or of inf where all diverge
         ratios = total[0] / total
@@ -186,7 +183,7 @@ def write(
         for suffix in ("svg", "png"):
             plots.save_figure(figure, folder / f"{name}.{suffix}")
     for entry in entries:
-        entry.run.save(folder / entry.file)
+        entry.run.save(folder / entry.file, compressed=True)
     tables = {
         "Parameters": parameter_rows(plan, result, along),
         "Cost tuned for": costs,

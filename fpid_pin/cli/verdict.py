@@ -45,10 +45,15 @@ def over_joints(rms: FloatArray) -> float:
 MEASURES = {
     "tail": Measure("RMS error of the last half", "mrad", lambda m: over_joints(m.rms_tail)),
     "rms": Measure("RMS error", "mrad", lambda m: over_joints(m.rms)),
+    "peak_error": Measure(
+        "peak error (worst joint)", "mrad", lambda m: 1e3 * float(m.peak_error.max())
+    ),
     "cost": Measure(f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "", COST.of),
-    "energy": Measure("energy", "N²m²s", lambda m: float(m.energy.sum())),
-    "variation": Measure("torque variation", "N m", lambda m: float(m.total_variation.sum())),
-    "peak": Measure("peak torque", "N m", lambda m: float(m.peak_torque.max())),
+    "energy": Measure("energy (all joints)", "N²m²s", lambda m: float(m.energy.sum())),
+    "variation": Measure(
+        "torque variation (all joints)", "N m", lambda m: float(m.total_variation.sum())
+    ),
+    "peak": Measure("peak torque (worst joint)", "N m", lambda m: float(m.peak_torque.max())),
 }
 
 

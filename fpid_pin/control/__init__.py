@@ -6,10 +6,14 @@ from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
 from fpid_pin.control.certificate import GainCertificate, certify_gains
 from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.controller import Controller
+from fpid_pin.control.encoder import EncoderRate
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import GainSuggestion, explain_gains, suggest_gains
+from fpid_pin.control.joint_order import JointOrder
 from fpid_pin.control.loop import Loop
 from fpid_pin.control.observer_bandwidth import suggest_observer
+from fpid_pin.control.record import Record
+from fpid_pin.control.robot_loop import RobotLoop, Ticks
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.stability import StabilityReport, stability_report
 from fpid_pin.control.state import LawState, State
@@ -20,14 +24,18 @@ __all__ = [
     "AdaptiveFpid",
     "ComputedTorque",
     "Controller",
+    "EncoderRate",
     "GainCeilings",
     "GainCertificate",
     "GainSuggestion",
     "GravityOnly",
+    "JointOrder",
     "LawState",
     "Loop",
     "PdGravity",
     "Pid",
+    "Record",
+    "RobotLoop",
     "Safeguards",
     "SlidingMode",
     "SlotineLi",
@@ -35,6 +43,7 @@ __all__ = [
     "State",
     "SuggestedFpid",
     "Supervisor",
+    "Ticks",
     "adapt_orders",
     "certify_gains",
     "explain_gains",

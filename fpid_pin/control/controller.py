@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from abc import ABC
 from collections.abc import Callable, Hashable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from fpid_pin.checks import FloatArray
@@ -84,7 +85,8 @@ class Controller(ABC):  # noqa: B024 - a law has either of two methods
         -------
         Loop
         """
-        return Loop(self.start_many([self], arm, step=step, horizon=horizon))
+        restart = partial(self.start_many, [self], arm, step=step, horizon=horizon)
+        return Loop(restart(), restart, self)
 
     @classmethod
     def start_many(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,9 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
+from fpid_pin.control.record import ROWS, Record
 from fpid_pin.control.state import State
+from fpid_pin.exceptions import SimulationError
 
 _NAMES = ("q", "v", "q_ref", "v_ref", "a_ref")
 
@@ -21,13 +24,21 @@ class Loop:
     ----------
     state
         A state with one run.
+    restart
+        Makes a state as it was at the start, for `reset`.
+    controller
+        The law's description, for whoever records it.
     """
 
-    def __init__(self, state: State) -> None:
+    def __init__(
+        self, state: State, restart: Callable[[], State] | None = None, controller: Any = None
+    ) -> None:
         # Imported late: it loads numba.
         from fpid_pin.kernels.limits import finite
 
-        self.state = state
+        self.state, self.controller = state, controller
+        self._restart = restart
+        self._record: Record | None = None
         self._finite: Any = finite
         self._shape = (state.n,)
         self._inputs = np.zeros((5, 1, state.n))
@@ -72,6 +83,8 @@ class Loop:
             self._take(self._rows)
         self.state.tick(self._inputs)
         torque: FloatArray = self._torque.copy()
+        if self._record is not None:
+            self._record.take(self._inputs[:, 0], torque)
         return torque
 
     def _take(self, given: tuple[ArrayLike, ...]) -> None:
@@ -86,3 +99,38 @@ class Loop:
     def signals(self) -> dict[str, FloatArray]:
         """Return copies of the law's inner signals at the last tick, (n,) or scalars."""
         return {name: value[0].copy() for name, value in self.state.signals().items()}
+
+    def record(self, rows: int = ROWS) -> Record:
+        """Keep every tick from now on, until the next `record` or `reset`.
+
+        Parameters
+        ----------
+        rows
+            So many are kept without a moment's wait for memory.
+
+        Returns
+        -------
+        Record
+            Which grows; ``Run.from_record`` makes a run of it at any time.
+        """
+        self._record = self.new_record(rows)
+        return self._record
+
+    def new_record(self, rows: int = ROWS) -> Record:
+        """Return a record of this law that somebody else fills."""
+        state, rows = self.state, checks.integer("rows", rows, low=1)
+        return Record(state.arm, state.step, self.controller, state.signals(), rows)
+
+    def reset(self) -> None:
+        """Be as at the start: no integral, no memory, the gains as given. Not for within a tick.
+
+        Raises
+        ------
+        SimulationError
+            The loop was made of a state alone, not by ``controller.start``.
+        """
+        if self._restart is None:
+            raise SimulationError("reset: expected a loop by controller.start, got a state's")
+        self.state = self._restart()
+        self._torque = self.state.torque[0]
+        self._record = None

@@ -24,6 +24,7 @@ from fpid_pin.control.sampled import (
     linear_arm,
 )
 from fpid_pin.control.suggested import SuggestedFpid
+from fpid_pin.shown import Shown
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 SHARE = 0.1
 
 
-@dataclass(frozen=True, eq=False)
-class StabilityReport:
+@dataclass(frozen=True, eq=False, repr=False)
+class StabilityReport(Shown):
     """Margins of a loop: of each joint alone, the others as they are, (n,), and of all at once.
 
     Attributes

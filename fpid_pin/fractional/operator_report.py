@@ -12,6 +12,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.files import replacing
 from fpid_pin.fractional.design import Design
 from fpid_pin.fractional.modes import ComplexArray
+from fpid_pin.shown import Shown
 
 #: The table's columns: attribute, title, what its numbers are, width.
 _COLUMNS = (
@@ -29,8 +30,8 @@ _COLUMNS = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class OperatorReport:
+@dataclass(frozen=True, eq=False, repr=False)
+class OperatorReport(Shown):
     """How far a design can be trusted, for each of its orders; prints as a table.
 
     All arrays are (orders,) unless another shape is given.

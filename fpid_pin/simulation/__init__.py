@@ -3,6 +3,7 @@
 from fpid_pin.simulation.entry import evaluate, simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import Exceedance, limit_report, overloaded_joints
+from fpid_pin.simulation.metrics import cost_of, metrics_of
 from fpid_pin.simulation.paper import paper_controller, paper_experiment
 from fpid_pin.simulation.plant import Plant
 from fpid_pin.simulation.recorders import Outcome, Recorder
@@ -19,8 +20,10 @@ __all__ = [
     "Run",
     "Sensors",
     "Simulator",
+    "cost_of",
     "evaluate",
     "limit_report",
+    "metrics_of",
     "overloaded_joints",
     "paper_controller",
     "paper_experiment",

@@ -21,7 +21,9 @@ from fpid_pin.simulation.limits import overloaded_joints
 from fpid_pin.simulation.lockstep import apart_if_wrong, batches, lockstep, pair
 from fpid_pin.simulation.metrics import MetricsRecorder
 from fpid_pin.simulation.recorders import FullRecord, Outcome
-from fpid_pin.simulation.run import Run, describe_run
+from fpid_pin.simulation.run import Run
+from fpid_pin.simulation.run_meta import describe_run
+from fpid_pin.simulation.streamed import RowCosts
 
 # More runs in one call gain nothing: their states no longer fit the processor's cache.
 MOST_RUNS = 240
@@ -196,19 +198,23 @@ def _evaluate(
     progress: ProgressCallback | None,
 ) -> FloatArray:
     table = np.full((len(experiments), len(costs)), np.inf)
+    streams = {k: s for k, cost in enumerate(costs) if (s := cost.streamed()) is not None}
     done = 0
 
     def judge(members: list[int]) -> None:
-        recorder = MetricsRecorder()
+        metrics, rows = MetricsRecorder(), RowCosts(list(streams.values()))
         outcomes = lockstep(
             [experiments[i] for i in members],
             [controllers[i] for i in members],
-            [recorder],
+            [metrics, rows] if streams else [metrics],
             _overall(progress, done, len(members), len(experiments)),
         )
-        for i, outcome, metrics in zip(members, outcomes, recorder.result(), strict=True):
-            if outcome.completed:
-                table[i] = [cost.of(metrics) for cost in costs]
+        for run, (i, found) in enumerate(zip(members, metrics.result(), strict=True)):
+            if outcomes[run].completed:
+                table[i] = [
+                    rows.result(run, list(streams).index(k)) if k in streams else cost.of(found)
+                    for k, cost in enumerate(costs)
+                ]
 
     for members in batches(experiments, controllers, MOST_RUNS):
         apart_if_wrong(members, judge)

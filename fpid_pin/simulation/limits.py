@@ -90,6 +90,12 @@ def limit_report(run: Run) -> list[Exceedance]:
     return sorted(found, key=lambda item: item.time)
 
 
+def torque_limit(experiment: Experiment) -> FloatArray:
+    """Return what neither the law nor the drives go beyond, (n,) [N m]."""
+    limit: FloatArray = np.minimum(experiment.arm.effort_limit, plant_of(experiment).effort_limit)
+    return limit
+
+
 def overloaded_joints(experiment: Experiment) -> list[str]:
     """Return a line for every joint whose drive cannot carry the true arm at the start pose.
 

@@ -11,6 +11,7 @@ from fpid_pin.control.controller import Controller
 from fpid_pin.exceptions import ArgumentError, SimulationError
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.limits import torque_limit
 from fpid_pin.simulation.recorders import ALL_SIGNALS, BLOCK_ROWS, Batch, Outcome, Recorder
 from fpid_pin.simulation.simulator import Simulator
 
@@ -82,7 +83,9 @@ def lockstep(
     keep = None if wanted & set(ALL_SIGNALS) else sorted(wanted)
     with np.errstate(all="ignore"):
         simulator = Simulator(experiments, controllers, keep=keep)
-        batch = Batch(len(experiments), experiments[0].arm.n, rows, h)
+        arm, limits = experiments[0].arm, {id(e): torque_limit(e) for e in experiments}
+        limit = np.array([limits[id(e)] for e in experiments])
+        batch = Batch(len(experiments), arm.n, rows, h, limit, arm)
         for recorder in recorders:
             recorder.start(batch)
         fault = ""

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 
 ALL_SIGNALS = ("*",)
@@ -45,12 +46,31 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """What is common to the runs of one lockstep call."""
+    """What is known of the runs of one lockstep call before their rows come.
+
+    Attributes
+    ----------
+    runs, n, rows, step
+        Numbers of runs, joints and planned rows; sampling period [s].
+    limit
+        Of the torque, the least of law's and drives', (runs, n) [N m]; NaN where it is not known.
+    arm
+        The nominal arm; None where nobody asks for it.
+    """
 
     runs: int
     n: int
     rows: int
     step: float
+    limit: FloatArray
+    arm: Arm | None = None
+
+    def applied(self, block: Block, run: int) -> int:
+        """Return how many rows of a block are of `run` and had their torque applied.
+
+        All but the last row of a completed run, which nothing followed.
+        """
+        return max(min(int(block.valid[run]), self.rows - 1 - block.first), 0)
 
 
 @dataclass(eq=False)

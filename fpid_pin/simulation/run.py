@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import platform
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
+from numpy.typing import ArrayLike
 
-from fpid_pin import descriptions
-from fpid_pin._version import __version__
+from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
-from fpid_pin.costs import Metrics
-from fpid_pin.exceptions import FileFormatError, FpidError
-from fpid_pin.simulation import run_file
+from fpid_pin.control.record import Record
+from fpid_pin.costs import Metrics, tool_distance
+from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.simulation import run_file, run_shown, run_tables
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.metrics import metrics_of
 from fpid_pin.simulation.recorders import Outcome
@@ -26,7 +25,7 @@ from fpid_pin.simulation.recorders import Outcome
 T = TypeVar("T")
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Run:
     """What one robot did; rows are samples, N of them.
 
@@ -62,6 +61,12 @@ class Run:
     step: float
     planned_rows: int
     meta: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return run_shown.line(self)
+
+    def _repr_html_(self) -> str:
+        return run_shown.html(self)
 
     @property
     def error(self) -> FloatArray:
@@ -103,6 +108,11 @@ class Run:
             kind = type(error).__name__
             raise FileFormatError(f"{name}: expected a description, got {kind}: {error}") from error
 
+    @cached_property
+    def tool_error(self) -> FloatArray:
+        """How far the tool is from where it should be, by the nominal arm, (N,) [m]."""
+        return tool_distance(self.arm, self.q, self.q_ref)
+
     def __getattr__(self, name: str) -> FloatArray:
         signals = self.__dict__.get("signals", {})
         if name in signals:
@@ -110,10 +120,20 @@ class Run:
             return array
         raise AttributeError(f"a run of this controller has no {name!r}; it has {sorted(signals)}")
 
-    def save(self, path: str | Path) -> Path:
+    def save(self, path: str | Path, *, compressed: bool = False, every: int = 1) -> Path:
         """Write the run as one ``.npz``: arrays and a JSON text, nothing pickled.
 
         The file appears whole or not at all, and knows when it is damaged.
+
+        Parameters
+        ----------
+        path
+            Gets ``.npz`` where it has not.
+        compressed
+            Take 2 to 7 times fewer bytes (noise has the most), every bit of the numbers kept.
+            NumPy reads such a file too, but not at a glance (docs/data.md).
+        every
+            Keep one row in so many, as `thinned` does.
 
         Raises
         ------
@@ -122,6 +142,8 @@ class Run:
         FileFormatError
             The file cannot be written.
         """
+        if every != 1:
+            return self.thinned(every).save(path, compressed=compressed)
         arrays = {name: getattr(self, name) for name in ("t", *run_file.KINEMATICS)}
         meta = dict(self.meta) | {
             "outcome": dataclasses.asdict(self.outcome),
@@ -131,8 +153,130 @@ class Run:
         path = Path(path)
         if path.suffix != ".npz":
             path = path.with_name(path.name + ".npz")
-        run_file.write(path, arrays, self.signals, meta)
+        run_file.write(path, arrays, self.signals, meta, compressed=compressed)
         return path
+
+    def thinned(self, every: int) -> Run:
+        """Return the run with one row in `every`, the first among them.
+
+        Its step is as many times longer, and its metrics are those of the rows that are left:
+        integrals and root mean squares hold as far as these stand for the others, a total variation
+        or a peak between them is lost. ``meta["every"]`` says so.
+
+        Raises
+        ------
+        ArgumentError
+            Not a whole number from 1 on, or a step of more than 10 s.
+        """
+        every = checks.integer("every", every, low=1)
+        step = self.step * every
+        if step > checks.STEPS[1]:
+            raise ArgumentError("every", f"rows at most {checks.STEPS[1]:g} s apart", f"{step:g} s")
+        arrays = {name: getattr(self, name)[::every].copy() for name in ("t", *run_file.KINEMATICS)}
+        return dataclasses.replace(
+            self, **arrays, signals={name: a[::every].copy() for name, a in self.signals.items()},
+            step=step, planned_rows=-(-self.planned_rows // every),
+            meta=dict(self.meta) | {"every": every * int(self.meta.get("every", 1))},
+        )  # fmt: skip
+
+    # ------------------------------------------------------------------ for other programs
+
+    def to_dataframe(self) -> Any:
+        """Return a `pandas.DataFrame` with a column for each number of a row.
+
+        They are ``t``, ``q.<joint>`` and so on, then the law's signals; ``attrs`` has units, name,
+        step, outcome and the record's table.
+
+        Raises
+        ------
+        FpidError
+            pandas is not installed; the line says how.
+        """
+        return run_tables.to_dataframe(self)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write the columns of `to_dataframe` as CSV, every digit; no pandas is needed."""
+        run_tables.to_csv(self, Path(path))
+        return Path(path)
+
+    def to_mat(self, path: str | Path) -> Path:
+        """Write a MATLAB file (version 5): the arrays, ``signals.kp`` and so on, ``joint_names``.
+
+        ``meta`` is the record's table as JSON, for ``jsondecode``.
+        """
+        run_tables.to_mat(self, Path(path))
+        return Path(path)
+
+    def to_parquet(self, path: str | Path) -> Path:
+        """Write the columns of `to_dataframe` as Parquet; the schema's metadata has the rest.
+
+        Raises
+        ------
+        FpidError
+            pyarrow is not installed; the line says how.
+        """
+        run_tables.to_parquet(self, Path(path))
+        return Path(path)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        t: ArrayLike,
+        q: ArrayLike,
+        q_ref: ArrayLike,
+        torque: ArrayLike,
+        *,
+        arm: Arm,
+        v: ArrayLike | None = None,
+        v_ref: ArrayLike | None = None,
+        signals: Mapping[str, ArrayLike] | None = None,
+        controller: Controller | None = None,
+        name: str = "recorded",
+        resample: float | None = None,
+    ) -> Run:
+        """Make a run of what another simulator or a robot recorded: it is as good as ours.
+
+        Parameters
+        ----------
+        t
+            (N,) [s], with one step throughout; where the first row is 0.
+        q, q_ref, torque
+            Measured angles, their reference [rad] and the torque from each row to the next [N m],
+            (N, n).
+        arm
+            What it is to be shown and measured as.
+        v, v_ref
+            Their rates [rad/s]; None: by differences of the angles.
+        signals
+            Anything else, (N, n) or (N,).
+        controller
+            The law, where it is one of ours.
+        name
+            What tables and figures call it.
+        resample
+            Take the rows at this step instead [s], by straight lines between those given.
+
+        Raises
+        ------
+        ArgumentError
+            Shapes that do not fit; NaN or inf; times that go back, or rows off a uniform step by
+            more than a tenth of it while nothing is to be resampled.
+        """
+        from fpid_pin.simulation import recorded
+
+        return recorded.from_arrays(
+            t, q, q_ref, torque, arm=arm, v=v, v_ref=v_ref, signals=signals,
+            controller=controller, name=name, resample=resample,
+        )  # fmt: skip
+
+    @classmethod
+    def from_record(cls, record: Record, name: str = "recorded") -> Run:
+        """Make a run of what a loop has recorded (`Loop.record`)."""
+        own = record.arrays()
+        return cls.from_arrays(
+            own["t"], own["q"], own["q_ref"], own["torque"], v=own["v"], v_ref=own["v_ref"],
+            arm=record.arm, signals=record.signals(), controller=record.controller, name=name,
+        )  # fmt: skip
 
     @classmethod
     def load(cls, path: str | Path) -> Run:
@@ -151,26 +295,3 @@ class Run:
             **arrays, signals=signals, outcome=Outcome(**outcome), step=float(step),
             planned_rows=int(planned), meta=meta,
         )  # fmt: skip
-
-
-def describe_run(experiment: Experiment, controller: Controller, name: str) -> dict[str, Any]:
-    """Return the `Run.meta` of a run about to be recorded."""
-    import pinocchio
-    import scipy
-
-    return {
-        "format": run_file.FORMAT,
-        "name": name,
-        "versions": {
-            "fpid_pin": __version__,
-            "pin": pinocchio.__version__,
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-            "python": platform.python_version(),
-        },
-        "platform": platform.platform(),
-        "seed": experiment.seed,
-        "experiment": descriptions.to_dict(experiment),
-        "controller": descriptions.to_dict(controller),
-        "arm": descriptions.to_dict(experiment.arm),
-    }

@@ -87,7 +87,7 @@ def read(
         expect(meta, members)
         return dict(meta)
 
-    return sealed.read(path, KIND, FORMAT, table_of)
+    return sealed.read(path, KIND, (FORMAT,), table_of)
 
 
 def is_empty(path: Path) -> bool:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.controller import Controller
+from fpid_pin.shown import Shown, html_table
 
 IntArray = NDArray[np.int64]
 
@@ -108,8 +109,8 @@ _SETTLED, _AGREED = 0.01, 0.05
 _WINDOW = 10
 
 
-@dataclass(frozen=True, eq=False)
-class TuningResult:
+@dataclass(frozen=True, eq=False, repr=False)
+class TuningResult(Shown):
     """The best of a search, and how it came about.
 
     Attributes
@@ -202,9 +203,13 @@ class TuningResult:
         about = f"{seeds} seeds: {self.mean:.6g} +- {self.spread:.2g}" if seeds > 1 else "1 seed"
         return f"cost {self.cost:.6g} ({about}; {self.evaluations} evaluations)"
 
+    def _repr_html_(self) -> str:
+        found = [part for pair in self.parameters.items() for part in _numbered(*pair).items()]
+        return html_table(str(self), ("parameter", "found"), found)
 
-@dataclass(frozen=True, eq=False)
-class ParetoResult:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ParetoResult(Shown):
     """Controllers of which none is better than another in every cost.
 
     Attributes
@@ -230,3 +235,13 @@ class ParetoResult:
 
     def __len__(self) -> int:
         return len(self.controllers)
+
+    def __str__(self) -> str:
+        return (
+            f"{len(self)} controllers, {self.costs.shape[1]} costs ({self.evaluations} evaluations)"
+        )
+
+    def _repr_html_(self) -> str:
+        head = [f"cost {k + 1}" for k in range(self.costs.shape[1])] + list(self.history.labels)
+        rows = np.column_stack([self.costs, self.parameters]).tolist()
+        return html_table(str(self), head, rows)

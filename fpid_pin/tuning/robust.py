@@ -10,7 +10,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.costs import Cost, Metrics, QuadraticCost
+from fpid_pin.costs import Cost, Metrics, QuadraticCost, RowCost
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import Experiment, Plant
@@ -43,6 +43,10 @@ class RobustCost(Cost):
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`: the cost of one run alone."""
         return self.cost.of(metrics)
+
+    def streamed(self) -> RowCost | None:
+        """See `Cost.streamed`."""
+        return self.cost.streamed()
 
 
 def over_scenarios(cost: Cost, table: FloatArray) -> FloatArray:

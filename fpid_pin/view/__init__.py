@@ -8,6 +8,7 @@ from __future__ import annotations
 from fpid_pin.view import plots
 from fpid_pin.view.export import export_html
 from fpid_pin.view.live_session import LiveReport, live
+from fpid_pin.view.notebook import Replay, show
 from fpid_pin.view.paper_figures import figures
 from fpid_pin.view.player import play
 from fpid_pin.view.playground_page import Playground, playground
@@ -17,6 +18,7 @@ from fpid_pin.view.report import report_html
 __all__ = [
     "LiveReport",
     "Playground",
+    "Replay",
     "export_html",
     "figures",
     "live",
@@ -26,4 +28,5 @@ __all__ = [
     "plots",
     "report_html",
     "save_figure",
+    "show",
 ]

@@ -39,6 +39,8 @@ MOST_IN_REPLAY = 6
 _UNITS = {
     "ise": "rad² s", "iae": "rad s", "itae": "rad s²", "rms": "rad", "rms_tail": "rad",
     "energy": "(N m)² s", "total_variation": "N m", "peak_torque": "N m",
+    "peak_error": "rad", "settling_time": "s", "overshoot": "rad", "saturated": "share of time",
+    "torque_rate": "N m/s",
 }  # fmt: skip
 _CAPTIONS = {
     "fig4": "Integer orders: tracking, control signals, errors (the paper's Fig. 4)",

@@ -214,3 +214,46 @@ def test_compiling_is_said_once_on_a_machine(config):
 
     assert told()
     assert not told()
+
+
+def test_what_a_command_leaves_behind_is_as_little_as_is_wanted(config, capsys):
+    assert main(["run", str(config), "--controller", "integer PID", "--out", "all"]) == 0
+    whole = fp.Run.load(config.parent / "all" / "integer-pid.npz")
+    some = ["--controller", "integer PID", "--every", "5", "--no-figures", "--out", "some"]
+    assert main(["run", str(config), *some]) == 0
+    names = {path.name for path in (config.parent / "some").iterdir()}
+    assert not any(name.endswith((".svg", ".png")) for name in names)
+    thin = fp.Run.load(config.parent / "some" / "integer-pid.npz")
+    assert (thin.q == whole.q[::5]).all()
+    for name in ("summary.csv", "joints.csv"):  # of all rows
+        assert (config.parent / "some" / name).read_bytes() == (
+            config.parent / "all" / name).read_bytes()  # fmt: skip
+    assert main(["compare", str(config), "--no-runs", "--out", "none"]) == 0
+    assert not list((config.parent / "none").glob("*.npz"))
+    with open(config.parent / "none" / "summary.csv", newline="") as file:
+        assert "file" not in csv.DictReader(file).fieldnames
+    assert (config.parent / "none" / "report.html").exists()
+    capsys.readouterr()
+    assert main(["compare", str(config), "--every", "0", "--out", "bad"]) == 2
+    assert "--every: expected a whole number >= 1, got 0" in capsys.readouterr().err
+    assert not (config.parent / "bad").exists()
+
+
+def test_tables_say_whether_all_joints_are_meant_or_the_worst(config):
+    assert main(["run", str(config), "--controller", "integer PID", "--out", "one"]) == 0
+    run = fp.Run.load(config.parent / "one" / "integer-pid.npz")
+    with open(config.parent / "one" / "summary.csv", newline="") as file:
+        (row,) = csv.DictReader(file)
+    m = run.metrics
+    expected = {
+        "energy (all joints) [N²m²s]": m.energy.sum(),
+        "variation (all joints) [N m]": m.total_variation.sum(),
+        "RMS (all joints) [mrad]": 1e3 * (m.rms**2).mean() ** 0.5,
+        "peak (worst joint) [N m]": m.peak_torque.max(),
+        "peak error (worst joint) [mrad]": 1e3 * m.peak_error.max(),
+        "settled (worst joint) [s]": m.settling_time.max(),
+        "at its limit (worst joint) [%]": 100.0 * m.saturated.max(),
+        "torque rate (worst joint) [N m/s]": m.torque_rate.max(),
+    }
+    for name, value in expected.items():
+        assert float(row[name]) == value, name

@@ -123,13 +123,13 @@ def test_no_number_is_cut_in_a_narrow_terminal(width, capsys):
         assert max(map(len, printed.splitlines())) <= width
     assert "…" not in printed
     assert "..." not in printed
-    for head in ("tail [mrad]", "energy [N²m²s]", "cost (33)"):
+    for head in ("tail (all joints) [mrad]", "energy (all joints) [N²m²s]", "cost (33)"):
         assert all(summary._short(row[head]) in printed for row in rows)
     # In a pipe a table is as wide as it has to be: names are whole, too.
     print_table(screen(), summary.rich_table(rows, "title"))
     piped = capsys.readouterr().out
     assert all(name in piped for name in NAMES)
-    assert all(summary._short(row["energy [N²m²s]"]) in piped for row in rows)
+    assert all(summary._short(row["energy (all joints) [N²m²s]"]) in piped for row in rows)
 
 
 CONFIG = """
@@ -165,13 +165,14 @@ def test_compare_begins_with_the_answer_by_the_metric_asked_for(tmp_path, capsys
     assert main(["compare", str(config), "--out", str(out), "--metric", "peak"]) == 0
     printed = capsys.readouterr().out.splitlines()
     found = {
-        (e["condition"], e["controller"]): float(e["peak [N m]"]) for e in _csv(out / "summary.csv")
+        (e["condition"], e["controller"]): float(e["peak (worst joint) [N m]"])
+        for e in _csv(out / "summary.csv")
     }
     best = {c: min(("soft", "stiff"), key=lambda k: found[c, k]) for c in ("nominal", "payload")}
-    assert printed[0].startswith("Least peak torque: ")
+    assert printed[0].startswith("Least peak torque (worst joint): ")
     for condition, controller in best.items():
-        said = next(p for p in printed[0].removeprefix("Least peak torque: ").split(";")
-                    if condition in p)  # fmt: skip
+        told = printed[0].removeprefix("Least peak torque (worst joint): ")
+        said = next(p for p in told.split(";") if condition in p)
         assert controller in said
     marked = [e for e in _csv(out / "summary.csv") if e["best"] == "best"]
     assert {(e["condition"], e["controller"]) for e in marked} == set(best.items())

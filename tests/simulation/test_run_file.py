@@ -13,6 +13,7 @@ from fpid_pin import sealed
 from fpid_pin.disturbances import Pulse
 from fpid_pin.exceptions import FileFormatError, FpidError
 from fpid_pin.references import Hold
+from fpid_pin.simulation import run_file
 from fpid_pin.simulation.run_table import from_json, to_json
 
 
@@ -58,7 +59,7 @@ def signed_again(path, change):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda m, a: m.update(format=3), "meta.format: expected 2, got 3"),
+        (lambda m, a: m.update(format=4), "meta.format: expected 2 or 3, got 4"),
         (lambda m, a: m.pop("outcome"), "meta.outcome: expected a table"),
         (lambda m, a: m["outcome"].pop("cause"), "meta.outcome: expected completed, time"),
         (lambda m, a: m["outcome"].update(time="soon"), "meta.outcome.time: expected numbers"),
@@ -67,7 +68,11 @@ def signed_again(path, change):
         (lambda m, a: m.update(rows=40), r"t: expected float64 of shape \(40,\)"),
         (lambda m, a: m.update(rows=10**30), "meta.rows: expected a whole number in"),
         (lambda m, a: m.update(planned_rows=1), "meta.planned_rows: expected a whole number in"),
-        (lambda m, a: m.update(joints=3), r"q: expected float64 of shape \(201, 3\)"),
+        (lambda m, a: m.update(joints=3, effort_limit=[1.0] * 3),
+         r"q: expected float64 of shape \(201, 3\)"),
+        (lambda m, a: m.update(effort_limit=[1.0]), r"meta.effort_limit: expected shape \(2,\)"),
+        (lambda m, a: m.update(effort_limit="x"), "meta.effort_limit: expected a list, got str"),
+        (lambda m, a: m.update(effort_limit=[-1, 1]), "effort_limit.0: expected a number >= 0"),
         (lambda m, a: m.update(name=5), "meta.name: expected a text"),
         (lambda m, a: m.pop("arm"), "meta.arm: expected a table"),
         (lambda m, a: a.update(q=np.zeros((3, 2))), "q: expected float64 of shape"),
@@ -171,3 +176,50 @@ def test_limits_of_infinity_survive_the_file(tmp_path):
     assert back.experiment.plant.disturbance.end == np.inf
     with pytest.raises(AttributeError, match="has no 'kp'"):
         _ = back.kp
+
+
+def test_a_compressed_file_is_smaller_and_gives_every_bit(run, tmp_path):
+    plain = run.save(tmp_path / "plain.npz")
+    small = run.save(tmp_path / "small.npz", compressed=True)
+    assert small.stat().st_size < 0.5 * plain.stat().st_size
+    one, other = fp.Run.load(plain), fp.Run.load(small)
+    for name in ("t", "q", "v", "q_ref", "v_ref", "torque", *run.signals):
+        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
+    assert one.meta == other.meta
+    assert other.save(tmp_path / "again.npz").read_bytes() == plain.read_bytes()
+    assert run.save(tmp_path / "twice.npz", compressed=True).read_bytes() == small.read_bytes()
+    with np.load(small, allow_pickle=False) as file:
+        assert json.loads(str(file["meta"]))["format"] == 3
+        assert all(file[name].dtype.kind in "uUS" for name in file.files)
+
+
+def test_a_run_that_packs_too_well_is_written_as_it_is(run, tmp_path, monkeypatch):
+    """A long time at rest packs a thousandfold, as a bomb does."""
+    still = dataclasses.replace(
+        run, signals={f"zero {k}": np.zeros(len(run.t)) for k in range(5000)}
+    )
+    monkeypatch.setattr(run_file, "MOST_BYTES", 1000)
+    path = still.save(tmp_path / "run.npz", compressed=True)
+    assert fp.Run.load(path).meta["format"] == 2
+    assert path.stat().st_size > 8 * 5000 * len(run.t)
+    run.save(path, compressed=True)
+    monkeypatch.setattr(run_file, "MOST_RATIO", 1)
+    with pytest.raises(FileFormatError, match="rows: expected as many as a file of its size may"):
+        fp.Run.load(path)
+
+
+def test_a_thinned_run_has_one_row_in_so_many_and_says_so(run, tmp_path):
+    thin = fp.Run.load(run.save(tmp_path / "run.npz", every=5, compressed=True))
+    assert (thin.q == run.q[::5]).all()
+    assert (thin.kp == run.kp[::5]).all()
+    assert thin.step == pytest.approx(5e-3)
+    assert thin.meta["every"] == 5
+    assert len(thin.t) == thin.planned_rows == 41
+    assert thin.thinned(2).meta["every"] == 10
+    assert len(run.thinned(7).t) == run.thinned(7).planned_rows == 29
+    # The same integral by a coarser sum.
+    assert thin.metrics.ise == pytest.approx(run.metrics.ise, rel=0.2)
+    with pytest.raises(fp.exceptions.ArgumentError, match="every: expected a whole number >= 1"):
+        run.save(tmp_path / "no.npz", every=0)
+    with pytest.raises(fp.exceptions.ArgumentError, match="every: expected rows at most 10 s"):
+        run.thinned(20_000)

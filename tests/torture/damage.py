@@ -5,6 +5,7 @@ import json
 import random
 import struct
 import zipfile
+import zlib
 
 import numpy as np
 
@@ -187,8 +188,22 @@ def bombs(data, full):
         "step": json.dumps(table | {"step": 1e6}),
         "rows": json.dumps(table | {"rows": 10**12, "planned_rows": 10**12}),
     }
+    if "shapes" in table:
+        yield from packed_bombs(kind, number, table, arrays, full)
     for name, text in (lies | (long if full else {})).items():
         yield name, sealed_again(kind, number, text, arrays)
+
+
+def packed_bombs(kind, number, table, arrays, full):
+    """Yield run files of zeros, and such as say that they are, or hold more than they say."""
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
+    zeros = b"".join(deflate.compress(bytes(1 << 20)) for _ in range(1000)) + deflate.flush()
+    small = {name: np.frombuffer(b"\x02" + zeros, np.uint8) for name in arrays}
+    for rows in (10, 10**6, 10**7, (1 << 20) * 125, 10**12):
+        shapes = {name: [rows, *shape[1:]] for name, shape in table["shapes"].items()}
+        told = table | {"rows": rows, "planned_rows": rows, "shapes": shapes}
+        for what, some in ({"zeros": small, "rows": arrays} if full else {"zeros": small}).items():
+            yield f"{what} of {rows} rows", sealed_again(kind, number, json.dumps(told), some)
 
 
 def listing(table):

@@ -1,50 +1,21 @@
-"""What a run is worth: its metrics, and costs made of them; eq. (33) and its kin."""
+"""Costs made of a run's metrics; eq. (33) and its kin."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
+from fpid_pin.costs.figures import METRIC_NAMES, Metrics
 from fpid_pin.descriptions import described
 
-__all__ = ["Cost", "MetricCost", "Metrics", "QuadraticCost"]
-
-
-@dataclass(frozen=True, eq=False)
-class Metrics:
-    """Figures of merit of one run, (n,) each; e = q_d - q, u the torque that was applied.
-
-    Integrals are h times the sum over the rows whose torque was applied, that is all but the last
-    of a completed run.
-
-    Attributes
-    ----------
-    ise, iae, itae
-        Integrals of e^2 [rad^2 s], |e| [rad s] and t |e| [rad s^2].
-    rms, rms_tail
-        Root mean square of e over the run and over its planned last half [rad]; the latter is NaN
-        for a run that ended earlier.
-    energy
-        Integral of u^2 [(N m)^2 s].
-    total_variation
-        Sum of |u_k - u_(k-1)| [N m].
-    peak_torque
-        Largest |u| [N m].
-    """
-
-    ise: FloatArray
-    iae: FloatArray
-    itae: FloatArray
-    rms: FloatArray
-    rms_tail: FloatArray
-    energy: FloatArray
-    total_variation: FloatArray
-    peak_torque: FloatArray
+if TYPE_CHECKING:
+    from fpid_pin.costs.rows import RowCost
 
 
 class Cost(ABC):
@@ -54,16 +25,20 @@ class Cost(ABC):
     def of(self, metrics: Metrics) -> float:
         """Return the cost of a completed run."""
 
+    def streamed(self) -> RowCost | None:
+        """Return what takes the run's rows in place of `of`; None: its metrics are enough."""
+        return None
+
 
 def _weights(value: ArrayLike) -> FloatArray:
     return checks.floats("joint_weights", value, low=0.0, max_ndim=1)
 
 
-def _weighted(metric: FloatArray, weights: ArrayLike) -> float:
+def _weighted(metric: FloatArray, weights: ArrayLike) -> FloatArray:
     array = np.asarray(weights)
     if array.ndim and array.shape != metric.shape:
         raise checks.ArgumentError("joint_weights", f"shape {metric.shape}", f"{array.shape}")
-    return float(np.add.reduce(array * metric))
+    return np.asarray(array * metric)
 
 
 @described("quadratic_cost")
@@ -91,16 +66,14 @@ class QuadraticCost(Cost):
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`."""
-        return _weighted(self.w1 * metrics.ise + self.w2 * metrics.energy, self.joint_weights)
-
-
-METRIC_NAMES = tuple(Metrics.__dataclass_fields__)
+        each = _weighted(self.w1 * metrics.ise + self.w2 * metrics.energy, self.joint_weights)
+        return float(np.add.reduce(each))
 
 
 @described("metric_cost")
 @dataclass(frozen=True, eq=False)
 class MetricCost(Cost):
-    """A metric itself, summed over the joints: ``iae``, ``itae``, ``energy``, ...
+    """A metric itself, ``iae``, ``settling_time``, ..., of all joints together or of the worst.
 
     Parameters
     ----------
@@ -108,15 +81,20 @@ class MetricCost(Cost):
         A field of `Metrics`.
     joint_weights
         Scalar or (n,).
+    joints
+        ``"all"``: their sum; ``"worst"``: the largest.
     """
 
     metric: str
     joint_weights: ArrayLike = 1.0
+    joints: str = "all"
 
     def __post_init__(self) -> None:
         checks.choice("cost.metric", self.metric, METRIC_NAMES)
+        checks.choice("cost.joints", self.joints, ("all", "worst"))
         object.__setattr__(self, "joint_weights", _weights(self.joint_weights))
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`."""
-        return _weighted(getattr(metrics, self.metric), self.joint_weights)
+        each = _weighted(getattr(metrics, self.metric), self.joint_weights)
+        return float(np.max(each) if self.joints == "worst" else np.add.reduce(each))

@@ -1,0 +1,229 @@
+"""A law on a real robot: its own order of joints, angles only, ticks that come late or never."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.encoder import EncoderRate
+from fpid_pin.control.joint_order import JointOrder
+from fpid_pin.control.loop import Loop
+from fpid_pin.control.record import ROWS, Record
+from fpid_pin.exceptions import ArgumentError
+
+#: A tick counts as late from this part of a step on.
+LATE = 0.1
+_NAMES = ("q", "v", "q_ref", "v_ref", "a_ref")
+
+
+@dataclass(frozen=True)
+class Ticks:
+    """How a robot's ticks came.
+
+    Attributes
+    ----------
+    on_time, late
+        Ticks of the law by a call, within a tenth of a step of their time or up to half a step off.
+    missed
+        Ticks that no call came for.
+    early
+        Second calls for a tick, which got the torque that was there.
+    latest
+        The most that a call was behind its tick [s].
+    """
+
+    on_time: int = 0
+    late: int = 0
+    missed: int = 0
+    early: int = 0
+    latest: float = 0.0
+
+    def __str__(self) -> str:
+        return (
+            f"{self.on_time} ticks on time, {self.late} late (by {1e3 * self.latest:.3g} ms at "
+            f"most), {self.missed} missed, {self.early} early"
+        )
+
+
+class RobotLoop:
+    """A `Loop` with what hardware needs around it; all numbers are in the robot's order.
+
+    The law keeps the time of the robot's clock. Its k-th tick is due k steps after the first; a
+    call belongs to the tick that is nearest. Where none came for some ticks the law makes them up
+    before it goes on, with measurements and references on a straight line between the two calls, so
+    that integrals, fractional memories and gains have seen all of the time; meanwhile the drives
+    have held the last torque. A second call for a tick changes nothing and gets the torque again.
+
+    Parameters
+    ----------
+    loop
+        By ``controller.start``; its step is the period.
+    joint_names
+        The robot's joints in its order, or places, as in `JointOrder`; None: the arm's own.
+    rate
+        Makes rates of angles; None: every call brings them.
+    soft_start
+        Time over which the torque goes from `hold` to the law's [s]; 0: at once.
+    hold
+        What the drives give before the first tick [N m], a number or (n,) in the arm's order: 0, or
+        their own gravity compensation.
+    most_missed
+        Ticks that are made up at most.
+
+    Raises
+    ------
+    ArgumentError
+        Names that are not the arm's, negative times.
+    """
+
+    def __init__(
+        self,
+        loop: Loop,
+        *,
+        joint_names: Sequence[str] | Sequence[int] | None = None,
+        rate: EncoderRate | None = None,
+        soft_start: float = 0.0,
+        hold: ArrayLike = 0.0,
+        most_missed: int = 10,
+    ) -> None:
+        checks.instance("loop", loop, Loop, "a Loop (controller.start)")
+        arm = loop.state.arm
+        self.loop, self.step = loop, loop.state.step
+        self.order = JointOrder(arm.joint_names, joint_names or arm.joint_names)
+        self._rate = None if rate is None else rate.start(self.step)
+        self._soft_start = checks.number("soft_start", soft_start, low=0.0)
+        self._hold = checks.per_joint("hold", hold, arm.n)
+        self._most_missed = checks.integer("most_missed", most_missed, low=0)
+        self._inputs: FloatArray = np.zeros((5, arm.n))
+        self._before: FloatArray = np.zeros((5, arm.n))
+        self._record: Record | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        self._first, self._tick = 0.0, -1
+        self._torque: FloatArray = self._hold.copy()
+        self._counts = dict.fromkeys(("on_time", "late", "missed", "early"), 0)
+        self._latest = 0.0
+
+    def torque(
+        self,
+        q: ArrayLike | Mapping[str, float],
+        q_ref: ArrayLike | Mapping[str, float],
+        v_ref: ArrayLike | Mapping[str, float],
+        a_ref: ArrayLike | Mapping[str, float] | None = None,
+        *,
+        v: ArrayLike | Mapping[str, float] | None = None,
+        now: float | None = None,
+    ) -> Any:
+        """Return the torque to give until the next call.
+
+        Parameters
+        ----------
+        q, v
+            Measured angles [rad], and rates [rad/s] where no `EncoderRate` makes them: (m,) in the
+            robot's order, or tables by joint.
+        q_ref, v_ref, a_ref
+            Reference, likewise; no `a_ref` means zero acceleration.
+        now
+            Time of the measurement by any clock [s]; None: it came when it was due.
+
+        Returns
+        -------
+        ndarray or dict
+            (m,) [N m]; by joint where `q` is a table.
+
+        Raises
+        ------
+        ArgumentError
+            As in `Loop.torque`; a time that goes back; more ticks missed than are made up, after
+            which only `reset` helps. The law is then as before the call.
+        """
+        tick, late = self._due(now)
+        if tick == self._tick:
+            self._counts["early"] += 1
+            return self._given(q)
+        missed = tick - self._tick - 1
+        if missed > self._most_missed:
+            raise ArgumentError(
+                "now", f"at most {self._most_missed} ticks missed", f"{missed} (reset starts anew)"
+            )
+        x = self._inputs
+        for row, name, value in zip(x, _NAMES, (q, v, q_ref, v_ref, a_ref), strict=True):
+            row[:] = 0.0
+            if value is not None and not (name == "v" and self._rate is not None):
+                row[:] = self.order.to_arm(name, value)
+        if not np.isfinite(x).all():
+            j = int(np.argmin(np.isfinite(x).all(axis=1)))
+            raise ArgumentError(_NAMES[j], "finite numbers", "NaN or inf")
+        if self._rate is not None:
+            x[1] = self._rate.rate(x[0], missed + 1)
+        elif v is None:
+            raise ArgumentError("v", "rates, or RobotLoop(rate=EncoderRate())", "none")
+        for k in range(1, missed + 1):
+            between = self._before + k / (missed + 1) * (x - self._before)
+            self._advance(between, self._torque)
+        self._torque = self._softened(self._advance(x, None), tick)
+        if self._record is not None:
+            self._record.take(x, self._torque)
+        self._before, self._inputs = x, self._before
+        self._count(tick, missed, late)
+        return self._given(q)
+
+    def _due(self, now: float | None) -> tuple[int, float]:
+        """Return which tick a call is for, and by how much it is off [s]."""
+        if now is None:
+            return self._tick + 1, 0.0
+        if type(now) is not float or not math.isfinite(now):
+            now = checks.number("now", now)
+        if self._tick < 0:
+            self._first = now
+        tick = round((now - self._first) / self.step)
+        if tick < self._tick:
+            raise ArgumentError("now", "a time that does not go back", f"{now:g} s")
+        return tick, now - self._first - tick * self.step
+
+    def _advance(self, x: FloatArray, held: FloatArray | None) -> FloatArray:
+        torque = self.loop.torque(*x)
+        if held is not None and self._record is not None:
+            self._record.take(x, held)
+        return torque
+
+    def _softened(self, torque: FloatArray, tick: int) -> FloatArray:
+        if tick * self.step >= self._soft_start:
+            return torque
+        return np.asarray(self._hold + tick * self.step / self._soft_start * (torque - self._hold))
+
+    def _count(self, tick: int, missed: int, late: float) -> None:
+        self._counts["late" if abs(late) > LATE * self.step else "on_time"] += 1
+        self._counts["missed"] += missed
+        self._latest = max(self._latest, late)
+        self._tick = tick
+
+    def _given(self, q: Any) -> Any:
+        order = self.order
+        return (order.named if isinstance(q, Mapping) else order.to_robot)(self._torque)
+
+    @property
+    def ticks(self) -> Ticks:
+        """How the ticks came since the start or the last `reset`."""
+        return Ticks(**self._counts, latest=self._latest)
+
+    def record(self, rows: int = ROWS) -> Record:
+        """Keep every tick from now on, as `Loop.record` does: what was given, made-up ticks too."""
+        self._record = self.loop.new_record(rows)
+        return self._record
+
+    def reset(self) -> None:
+        """Be as at the start: see `Loop.reset`; the torque goes from `hold` to the law's again."""
+        self.loop.reset()
+        if self._rate is not None:
+            self._rate.reset()
+        self._record = None
+        self._begin()

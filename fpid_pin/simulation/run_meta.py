@@ -1,0 +1,49 @@
+"""What is written down with a run: who made it, of what."""
+
+from __future__ import annotations
+
+import platform
+from typing import Any
+
+import numpy as np
+
+from fpid_pin import descriptions
+from fpid_pin._version import __version__
+from fpid_pin.arms import Arm
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.controller import Controller
+from fpid_pin.simulation import run_file
+from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.limits import torque_limit
+
+
+def describe_run(experiment: Experiment, controller: Controller, name: str) -> dict[str, Any]:
+    """Return the `Run.meta` of a run about to be recorded."""
+    about = {"seed": experiment.seed, "experiment": descriptions.to_dict(experiment)}
+    return meta_of(name, experiment.arm, controller, torque_limit(experiment)) | about
+
+
+def meta_of(
+    name: str, arm: Arm, controller: Controller | None, effort_limit: FloatArray
+) -> dict[str, Any]:
+    """Return the `Run.meta` of a run that no experiment of ours has made."""
+    import pinocchio
+    import scipy
+
+    elsewhere = {"kind": "custom", "repr": "recorded elsewhere"}
+    return {
+        "format": run_file.FORMAT,
+        "name": name,
+        "versions": {
+            "fpid_pin": __version__,
+            "pin": pinocchio.__version__,
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": platform.python_version(),
+        },
+        "platform": platform.platform(),
+        "effort_limit": effort_limit.tolist(),
+        "experiment": elsewhere,
+        "controller": elsewhere if controller is None else descriptions.to_dict(controller),
+        "arm": descriptions.to_dict(arm),
+    }

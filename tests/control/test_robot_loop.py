@@ -1,0 +1,211 @@
+"""A law on hardware: order of joints, ticks that come late or never, a soft start, records."""
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.control import EncoderRate, JointOrder, Loop, RobotLoop
+from fpid_pin.exceptions import ArgumentError, SimulationError
+
+ARM = fp.Arm.two_link()
+STEP = 1e-3
+ONE, TWO = ARM.joint_names
+
+
+def started(**changes):
+    return fp.paper_controller(**changes).start(ARM, step=STEP, horizon=2.0)
+
+
+def straight(k):
+    """Return q, v, q_ref, v_ref, a_ref at tick k; all of them straight lines in time."""
+    lines = np.array([
+        [[0.1, 0.2], [0.5, -0.2]], [[0.3, 0.1], [-0.2, 0.1]], [[0.15, 0.3], [0.4, -0.3]],
+        [[0.2, -0.1], [0.1, 0.3]], [[0.1, 0.3], [0.0, -0.3]],
+    ])  # fmt: skip
+    return list(lines @ [1.0, k * STEP])
+
+
+def call(robot, k, **more):
+    q, v, *reference = straight(k)
+    return robot.torque(q, *reference, v=v, **more)
+
+
+def test_on_time_it_is_the_loop_to_the_last_bit():
+    loop, robot = started(), RobotLoop(started())
+    for k in range(50):
+        assert (call(robot, k) == loop.torque(*straight(k))).all()
+    assert robot.ticks.on_time == 50
+    assert "50 ticks on time, 0 late" in str(robot.ticks)
+
+
+@pytest.mark.parametrize("names", [(TWO, ONE), ("finger", TWO, ONE, "thumb")])
+def test_a_robot_s_order_and_its_other_joints(names):
+    loop, robot = started(), RobotLoop(started(), joint_names=names)
+    by_name = RobotLoop(started(), joint_names=names)
+    place = [names.index(ONE), names.index(TWO)]
+
+    def robots(values):
+        out = np.full(len(names), 9.0)
+        out[place] = values
+        return out
+
+    for k in range(20):
+        expected = loop.torque(*straight(k))
+        q, v, *reference = straight(k)
+        found = robot.torque(robots(q), *map(robots, reference), v=robots(v))
+        assert (found[place] == expected).all()
+        assert (np.delete(found, place) == 0.0).all()
+        tables = [dict(zip(names, robots(values), strict=True)) for values in straight(k)]
+        told = by_name.torque(tables[0], *tables[2:], v=tables[1])
+        assert told == dict(zip(names, found.tolist(), strict=True))
+
+
+def test_places_are_as_good_as_names():
+    assert JointOrder(ARM.joint_names, (1, 0)).robot_names == (TWO, ONE)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ((ONE,), f"joint_names: expected each of .* once, got {TWO} 0 times"),
+        ((ONE, TWO, ONE), f"joint_names: expected each of .* once, got {ONE} 2 times"),
+        ((0, 0), f"{ONE} 2 times|{TWO} 0 times"),
+        ((0, 2), "joint_names: expected a whole number in"),
+        ((ONE, 1), "joint_names: expected names, or places alone, got 1"),
+    ],
+)
+def test_names_that_are_not_the_arm_s_are_refused(names, message):
+    with pytest.raises(ArgumentError, match=message):
+        RobotLoop(started(), joint_names=names)
+
+
+def test_missed_ticks_are_made_up_along_straight_lines():
+    """Of signals that are straight lines the law then knows as much as if none had been missed."""
+    whole, robot = started(), RobotLoop(started())
+    whole_record, record = whole.record(), robot.record()
+    for k in range(60):
+        expected = whole.torque(*straight(k))
+        if k not in (3, 10, 11, 12, 40):
+            found = call(robot, k, now=7.0 + k * STEP)
+            assert found == pytest.approx(expected, rel=1e-9)
+    assert robot.ticks.missed == 5
+    assert robot.ticks.on_time == 55
+    for name, array in whole_record.signals().items():
+        assert record.signals()[name] == pytest.approx(array, rel=1e-9, abs=1e-12), name
+    torque = record.arrays()["torque"]
+    assert len(torque) == 60
+    assert (torque[10:13] == torque[9]).all()  # what the drives held meanwhile
+
+
+def test_calls_near_their_tick_are_that_tick_and_counted():
+    loop, robot = started(), RobotLoop(started())
+    off = [0.0, 0.3, -0.3, 0.45, 0.0, 0.05]
+    for k, part in enumerate(off):
+        expected = loop.torque(*straight(k))
+        assert (call(robot, k, now=(k + part) * STEP) == expected).all()
+    assert (robot.ticks.late, robot.ticks.on_time, robot.ticks.missed) == (3, 3, 0)
+    assert robot.ticks.latest == pytest.approx(0.45 * STEP)
+
+
+def test_a_second_call_for_a_tick_changes_nothing():
+    loop, robot = started(), RobotLoop(started())
+    for k in range(5):
+        expected = loop.torque(*straight(k))
+        assert (call(robot, k, now=k * STEP) == expected).all()
+        assert (call(robot, 50, now=(k + 0.2) * STEP) == expected).all()
+    assert robot.ticks.early == 5
+
+
+def test_more_missed_than_are_made_up_is_for_the_caller():
+    robot = RobotLoop(started(), most_missed=3)
+    first = call(robot, 0, now=0.0)
+    with pytest.raises(ArgumentError, match=r"now: expected at most 3 ticks missed, got 4 \(reset"):
+        call(robot, 5, now=5 * STEP)
+    with pytest.raises(ArgumentError, match="now: expected a time that does not go back"):
+        call(robot, 0, now=-STEP)
+    robot.reset()
+    assert (call(robot, 0, now=9.0) == first).all()
+    assert robot.ticks.missed == 0
+
+
+def test_a_soft_start_goes_from_what_was_held_to_the_law_s_torque():
+    loop, hold = started(), np.array([2.0, -1.0])
+    robot = RobotLoop(started(), soft_start=10 * STEP, hold=hold)
+    for k in range(15):
+        law, found = loop.torque(*straight(k)), call(robot, k)
+        part = min(k / 10, 1.0)
+        assert found == pytest.approx(hold + part * (law - hold), rel=1e-12)
+    assert (found == law).all()
+
+
+def test_rates_come_from_angles_where_the_robot_has_none():
+    loop, robot = started(), RobotLoop(started(), rate=EncoderRate(0.0))
+    previous = None
+    for k in range(10):
+        q, _, *reference = straight(k)
+        v = np.zeros(2) if previous is None else (q - previous) / STEP
+        assert robot.torque(q, *reference) == pytest.approx(loop.torque(q, v, *reference), rel=1e-9)
+        previous = q
+    with pytest.raises(ArgumentError, match=r"v: expected rates, or RobotLoop\(rate="):
+        RobotLoop(started()).torque(q, *reference)
+
+
+@pytest.mark.parametrize(
+    ("bad", "message"),
+    [
+        (np.array([np.nan, 0.0]), "q: expected finite numbers"),
+        (np.zeros(3), r"q: expected shape \(2,\) \(the robot's joints\), got shape \(3,\)"),
+        ({ONE: 1.0}, f"q: expected a number for {TWO}, got '{ONE}'"),
+        ("x", "q: expected numbers"),
+    ],
+)
+def test_after_bad_input_the_law_is_as_before(bad, message):
+    loop, robot = started(), RobotLoop(started(), rate=EncoderRate())
+    other = RobotLoop(started(), rate=EncoderRate())
+    for k in range(5):
+        q, _, *reference = straight(k)
+        with pytest.raises(ArgumentError, match=message):
+            robot.torque(bad, *reference, now=k * STEP)
+        expected = other.torque(q, *reference, now=k * STEP)
+        assert (robot.torque(q, *reference, now=k * STEP) == expected).all()
+    assert isinstance(loop, Loop)
+
+
+# ---------------------------------------------------------------------- the loop itself
+
+
+def test_a_loop_that_was_reset_is_as_at_the_start():
+    loop, fresh = started(), started()
+    for k in range(30):
+        loop.torque(*straight(k))
+    loop.reset()
+    for k in range(30):
+        assert (loop.torque(*straight(k)) == fresh.torque(*straight(k))).all()
+    for name, value in loop.signals().items():
+        assert (value == fresh.signals()[name]).all(), name
+
+
+def test_a_loop_of_a_state_alone_cannot_be_reset():
+    with pytest.raises(SimulationError, match="reset: expected a loop by controller.start"):
+        Loop(started().state).reset()
+
+
+@pytest.mark.parametrize("rows", [1, 7, 10_000])
+def test_a_recorded_loop_is_the_run_that_the_engine_makes(rows):
+    """Fed with what the engine measured, it gives and keeps what the engine did."""
+    experiment = fp.paper_experiment(duration=0.3)
+    run = fp.simulate(experiment, fp.paper_controller())
+    loop = fp.paper_controller().start(ARM, step=STEP, horizon=20.0)
+    record = loop.record(rows)
+    reference = experiment.motion(run.t)
+    for k in range(len(run.t)):
+        tau = loop.torque(run.q[k], run.v[k], *(part[k] for part in reference))
+        assert (tau == run.torque[k]).all()
+    back = fp.Run.from_record(record)
+    assert len(record) == len(run.t)
+    for name in ("t", "q", "v", "q_ref", "v_ref", "torque", *run.signals):
+        assert getattr(back, name) == pytest.approx(getattr(run, name), rel=1e-15, abs=0.0), name
+    for name in fp.costs.METRIC_NAMES:
+        assert getattr(back.metrics, name) == pytest.approx(getattr(run.metrics, name)), name
+    assert back.controller.start(ARM, step=STEP).torque(*straight(0)).shape == (2,)
+    assert repr(record) == "<Record of 301 rows, 0.001 s apart>"

@@ -1,0 +1,287 @@
+"""Runs for other programs, and from them."""
+
+import csv
+import html.parser
+import json
+import sys
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+import fpid_pin as fp
+from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.simulation import limit_report
+from fpid_pin.simulation.run_tables import columns
+
+ARM = fp.Arm.two_link()
+NAMES = ("t", "q", "v", "q_ref", "v_ref", "torque")
+
+
+@pytest.fixture(scope="module")
+def run():
+    return fp.simulate(fp.paper_experiment(duration=0.2), fp.paper_controller())
+
+
+def parts(run):
+    """Return every column of a run, picked by hand."""
+    one, two = ARM.joint_names
+    found = {"t": run.t, "lyapunov": run.lyapunov}
+    for name in (*NAMES[1:], *(s for s in run.signals if s != "lyapunov")):
+        array = getattr(run, name)
+        found |= {f"{name}.{one}": array[:, 0], f"{name}.{two}": array[:, 1]}
+    return found
+
+
+# ---------------------------------------------------------------------- out
+
+
+def test_csv_has_every_digit(run, tmp_path):
+    with open(run.to_csv(tmp_path / "run.csv"), newline="") as file:
+        head, *rows = csv.reader(file)
+    table = dict(zip(head, np.array(rows, float).T, strict=True))
+    assert table.keys() == parts(run).keys()
+    for name, column in parts(run).items():
+        assert (table[name] == column).all(), name
+
+
+def test_csv_is_what_a_recorded_reference_reads(run, tmp_path):
+    path = run.to_csv(tmp_path / "run.csv")
+    q = np.loadtxt(path, delimiter=",", skiprows=1, usecols=(1, 2))
+    assert (q == run.q).all()
+
+
+def test_matlab_s_file_has_arrays_signals_and_names(run, tmp_path):
+    file = loadmat(run.to_mat(tmp_path / "run.mat"), squeeze_me=True, struct_as_record=False)
+    for name in NAMES:
+        assert (file[name] == getattr(run, name)).all(), name
+    for name, array in run.signals.items():
+        assert (getattr(file["signals"], name) == array).all(), name
+    assert tuple(file["joint_names"]) == ARM.joint_names
+    assert json.loads(file["meta"])["controller"]["kind"] == "adaptive_fpid"
+    assert file["step"] == run.step
+    assert file["outcome"] == "completed at 0.2 s"
+
+
+def test_matlab_s_names_are_made_to_fit(run, tmp_path):
+    given = {"3 odd-name": run.t, "λ" * 80: run.q}
+    other = fp.Run.from_arrays(run.t, run.q, run.q_ref, run.torque, arm=ARM, signals=given)
+    file = loadmat(other.to_mat(tmp_path / "run.mat"), struct_as_record=False, squeeze_me=True)
+    assert (file["signals"].s3_odd_name == run.t).all()
+    twice = fp.Run.from_arrays(
+        run.t, run.q, run.q_ref, run.torque, arm=ARM, signals={"a b": run.t, "a-b": run.t}
+    )
+    with pytest.raises(ArgumentError, match="signals: expected one that becomes a_b in MATLAB"):
+        twice.to_mat(tmp_path / "twice.mat")
+    assert not (tmp_path / "twice.mat").exists()
+
+
+def test_a_dataframe_has_columns_and_says_what_they_are(run):
+    pytest.importorskip("pandas")
+    frame = run.to_dataframe()
+    assert set(frame.columns) == parts(run).keys()
+    for name, column in parts(run).items():
+        assert (frame[name].to_numpy() == column).all()
+    assert frame.attrs["units"]["torque"] == "N m"
+    assert frame.attrs["name"] == run.name
+
+
+def test_parquet_has_the_same(run, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    table = parquet.read_table(run.to_parquet(tmp_path / "run.parquet"))
+    for name, column in parts(run).items():
+        assert (table[name].to_numpy() == column).all()
+    about = json.loads(table.schema.metadata[b"fpid_pin"])
+    assert about["step"] == run.step
+    assert about["meta"]["seed"] == 0
+
+
+@pytest.mark.parametrize(
+    ("call", "module", "extra"),
+    [(lambda run, _: run.to_dataframe(), "pandas", "pandas"),
+     (lambda run, path: run.to_parquet(path), "pyarrow", "parquet")],
+)  # fmt: skip
+def test_a_package_that_is_missing_is_named_with_its_extra(
+    run, tmp_path, monkeypatch, call, module, extra
+):
+    monkeypatch.setitem(sys.modules, module, None)
+    line = (
+        rf"^{module}: expected it to be installed \(pip install 'fpid_pin\[{extra}\]'\), got none$"
+    )
+    with pytest.raises(FpidError, match=line):
+        call(run, tmp_path / "x")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_called_as_an_array_is_refused(run):
+    other = fp.Run.from_arrays(run.t, run.q, run.q_ref, run.torque, arm=ARM, signals={"q": run.t})
+    with pytest.raises(ArgumentError, match="signals: expected other names than t, q"):
+        columns(other)
+
+
+# ---------------------------------------------------------------------- in
+
+
+def again(run, **more):
+    given = {"v": run.v, "v_ref": run.v_ref, "signals": run.signals} | more
+    return fp.Run.from_arrays(run.t, run.q, run.q_ref, run.torque, arm=ARM, **given)
+
+
+def test_a_run_of_arrays_is_as_good_as_ours(run, tmp_path):
+    other = again(run, name="robot")
+    for name in fp.costs.METRIC_NAMES:
+        assert (getattr(other.metrics, name) == getattr(run.metrics, name)).all(), name
+    assert limit_report(other) == limit_report(run)
+    assert other.arm == ARM
+    assert other.name == "robot"
+    back = fp.Run.load(other.save(tmp_path / "robot.npz", compressed=True))
+    assert (back.q == run.q).all()
+    fp.view.export_html([other, run], tmp_path / "replay.html")
+    fp.view.report_html(tmp_path / "report.html", [other], title="robot")
+    fp.view.plots.save_figure(fp.view.plot(other), tmp_path / "plot.svg")
+    assert (
+        other.to_csv(tmp_path / "a.csv").read_text() == run.to_csv(tmp_path / "b.csv").read_text()
+    )
+    with pytest.raises(FpidError, match="experiment.kind"):
+        _ = other.experiment
+
+
+def test_what_it_was_given_may_change_later(run):
+    q = run.q.copy()
+    other = again(run)
+    other.q[0] = 7.0
+    assert (run.q == q).all()
+
+
+def test_rates_are_differences_where_none_are_given():
+    t = 0.01 * np.arange(200)
+    q = np.stack([t**2, 1.0 - 3.0 * t], axis=1)
+    run = fp.Run.from_arrays(5.0 + t, q, q, 0 * q, arm=ARM)
+    assert run.v[1:-1] == pytest.approx(np.stack([2 * t, -3.0 + 0 * t], axis=1)[1:-1])
+    assert run.t == pytest.approx(t)
+    assert run.step == pytest.approx(0.01)
+    assert str(run.outcome) == "completed at 1.99 s"
+
+
+def test_rows_of_an_uneven_clock_are_taken_at_even_times():
+    random = np.random.default_rng(0)
+    t = np.sort(random.uniform(0.0, 2.0, 300))
+    line = np.stack([t, 2.0 - t], axis=1)
+    with pytest.raises(ArgumentError, match=r"t: expected a step of .* \(or resample="):
+        fp.Run.from_arrays(t, line, line, line, arm=ARM)
+    run = fp.Run.from_arrays(
+        t, line, line, line, arm=ARM, v=0 * line + 1.0, resample=0.01, signals={"height": 3.0 * t}
+    )
+    assert np.diff(run.t) == pytest.approx(0.01)
+    assert run.q[:, 0] == pytest.approx(t[0] + run.t)
+    assert run.height == pytest.approx(3.0 * (t[0] + run.t))
+    assert run.height.shape == run.t.shape
+    assert run.v_ref == pytest.approx(np.broadcast_to([1.0, -1.0], run.v.shape))
+
+
+ROWS = np.zeros((5, 2))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"arm": "ur5"}, "arm: expected an Arm, got str"),
+        ({"controller": "pid"}, "controller: expected a Controller, got str"),
+        ({"t": [0.0]}, r"t: expected \(N,\) with at least 2 rows, got shape \(1,\)"),
+        ({"t": [0, 1, 3, 2, 4]}, "t: expected times that increase, got 2 s in row 3"),
+        ({"t": [0, 1, 2, 3.2, 4]}, r"t: expected a step of 1 s .* got row 3 off by 0.2 s"),
+        (
+            {"q": np.zeros((5, 3))},
+            r"q: expected shape \(5, 2\) \(rows, joints\), got shape \(5, 3\)",
+        ),
+        ({"torque": np.zeros((4, 2))}, r"torque: expected shape \(5, 2\)"),
+        ({"q": [["a", "b"]] * 5}, "q: expected numbers"),
+        ({"v": np.full((5, 2), np.nan)}, "v.0.0: expected a number finite, got nan"),
+        ({"signals": {"x": np.zeros(4)}}, r"signals.x: expected shape \(5, 2\)"),
+        ({"t": np.arange(5) * 20.0}, r"t's step: expected a number in \[1e-09, 10\]"),
+        ({"resample": -1.0}, "resample: expected a number > 0"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_told_in_one_line(given, message):
+    with pytest.raises(ArgumentError, match=message):
+        fp.Run.from_arrays(**({"t": np.arange(5.0), "q": ROWS, "q_ref": ROWS, "torque": ROWS,
+                               "arm": ARM} | given))  # fmt: skip
+
+
+# ---------------------------------------------------------------------- shown
+
+
+class Tags(html.parser.HTMLParser):
+    """Collects the tags of a text, and whether all that are opened are closed."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.seen, self.open = set(), []
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attributes):
+        assert not attributes
+        self.seen.add(tag)
+        self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def test_a_run_is_one_line_and_in_a_notebook_a_table(run):
+    assert repr(run).startswith("<Run 'FPID, published orders': 2 joints, 201 rows, step 0.001 s, ")
+    assert len(repr(run)) < 120
+    text = run._repr_html_()
+    assert Tags(text).open == []
+    assert all(name in text for name in ARM.joint_names)
+    assert f"{1e3 * run.metrics.rms[0]:.4g}" in text
+
+
+def test_names_from_outside_stay_text(run):
+    nasty = "<script>alert('&')</script>\x1b[2J"
+    other = again(run, name=nasty)
+    for text in (other._repr_html_(), fp.view.show(other)._repr_html_().split("srcdoc=")[0]):
+        assert "<script" not in text
+        assert "\x1b" not in text
+    assert Tags(other._repr_html_()).seen == {"table", "caption", "tr", "th", "td"}
+    assert "\x1b" not in repr(other)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda run: ARM,
+        lambda run: fp.stability_report(ARM, fp.paper_controller(), step=1e-3),
+        lambda run: fp.fractional.report(
+            fp.fractional.ExponentialSum(), [0.5], step=1e-3, horizon=1.0
+        ),
+        lambda run: fp.tune(
+            fp.paper_experiment(duration=0.01), fp.paper_controller(),
+            fp.tuning.Space(kp=(1.0, 2.0)),
+            settings=fp.tuning.SearchSettings(population=4, generations=1, seeds=(0,)),
+        ),
+        lambda run: fp.pareto(
+            fp.paper_experiment(duration=0.01), fp.paper_controller(),
+            fp.tuning.Space(kp=(1.0, 2.0)),
+            [fp.costs.MetricCost("ise"), fp.costs.MetricCost("energy")],
+            settings=fp.tuning.SearchSettings(population=4, generations=1, seeds=(0,)),
+        ),
+    ],
+)  # fmt: skip
+def test_arms_reports_and_results_are_short_and_shown_without_scripts(run, make):
+    thing = make(run)
+    assert len(repr(thing)) < 200
+    assert "\n" not in repr(thing)
+    tags = Tags(thing._repr_html_())
+    assert tags.open == []
+    assert "script" not in tags.seen
+
+
+def test_a_replay_in_a_notebook_is_the_page_in_a_frame(run):
+    shown = fp.view.show(run)
+    text = shown._repr_html_()
+    assert text.startswith("<iframe")
+    assert 'sandbox="allow-scripts"' in text
+    assert html.unescape(text.split('srcdoc="')[1].split('"></iframe>')[0]) == shown.text
+    assert "Replay" in repr(shown)

@@ -1,0 +1,40 @@
+"""What docs/data.md and docs/robot.md show runs as it stands there, and links lead somewhere."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fpid_pin.control import EncoderRate
+
+DOCS = Path(__file__).parents[1] / "docs"
+PAGES = ("data.md", "robot.md")
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_its_code_runs_from_top_to_bottom(name, tmp_path):
+    text = (DOCS / name).read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S)
+    (tmp_path / "page.py").write_text("\n".join(blocks), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "page.py"], capture_output=True, text=True, cwd=tmp_path,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    if name == "robot.md":
+        assert f"print(loop.ticks)  # {done.stdout.strip()}" in text
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_its_links_lead_somewhere(name):
+    for link in re.findall(r"\]\(([^)#:]+)\)", (DOCS / name).read_text(encoding="utf-8")):
+        assert (DOCS / link).exists(), link
+
+
+def test_the_noise_that_is_told_is_the_filter_s():
+    resolution = 2 * np.pi / 2**14
+    told = [EncoderRate(tau).noise(resolution, 1e-3) for tau in (0.0, 1e-3, 5e-3)]
+    assert [float(f"{value:.2g}") for value in told] == [0.16, 0.064, 0.019]
