@@ -15,9 +15,10 @@ import numpy as np
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import load
 from fpid_pin.cli.output import output_folder
-from fpid_pin.cli.screen import say, screen
+from fpid_pin.cli.screen import print_table, say, screen
 from fpid_pin.cli.search_bar import search_bar
 from fpid_pin.cli.summary import Row
+from fpid_pin.cli.tune_parameters import explore, what_mattered
 from fpid_pin.cli.tune_plan import Plan, read_plan
 from fpid_pin.cli.tune_results import compare, draw, write
 from fpid_pin.exceptions import FpidError
@@ -57,13 +58,14 @@ def run_tuning(
                 # Refused before it went on, a search has not touched what it took up.
                 _drop_copy(checkpoint, out / KEPT)
                 raise
-            figures = draw(plan, result, pool)
+            along = explore(plan, result, pool)
+            figures = draw(plan, result, along, pool)
         entries = compare(plan, result)
-        rows = write(folder, out, config, plan, result, entries, figures)
+        rows = write(folder, out, config, plan, result, entries, figures, along)
         # In the folder before this takes its place: at no moment is there one without it.
         shutil.copyfile(checkpoint, folder / KEPT)
     discard(checkpoint)
-    _show(rows, result, out)
+    _show(rows, result, what_mattered(along), out)
     return result
 
 
@@ -100,9 +102,11 @@ def _search(plan: Plan, pool: Executor | None, checkpoint: Path, resume: bool) -
         )
 
 
-def _show(rows: Sequence[Row], result: TuningResult, out: Path) -> None:
+def _show(rows: Sequence[Row], result: TuningResult, more: Sequence[str], out: Path) -> None:
     console = screen()
-    console.print(summary.rich_table(rows, "Tuned"))
+    for line in (*result.advice, *more):
+        say(console, line)
+    print_table(console, summary.rich_table(rows, "Tuned"))
     say(console, str(result))
     for name, value in result.parameters.items():
         shown = ", ".join(f"{v:.4g}" for v in np.atleast_1d(value))

@@ -5,6 +5,7 @@ controller = "name"          # which [[controller]] to start from; default: the 
 population = 60              # and generations, crossover, mutation, seeds: `SearchSettings`
 reduce = "worst"             # or "mean": over every [[condition]]; default: nominal alone
 map_points = 21              # a side of the cost map over (lambda, mu); 0: none
+profile_points = 9           # values of each parameter along which the cost is shown; 0: none
 [tune.cost]                  # kind and arguments of a cost; default: eq. (33)
 [tune.space]                 # by parameter: [low, high], then "log", "shared" as needed
 """
@@ -28,8 +29,8 @@ from fpid_pin.tuning.robust import REDUCTIONS
 
 #: Arguments of `SearchSettings`; workers and checkpoints are the command line's.
 SETTINGS = ("population", "generations", "crossover", "mutation", "seeds")
-KEYS = ("controller", *SETTINGS, "reduce", "map_points", "cost", "space")
-_MOST_MAP_POINTS = 201
+KEYS = ("controller", *SETTINGS, "reduce", "map_points", "profile_points", "cost", "space")
+_MOST_POINTS = 201
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -46,6 +47,8 @@ class Plan:
         What `tune` takes.
     map_points
         A side of the cost map; 0: none.
+    profile_points
+        Values of each parameter in the profile; 0: none.
     """
 
     controller: Controller
@@ -54,6 +57,7 @@ class Plan:
     space: Space
     settings: SearchSettings
     map_points: int
+    profile_points: int
 
 
 def read_plan(config: Config) -> Plan:
@@ -88,7 +92,9 @@ def read_plan(config: Config) -> Plan:
     given = {name: table[name] for name in SETTINGS if name in table}
     attempt("settings", lambda: SearchSettings(**given))
     attempt("map_points", lambda: checks.integer(
-        "map_points", table.get("map_points", 21), low=0, high=_MOST_MAP_POINTS))  # fmt: skip
+        "map_points", table.get("map_points", 21), low=0, high=_MOST_POINTS))  # fmt: skip
+    attempt("profile_points", lambda: checks.integer(
+        "profile_points", table.get("profile_points", 9), low=0, high=_MOST_POINTS))  # fmt: skip
     controller = config.controllers.get(made.get("name", ""))
     if controller is not None and "space" in made:
         attempt("bound", lambda: made["space"].bind(controller, config.experiment.arm.n))
@@ -102,6 +108,7 @@ def read_plan(config: Config) -> Plan:
         space=made["space"],
         settings=made["settings"],
         map_points=made["map_points"] if _has_orders(controller) else 0,
+        profile_points=max(made["profile_points"], 2) if made["profile_points"] else 0,
     )
 
 

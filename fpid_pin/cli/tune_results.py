@@ -13,16 +13,18 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from fpid_pin import checks, descriptions
+from fpid_pin.arms import Arm
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import Config
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.summary import Entry, Row
+from fpid_pin.cli.tune_parameters import parameter_rows, what_mattered
 from fpid_pin.cli.tune_plan import Plan
 from fpid_pin.control import AdaptiveFpid, Controller
 from fpid_pin.simulation import cost_of, simulate
-from fpid_pin.simulation.paper import PUBLISHED_ORDERS
-from fpid_pin.tuning import TuningResult, cost_map
+from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
+from fpid_pin.tuning import Profile, TuningResult, cost_map
 from fpid_pin.tuning.robust import over_scenarios
 
 if TYPE_CHECKING:
@@ -53,15 +55,15 @@ def _rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
     rivals = {_TUNED: result.controller, label: _named(base, label)}
     if not isinstance(base, AdaptiveFpid):
         return rivals
-    n = next(iter(plan.experiments.values())).arm.n
+    arm = next(iter(plan.experiments.values())).arm
+    n = arm.n
     here = [
         checks.per_joint(name, getattr(base, name), n).tolist()
         for name in ("integral_order", "derivative_order")
     ]
     published, integer = PUBLISHED_ORDERS["symbol"], ((1.0,) * n, (1.0,) * n)
     for name, orders in ((_PUBLISHED, published), (_INTEGER, integer)):
-        # The paper's orders are those of its two joints.
-        if len(orders[0]) == n and here != [list(order) for order in orders]:
+        if (name == _INTEGER or of_paper(arm)) and here != [list(order) for order in orders]:
             rivals[name] = _named(base, name, integral_order=orders[0], derivative_order=orders[1])
     return rivals
 
@@ -83,11 +85,15 @@ def compare(plan: Plan, result: TuningResult) -> list[Entry]:
     ]
 
 
-def draw(plan: Plan, result: TuningResult, pool: Executor | None) -> dict[str, Figure]:
-    """Draw convergence and, for a law with orders, the cost map."""
+def draw(
+    plan: Plan, result: TuningResult, along: Profile | None, pool: Executor | None
+) -> dict[str, Figure]:
+    """Draw convergence, the profile and, for a law with orders, the cost map."""
     from fpid_pin.view import plots
 
     figures = {"convergence": plots.convergence(result.history.curves())}
+    if along is not None:
+        figures["profile"] = plots.profile(along.labels, along.values, along.costs, along.cost)
     if plan.map_points:
         grid = np.linspace(0.0, 1.0, plan.map_points) if plan.map_points > 1 else [1.0]
         with progress_bar(f"cost map, {plan.map_points**2} candidates") as progress:
@@ -100,15 +106,16 @@ def draw(plan: Plan, result: TuningResult, pool: Executor | None) -> dict[str, F
                 executor=pool,
                 progress=progress,
             )
-        n = next(iter(plan.experiments.values())).arm.n
+        arm = next(iter(plan.experiments.values())).arm
         figures["cost-map"] = plots.cost_map(
-            found.integral_orders, found.derivative_orders, found.costs, _marks(result, n)
+            found.integral_orders, found.derivative_orders, found.costs, _marks(result, arm)
         )
     return figures
 
 
-def _marks(result: TuningResult, n: int) -> dict[str, Sequence[float]]:
-    """Return what the map points out: ours, the paper's and the integer corners."""
+def _marks(result: TuningResult, arm: Arm) -> dict[str, Sequence[float]]:
+    """Return what the map points out: ours, on its own arm the paper's, and integer corners."""
+    n = arm.n
     law = cast("AdaptiveFpid", result.controller)
     tuned = [
         checks.per_joint("order", order, n) for order in (law.integral_order, law.derivative_order)
@@ -120,7 +127,8 @@ def _marks(result: TuningResult, n: int) -> dict[str, Sequence[float]]:
         name = "tuned" if n == 1 else "tuned (mean)"
         marks[name] = [float(np.mean(order)) for order in tuned]
     # The paper's two joints lie closer together than a mark is wide.
-    marks["published (mean)"] = [float(np.mean(order)) for order in PUBLISHED_ORDERS["symbol"]]
+    if of_paper(arm):
+        marks["published (mean)"] = [float(np.mean(order)) for order in PUBLISHED_ORDERS["symbol"]]
     for corner in ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.0)):
         marks[f"integer ({corner[0]:g}, {corner[1]:g})"] = corner
     return marks
@@ -153,6 +161,7 @@ def write(
     result: TuningResult,
     entries: Sequence[Entry],
     figures: dict[str, Figure],
+    along: Profile | None,
 ) -> list[Row]:
     """Write everything into `folder`, which will be `out`; return the table of costs."""
     from fpid_pin.view import plots
@@ -175,7 +184,14 @@ def write(
             plots.save_figure(figure, folder / f"{name}.{suffix}")
     for entry in entries:
         entry.run.save(folder / entry.file, compressed=True)
-    tables = {"Cost tuned for": costs, "Seeds": seeds, "All joints": rows, "Each joint": joints}
+    tables = {
+        "Parameters": parameter_rows(plan, result, along),
+        "Cost tuned for": costs,
+        "Seeds": seeds,
+        "All joints": rows,
+        "Each joint": joints,
+    }
+    told = [str(result), *result.advice, *what_mattered(along)]
     text = "".join(f"## {head}\n\n{summary.markdown(table)}\n" for head, table in tables.items())
     title = config.title or Path(config.path).stem
     files = {
@@ -185,7 +201,8 @@ def write(
         "summary.csv": summary.comma_separated(rows),
         "joints.csv": summary.comma_separated(joints),
         "summary.md": f"# {summary.in_markdown(title)}, tuned\n\n"
-        f"{summary.in_markdown(str(result))}\n\n{text}",
+        + "".join(f"- {summary.in_markdown(line)}\n" for line in told)
+        + f"\n{text}",
     }
     for name, content in files.items():
         (folder / name).write_text(content, encoding="utf-8")
@@ -196,6 +213,7 @@ def write(
         tables={head: [list(t[0]), *(list(r.values()) for r in t)] for head, t in tables.items()},
         figures=figures,
         config_text=config.text,
+        answer=told[1:],
     )
     return costs
 

@@ -37,7 +37,7 @@ class Measure:
 
 
 def over_joints(rms: FloatArray) -> float:
-    """Return the root mean square over the joints of their RMS errors [rad], in [mrad]."""
+    """Return the root mean square over the joints of their RMS errors [rad], in mrad."""
     return 1e3 * float(np.sqrt(np.mean(rms**2)))
 
 

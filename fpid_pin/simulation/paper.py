@@ -30,6 +30,11 @@ _NAMES = {
 }
 
 
+def of_paper(arm: Arm) -> bool:
+    """Return whether an arm is the paper's: its orders mean something on no other."""
+    return arm == Arm.two_link()
+
+
 def paper_experiment(*, duration: float = 20.0, step: float = 1e-3) -> Experiment:
     """Return section 5.1 of the paper: two links, eqs. (34)-(38).
 

@@ -4,6 +4,7 @@ from fpid_pin.tuning.differential_evolution import CrossCheck, cross_check
 from fpid_pin.tuning.gene import Gene
 from fpid_pin.tuning.history import History, ParetoResult, TuningResult
 from fpid_pin.tuning.lowest_cost import tune
+from fpid_pin.tuning.one_at_a_time import Profile, profile
 from fpid_pin.tuning.order_grid import CostMap, cost_map
 from fpid_pin.tuning.pareto_front import pareto
 from fpid_pin.tuning.robust import RobustCost, scenarios
@@ -18,6 +19,7 @@ __all__ = [
     "Gene",
     "History",
     "ParetoResult",
+    "Profile",
     "RobustCost",
     "SearchProgress",
     "SearchSettings",
@@ -27,6 +29,7 @@ __all__ = [
     "cost_map",
     "cross_check",
     "pareto",
+    "profile",
     "scenarios",
     "tune",
 ]

@@ -102,6 +102,13 @@ def _numbered(name: str, value: Any) -> dict[str, float]:
     return {f"{name} {k}": float(v) for k, v in enumerate(values)}
 
 
+#: Part of the cost that the last quarter of a search saves, below which it has settled; part by
+#: which the bests of its seeds differ, below which they agree.
+_SETTLED, _AGREED = 0.01, 0.05
+#: Generations without which nothing is said about settling.
+_WINDOW = 10
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class TuningResult(Shown):
     """The best of a search, and how it came about.
@@ -109,9 +116,13 @@ class TuningResult(Shown):
     Attributes
     ----------
     controller, cost
-        The best of all seeds.
+        The best of all seeds, or the controller that the search started from.
+    start_cost
+        The cost of that; +inf where it diverges.
     parameters
         What was sought, at the best: by name, floats where shared, else (n,).
+    at_bounds
+        Labels of those that lie at a bound of the space.
     controllers, costs
         The best of each seed, and its cost, (S,).
     history
@@ -123,7 +134,9 @@ class TuningResult(Shown):
 
     controller: Controller
     cost: float
+    start_cost: float
     parameters: Mapping[str, float | FloatArray]
+    at_bounds: tuple[str, ...]
     controllers: tuple[Controller, ...]
     costs: FloatArray
     history: History
@@ -140,6 +153,51 @@ class TuningResult(Shown):
         """Standard deviation over the seeds of their best cost; 0 for a single seed."""
         return float(np.std(self.costs, ddof=1)) if len(self.costs) > 1 else 0.0
 
+    @property
+    def gain(self) -> float:
+        """The part of the start's cost that was saved, 0 to 1; 1 where the start diverges."""
+        if not np.isfinite(self.start_cost):
+            return 1.0 if np.isfinite(self.cost) else 0.0
+        return 1.0 - self.cost / self.start_cost if self.start_cost > 0.0 else 0.0
+
+    @property
+    def late_gain(self) -> float:
+        """The part of the best cost that the last quarter of the generations saved, 10 at least.
+
+        NaN where there have not been so many.
+        """
+        best = self.history.best.min(axis=1)
+        window = max(len(best) // 4, _WINDOW)
+        if len(best) <= window:
+            return float("nan")
+        before = float(best[-window - 1])
+        return 1.0 - float(best[-1]) / before if 0.0 < before < np.inf else 0.0
+
+    @property
+    def advice(self) -> list[str]:
+        """What was gained, and whether to go on; one sentence each."""
+        start = f"{self.start_cost:.4g}" if np.isfinite(self.start_cost) else "a run that diverges"
+        lines = [f"From {start} to {self.cost:.4g}: {100.0 * self.gain:.3g} % less than the start."]
+        if self.cost >= self.start_cost:
+            lines = [f"The start, {start}, was not improved on: widen the space or search longer."]
+        if self.at_bounds:
+            lines.append(f"At a bound: {', '.join(self.at_bounds)}; a wider space may cost less.")
+        if np.isnan(self.late_gain):
+            lines.append(f"Only {len(self.history)} generations: go on (more of them, and resume).")
+        elif self.late_gain > _SETTLED:
+            lines.append(
+                f"The last quarter of the generations saved {100.0 * self.late_gain:.2g} %: go on "
+                "(more generations, and resume)."
+            )
+        elif self.spread > _AGREED * abs(self.mean):
+            lines.append(
+                f"The seeds differ by {100.0 * self.spread / abs(self.mean):.2g} %: the search has "
+                "settled, but in several places; try more seeds or a larger population."
+            )
+        else:
+            lines.append("The search has settled: more generations will hardly help.")
+        return lines
+
     def __str__(self) -> str:
         seeds = len(self.costs)
         about = f"{seeds} seeds: {self.mean:.6g} +- {self.spread:.2g}" if seeds > 1 else "1 seed"
@@ -147,7 +205,8 @@ class TuningResult(Shown):
 
     def _repr_html_(self) -> str:
         found = [part for pair in self.parameters.items() for part in _numbered(*pair).items()]
-        return html_table(str(self), ("parameter", "found"), found)
+        told = " ".join([str(self), *self.advice])
+        return html_table(told, ("parameter", "found"), found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -28,6 +28,8 @@ def tune(
 ) -> TuningResult:
     """Find the parameters of a controller that cost least, by a genetic algorithm.
 
+    The controller itself takes part: the result is never worse than it.
+
     Parameters
     ----------
     experiment
@@ -67,10 +69,16 @@ def tune(
         costs.append(float(evolution.costs[best, 0]))
     winner = int(np.argmin(costs))
     history = search.history()
+    found, cost_found = bound.controller(points[winner], "tuned"), costs[winner]
+    if search.start_cost < cost_found:
+        # The start lies outside of the space, or the whole of it is worse.
+        found, cost_found = bound.renamed("tuned"), search.start_cost
     return TuningResult(
-        controller=bound.controller(points[winner], "tuned"),
-        cost=costs[winner],
-        parameters=bound.members(points[winner]),
+        controller=found,
+        cost=cost_found,
+        start_cost=search.start_cost,
+        parameters=bound.parameters(found),
+        at_bounds=bound.at_bounds(bound.point(found, bound.n, nearest=True)),
         controllers=tuple(
             bound.controller(point, f"tuned, seed {seed}")
             for point, seed in zip(points, settings.seeds, strict=True)

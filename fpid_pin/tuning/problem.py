@@ -61,6 +61,9 @@ def searched(
     n = experiments[0].arm.n
     _require_means(experiments, settings)
     points = [bound.point(start, n) for start in settings.initial]
+    if len(points) < settings.population:
+        # Where the search starts from takes part in it, moved into the space where it is outside.
+        points.append(bound.point(controller, n, nearest=True))
     first = np.array(points).reshape(-1, bound.size)
     with executor_of(settings.executor, settings.workers) as pool:
         search = Search(

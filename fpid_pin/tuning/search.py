@@ -70,6 +70,7 @@ class Search:
             for seed in settings.seeds
         ]
         self.done = 0
+        self.start_cost = float("inf")
         self._records: dict[str, list[Any]] = {name: [] for name in _RECORDS}
 
     # ------------------------------------------------------------------ checkpoints
@@ -170,6 +171,8 @@ class Search:
         settings = self._settings
         size = settings.population * len(settings.seeds)
         narrator = Narrator(progress, settings.generations, size, self.done)
+        # By itself: a point of the unit cube gives it back to within rounding only.
+        self.start_cost = float(self._objective.of([self.space.base])[0, 0])
         while self.done < settings.generations:
             generation, best = self.done + 1, self._best()
             narrator.tell(generation, 0.0, best=best)

@@ -81,6 +81,8 @@ class BoundSpace:
 
     Attributes
     ----------
+    n
+        Number of joints.
     size
         Number of coordinates.
     labels
@@ -88,7 +90,7 @@ class BoundSpace:
     """
 
     def __init__(self, space: Space, controller: Controller, n: int) -> None:
-        self.space, self.base = space, controller
+        self.space, self.base, self.n = space, controller, n
         known = _numeric_parameters(controller)
         self._places: dict[str, slice] = {}
         low: list[float] = []
@@ -134,6 +136,11 @@ class BoundSpace:
                 out[row, k] = high if x >= 1.0 else min(max(value, low), high)
         return out.reshape(np.shape(points))
 
+    def at_bounds(self, point: FloatArray) -> tuple[str, ...]:
+        """Return the labels of what lies at a bound, or within a hundredth of the range of it."""
+        near = np.minimum(point, 1.0 - point) < 0.01
+        return tuple(label for label, here in zip(self.labels, near, strict=True) if here)
+
     def members(self, point: FloatArray) -> dict[str, float | FloatArray]:
         """Return the parameters at a point, (size,), by name: floats where shared, else (n,)."""
         values = self.values(point)
@@ -145,12 +152,25 @@ class BoundSpace:
         `name` is given to it where its kind has names.
         """
         members: dict[str, Any] = dict(self.members(point))
-        if name is not None and hasattr(self.base, "name"):
-            members["name"] = name
-        return self._replace(members)
+        return self._replace(members | self._naming(name))
 
-    def point(self, controller: Controller, n: int) -> FloatArray:
+    def parameters(self, controller: Controller) -> dict[str, float | FloatArray]:
+        """Return what a controller has of the parameters sought, by name."""
+        given = {name: np.asarray(getattr(controller, name)) for name in self.space.genes}
+        return {name: value if value.ndim else float(value) for name, value in given.items()}
+
+    def renamed(self, name: str) -> Controller:
+        """Return the controller that the space was met by, under another name."""
+        return self._replace(self._naming(name))
+
+    def _naming(self, name: str | None) -> dict[str, Any]:
+        return {} if name is None or not hasattr(self.base, "name") else {"name": name}
+
+    def point(self, controller: Controller, n: int, *, nearest: bool = False) -> FloatArray:
         """Return the point at which `controller` lies, (size,).
+
+        With `nearest` one that lies outside is moved to the bound, and where the space shares, the
+        mean of the joints counts.
 
         Raises
         ------
@@ -164,11 +184,13 @@ class BoundSpace:
                 kind = type(controller).__name__
                 raise ArgumentError(f"initial.{name}", f"a controller with {name}", f"a {kind}")
             given = checks.per_joint(f"initial.{name}", getattr(controller, name), n)
-            if self.space.genes[name].shared:
+            low, high = self.low[place], self.high[place]
+            if nearest:
+                given = np.clip(given.mean() if self.space.genes[name].shared else given, low, high)
+            elif self.space.genes[name].shared:
                 if (given != given[0]).any():
                     raise ArgumentError(f"initial.{name}", "one value for all joints", given)
                 given = given[:1]
-            low, high = self.low[place], self.high[place]
             if (given < low).any() or (given > high).any():
                 raise ArgumentError(f"initial.{name}", f"within {low} and {high}", given)
             for k, value in zip(range(place.start, place.stop), given.tolist(), strict=True):

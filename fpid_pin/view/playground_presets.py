@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.arms import Arm
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS
+from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS, of_paper
 
 
 def presets(
@@ -30,8 +29,8 @@ def presets(
     n = e.arm.n
     whole = {"integral_order": [1.0] * n, "derivative_order": [1.0] * n}
     # The paper's orders, and those tuned for it, mean something on its arm alone.
-    of_paper = e.arm == Arm.two_link()
-    printed = _orders(PUBLISHED_ORDERS["symbol"]) if of_paper else {}
+    ours = of_paper(e.arm)
+    printed = _orders(PUBLISHED_ORDERS["symbol"]) if ours else {}
     noisy = {"velocity_noise": 0.05}
     tight = {"effort_limit": [_round(0.6 * u) for u in peak]}
     weight = np.abs(e.arm.gravity_vector(np.asarray(e.q0))).max()
@@ -105,7 +104,7 @@ def presets(
         "how large that is. Dashed: without it.",
         {**push, "supervised": True, "m_x": close}, {**push, "supervised": False},
     ))  # fmt: skip
-    if of_paper:
+    if ours:
         found[2:2] = [
             preset(
                 "The published orders, read twice",

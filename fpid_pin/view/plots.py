@@ -34,7 +34,7 @@ from fpid_pin.view.panels import (
 )
 from fpid_pin.view.ranking import heat_map
 from fpid_pin.view.scene import captions_of
-from fpid_pin.view.searches import convergence, cost_map
+from fpid_pin.view.searches import convergence, cost_map, profile
 from fpid_pin.view.style import figure_bytes, lettering, new_figure, save_figure, styled
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ __all__ = [
     "lyapunov",
     "phase_plane",
     "plot",
+    "profile",
     "save_figure",
     "torque",
     "tracking",

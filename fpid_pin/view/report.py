@@ -48,6 +48,7 @@ _CAPTIONS = {
     "gains": "Adapted gains, and orders where they move",
     "lyapunov": "The supervisor's Lyapunov function and torque",
     "comparison": "Errors and torques compared",
+    "profile": "The cost along each parameter, all others held; dotted: tuned",
     "ranking": "Every controller under every condition",
 }
 

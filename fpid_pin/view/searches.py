@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view.style import lettering, new_figure, styled
 
@@ -114,4 +115,36 @@ def convergence(history: ArrayLike | Mapping[str, ArrayLike]) -> Figure:
     panel.xaxis.set_major_locator(MaxNLocator(integer=True))
     if len(curves) > 1:
         panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(curves))
+    return figure
+
+
+@styled
+def profile(labels: Sequence[str], values: FloatArray, costs: FloatArray, best: float) -> Figure:
+    """Draw the cost along each parameter in turn, all others held.
+
+    Parameters
+    ----------
+    labels
+        Of the parameters.
+    values, costs
+        (parameters, K); +inf where a run diverges.
+    best
+        The cost of the controller itself: the dotted line.
+    """
+    columns = min(len(labels), 4)
+    rows = -(-len(labels) // columns)
+    figure, axes = new_figure(rows, columns, 1.9 * columns + 0.8, 1.6 * rows + 0.5, share_x=False)
+    flat = [panel for row in axes for panel in row]
+    finite = costs[np.isfinite(costs)]
+    top = min(max(float(finite.max(initial=best)), 1.1 * best), 10.0 * best)
+    for panel, label, x, y in zip(flat, labels, values, costs, strict=False):
+        panel.plot(x, np.where(y <= top, y, np.nan), ".-")
+        panel.axhline(best, color="#D55E00", linestyle=":")
+        panel.set(ylim=(0.0, 1.05 * top), title=lettering(label))
+    for spare in flat[len(labels) :]:
+        spare.set_visible(False)
+    for row in axes:
+        row[0].set_ylabel("cost")
+        for panel in row[1:]:
+            panel.tick_params(labelleft=False)
     return figure

@@ -134,7 +134,7 @@ def test_a_cost_that_is_not_a_number_never_wins():
             ise = float(metrics.ise.sum())
             return ise if ise > 0.07 else float("nan")
 
-    result = tune(EXPERIMENT, CONTROLLER, ORDERS, Odd(), small())
+    result = tune(EXPERIMENT, CONTROLLER, ORDERS, Odd(), small(population=24))
     assert result.cost > 0.07
 
 
@@ -154,13 +154,13 @@ def test_the_front_holds_nothing_that_is_beaten():
 
 def test_differential_evolution_finds_nothing_better():
     space = Space(integral_order=(0, 1, "shared"), derivative_order=(0, 1, "shared"))
-    budget, told = SearchSettings(population=20, generations=12), []
+    budget, told = SearchSettings(population=20, generations=40), []
     ours = tune(EXPERIMENT, CONTROLLER, space, TRACKING, budget)
     other = cross_check(EXPERIMENT, CONTROLLER, space, TRACKING, budget, progress=told.append)
     assert other.cost == fp.evaluate(EXPERIMENT, [other.controller], TRACKING)[0]
-    assert other.evaluations == told[-1].evaluations == 20 * 12
+    assert other.evaluations == told[-1].evaluations == 20 * 40
     assert ours.cost <= 1.005 * other.cost
-    assert (told[-1].part, told[-1].generation, told[-1].best) == (1.0, 12, other.cost)
+    assert (told[-1].part, told[-1].generation, told[-1].best) == (1.0, 40, other.cost)
     assert all(progress.rate > 0.0 for progress in told if progress.complete)
 
 

@@ -1,0 +1,180 @@
+"""The start takes part, the result says what it is worth, and a profile what mattered."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.cli.main import main
+from fpid_pin.costs import Cost, QuadraticCost
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.tuning import SearchSettings, Space, profile, tune
+
+EXPERIMENT = fp.paper_experiment(duration=0.4, step=5e-3)
+CONTROLLER = fp.paper_controller(supervised=False)
+TRACKING = QuadraticCost(1.0, 0.0)
+ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
+SHORT = SearchSettings(population=4, generations=1)
+
+
+def searched(controller, space, **changes):
+    return tune(EXPERIMENT, controller, space, TRACKING, dataclasses.replace(SHORT, **changes))
+
+
+def test_a_start_that_cannot_be_beaten_is_the_result():
+    good = searched(CONTROLLER, ORDERS, population=16, generations=8).controller
+    # Every other point of this space is worse: kp is lower than it should be.
+    start = dataclasses.replace(good, kp=(40.0, 40.0))
+    result = searched(start, Space(kp=(0.1, 0.2)))
+    assert result.cost == result.start_cost == fp.evaluate(EXPERIMENT, [start], TRACKING)[0]
+    assert np.array_equal(result.parameters["kp"], (40.0, 40.0))
+    assert result.controller.name == "tuned"
+    assert result.gain == 0.0
+    assert "was not improved on" in result.advice[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_search_however_short_ends_worse_than_it_began(seed):
+    rng = np.random.default_rng(seed)
+    start = dataclasses.replace(
+        CONTROLLER, integral_order=rng.uniform(0.0, 1.0, 2), kp=rng.uniform(1.0, 80.0, 2)
+    )
+    space = Space(integral_order=(0, 1), kp=(5, 60, "log"), kd=(1, 40, "shared"))
+    result = searched(start, space, seeds=(seed,))
+    assert result.cost <= result.start_cost == fp.evaluate(EXPERIMENT, [start], TRACKING)[0]
+    assert result.cost == fp.evaluate(EXPERIMENT, [result.controller], TRACKING)[0]
+    assert result.gain == pytest.approx(1.0 - result.cost / result.start_cost)
+
+
+def test_a_start_that_diverges_is_no_rival():
+    wild = dataclasses.replace(CONTROLLER, kd=(5000.0, 5000.0))
+    result = searched(wild, Space(kd=(1, 30)), population=8)
+    assert result.start_cost == np.inf
+    assert np.isfinite(result.cost)
+    assert result.gain == 1.0
+    assert "a run that diverges" in result.advice[0]
+
+
+def test_what_lies_at_a_bound_is_named():
+    # More is better here, up to where the space ends.
+    result = searched(CONTROLLER, Space(kp=(1, 12, "shared"), kd=(1, 200)), population=24,
+                      generations=12)  # fmt: skip
+    assert "kp" in result.at_bounds
+    assert type(result.parameters["kp"]) is float
+    assert any(line.startswith("At a bound: kp") for line in result.advice)
+
+
+def history_of(result, best):
+    best = np.asarray(best, dtype=float)[:, np.newaxis]
+    return dataclasses.replace(
+        result, history=dataclasses.replace(result.history, best=best, mean=best)
+    )
+
+
+def test_advice_follows_the_last_quarter():
+    result = searched(CONTROLLER, ORDERS)
+    assert np.isnan(result.late_gain)
+    assert "Only 1 generations: go on" in result.advice[-1]
+    flat = history_of(result, np.r_[np.linspace(2.0, 1.0, 30), np.full(10, 1.0)])
+    assert flat.late_gain == 0.0
+    assert flat.advice[-1].startswith("The search has settled")
+    falling = history_of(result, np.linspace(2.0, 1.0, 41))
+    assert falling.late_gain == pytest.approx(1.0 - 1.0 / 1.25)
+    assert "saved 20 %: go on" in falling.advice[-1]
+    apart = dataclasses.replace(flat, costs=np.array([1.0, 1.2]))
+    assert apart.advice[-1].startswith("The seeds differ by 13 %")
+
+
+class Bowl(Cost):
+    """Stands in for a run: a cost whose curvature along each parameter is known."""
+
+    def of(self, metrics):
+        raise NotImplementedError
+
+
+def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
+    from fpid_pin.tuning import objective
+
+    weights = np.array([4.0, 0.0])
+
+    def costs(experiments, controllers, costs, **others):
+        kp = np.array([c.kp for c in controllers])
+        return (1.0 + (weights * (kp - 2.0) ** 2).sum(axis=1))[:, np.newaxis]
+
+    monkeypatch.setattr(objective, "evaluate", costs)
+    law = dataclasses.replace(CONTROLLER, kp=(2.0, 2.0))
+    found = profile(EXPERIMENT, law, Space(kp=(1, 5)), Bowl(), points=5)
+    assert found.labels == ("kp.0", "kp.1")
+    assert found.cost == 1.0
+    assert found.values == pytest.approx(np.tile([1.0, 2.0, 3.0, 4.0, 5.0], (2, 1)))
+    assert found.costs[0] == pytest.approx([5.0, 1.0, 5.0, 17.0, 37.0])
+    assert found.costs[1] == pytest.approx(np.ones(5))
+    # A tenth of the range is 0.4: 4 x 0.16.
+    assert found.rises == pytest.approx([0.64, 0.0])
+    with pytest.raises(ArgumentError, match="kp: expected within"):
+        profile(EXPERIMENT, law, Space(kp=(3, 5)), Bowl())
+    with pytest.raises(ArgumentError, match="points"):
+        profile(EXPERIMENT, law, Space(kp=(1, 5)), Bowl(), points=1)
+
+
+CONFIG = """
+format = 1
+[arm]
+kind = "{arm}"
+{more}
+[reference]
+kind = "sinusoid"
+amplitude = 0.3
+[simulation]
+duration = 0.2
+[[controller]]
+kind = "adaptive_fpid"
+name = "mine"
+kp = 20
+ki = 10
+kd = 5
+integral_order = 0.9
+derivative_order = 0.9
+[tune]
+population = 4
+generations = 2
+map_points = 3
+profile_points = {points}
+[tune.space]
+kp = [1, 40]
+integral_order = [0, 1, "shared"]
+"""
+
+
+@pytest.mark.parametrize(
+    ("arm", "more"),
+    [("two_link", ""), ("planar", "lengths = [1.0, 1.0]\nmasses = [1.0, 2.0]")],
+    ids=["of the paper", "of two joints"],
+)
+def test_the_command_says_what_was_gained_and_what_matters(arm, more, tmp_path, capsys):
+    config, out = tmp_path / "c.toml", tmp_path / "out"
+    config.write_text(CONFIG.format(arm=arm, more=more, points=3))
+    assert main(["tune", str(config), "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("From ")
+    summary = (out / "summary.md").read_text("utf-8")
+    assert "## Parameters" in summary
+    for label in ("kp.0", "kp.1", "integral_order"):
+        assert f"| {label} |" in summary
+    assert (out / "profile.svg").is_file()
+    # The paper's orders are no rivals on another arm, nor marks of its map.
+    assert ("published orders" in summary) == (arm == "two_link")
+    report = (out / "report.html").read_text("utf-8")
+    assert printed.splitlines()[0] in report
+    assert main(["run", str(out / "tuned.toml"), "--out", str(tmp_path / "run")]) == 0
+
+
+def test_a_profile_can_be_left_out(tmp_path, capsys):
+    config, out = tmp_path / "c.toml", tmp_path / "out"
+    config.write_text(CONFIG.format(arm="two_link", more="", points=0))
+    assert main(["tune", str(config), "--out", str(out)]) == 0
+    assert not (out / "profile.svg").exists()
+    config.write_text(CONFIG.format(arm="two_link", more="", points=-1))
+    assert main(["tune", str(config), "--out", str(out)]) == 2
+    assert "tune.profile_points" in capsys.readouterr().err
