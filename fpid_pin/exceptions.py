@@ -62,7 +62,7 @@ class ArgumentError(FpidError, ValueError):
 
 
 class ArmError(FpidError):
-    """A robot description cannot be used: missing, broken, or not a fixed-base revolute chain."""
+    """A robot description cannot be used: missing, broken, or not a fixed-base chain."""
 
 
 class DesignError(FpidError):

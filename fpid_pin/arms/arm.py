@@ -1,10 +1,9 @@
-"""The arm: a fixed-base chain of revolute joints on Pinocchio, with the terms of eq. (5)."""
+"""The arm: a fixed-base chain of joints on Pinocchio, with the terms of eq. (5)."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,14 +11,11 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import change
-from fpid_pin.arms.catalogue import ExampleSource
 from fpid_pin.arms.chain import require_regular, require_serial
 from fpid_pin.arms.inertia import perturbed_rows
-from fpid_pin.arms.planar import PlanarSource
+from fpid_pin.arms.making import Making
 from fpid_pin.arms.rigid_body import RigidBody
 from fpid_pin.arms.source import Parts, Source
-from fpid_pin.arms.two_link import TwoLinkSource
-from fpid_pin.arms.urdf import UrdfSource, read_text
 from fpid_pin.checks import FloatArray
 
 # Fields of an arm that are one number a joint, in their order; `home` follows them.
@@ -29,11 +25,12 @@ _ARRAYS = (
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Arm(RigidBody):
-    """A robot arm with n revolute joints; immutable and picklable.
+class Arm(RigidBody, Making):
+    """A robot arm with n revolute or prismatic joints; immutable and picklable.
 
-    Made by `two_link`, `planar`, `from_urdf` or `from_example`, and from other arms by
-    `with_payload` and its kin. The rigid-body terms are those of
+    Made by `two_link`, `planar`, `from_file`, `from_model` and their kin (see `Making`), and from
+    other arms by `with_payload` and its kin. What is an angle [rad] or a torque [N m] below is a
+    length [m] or a force [N] for a prismatic joint: see `units`. The rigid-body terms are those of
 
         M(q) q'' + C(q, q') q' + G(q) = tau                                             (5)
 
@@ -67,81 +64,6 @@ class Arm(RigidBody):
     home: FloatArray
     _source: Source
     _changes: tuple[change.Change, ...] = ()
-
-    # ------------------------------------------------------------------ constructors
-
-    @classmethod
-    def two_link(cls) -> Arm:
-        """Return the paper's robot (section 5.1) from ``urdf/two_link.urdf``, g = 9.8 m/s^2."""
-        return assemble(TwoLinkSource())
-
-    @classmethod
-    def planar(
-        cls,
-        lengths: ArrayLike,
-        masses: ArrayLike,
-        gravity: ArrayLike = 9.8,
-        rods: bool = False,
-    ) -> Arm:
-        """Return an n-R arm in the vertical x-z plane; angles are counter-clockwise from x.
-
-        Parameters
-        ----------
-        lengths, masses
-            Link lengths [m] and masses [kg], (n,).
-        gravity
-            A number (along -z) or (3,) [m/s^2]; 0 for a horizontal arm.
-        rods
-            False: point masses at the link ends (the paper's). True: uniform thin rods.
-
-        Raises
-        ------
-        ArgumentError
-            Lengths or masses that are not positive, or not as many of one as of the other.
-        """
-        return assemble(PlanarSource(lengths, masses, gravity, rods))
-
-    @classmethod
-    def from_urdf(
-        cls,
-        path: str | Path,
-        lock: Mapping[str, float] | None = None,
-        gravity: ArrayLike = 9.81,
-        package_dirs: Sequence[str | Path] | None = None,
-    ) -> Arm:
-        """Read a fixed-base serial chain of revolute or continuous joints.
-
-        Parameters
-        ----------
-        path
-            The URDF file.
-        lock
-            Joints to hold still, and where: ``{"finger": 0.02}`` ([rad]; prismatic joints [m]).
-        gravity
-            A number (along -z) or (3,) [m/s^2].
-        package_dirs
-            Folders to look up ``package://`` meshes in, besides those at and above the file.
-
-        Raises
-        ------
-        ArmError
-            A file that is missing or broken; a joint that neither turns nor is locked; a tree;
-            a link without mass that leaves the mass matrix singular.
-        """
-        text = read_text(path)
-        dirs = () if package_dirs is None else package_dirs
-        return assemble(UrdfSource(text, str(path), lock or {}, gravity, dirs))  # type: ignore[arg-type]
-
-    @classmethod
-    def from_example(cls, name: str, lock: Mapping[str, float] | None = None) -> Arm:
-        """Return an arm of example-robot-data by its name (see `fpid_pin.arms.names`).
-
-        Raises
-        ------
-        ArgumentError
-            An unknown name; the message gives the nearest.
-        """
-        return assemble(ExampleSource(name, lock or {}))
 
     # ------------------------------------------------------------------ what it is
 
@@ -272,6 +194,10 @@ class Arm(RigidBody):
         if self._changes:
             table["changes"] = [item.table() for item in self._changes]
         return table
+
+    @classmethod
+    def _assembled(cls, source: Source) -> Arm:
+        return assemble(source)
 
     def _changed(self, item: change.Change) -> Arm:
         own = {name: getattr(self, name) for name in (*_ARRAYS, "home", "tool")}

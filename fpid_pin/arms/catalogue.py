@@ -11,7 +11,8 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.arms.source import Parts, Source
-from fpid_pin.arms.urdf import UrdfSource, read_text
+from fpid_pin.arms.urdf import UrdfSource
+from fpid_pin.arms.xml_text import read_text
 from fpid_pin.exceptions import ArmError
 
 _UR = "github.com/ros-industrial/universal_robot, BSD"

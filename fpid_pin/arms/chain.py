@@ -25,9 +25,7 @@ def require_serial(model: Any, name: str) -> None:
         Naming the joint at which the arm branches, and the joints that leave it.
     """
     if model.njoints < 2:
-        raise ArmError(
-            f"{cut(name)}: expected at least one revolute joint that is free to move, got none"
-        )
+        raise ArmError(f"{cut(name)}: expected at least one joint that is free to move, got none")
     children: dict[int, list[str]] = {}
     for joint in range(1, model.njoints):
         children.setdefault(int(model.parents[joint]), []).append(str(model.names[joint]))

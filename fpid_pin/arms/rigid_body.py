@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms.inertia import row_of
+from fpid_pin.arms.joints import EFFORT_UNITS, UNITS, kind_of
 from fpid_pin.checks import FloatArray
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigidBody:
-    """A chain of n revolute joints and links, without friction.
+    """A chain of n joints and links, without friction.
 
     Its terms are those of
 
@@ -45,6 +46,21 @@ class RigidBody:
     def n(self) -> int:
         """Number of joints."""
         return len(self.joint_names)
+
+    @property
+    def joint_kinds(self) -> tuple[str, ...]:
+        """``"revolute"`` or ``"prismatic"``, by joint."""
+        return tuple(kind_of(joint) for joint in list(self.model.joints)[1:])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """``"rad"`` or ``"m"``, by joint: the unit of its coordinate."""
+        return tuple(UNITS[kind] for kind in self.joint_kinds)
+
+    @property
+    def effort_units(self) -> tuple[str, ...]:
+        """``"N m"`` or ``"N"``, by joint."""
+        return tuple(EFFORT_UNITS[kind] for kind in self.joint_kinds)
 
     @property
     def gravity(self) -> float:

@@ -16,7 +16,7 @@ from fpid_pin.arms.chain import last_frame
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError, ArmError
 
-#: A position limit beyond this many radians is a way of saying that there is none.
+#: A position limit beyond this [rad] or [m] is a way of saying that there is none.
 UNREACHABLE = 1e4
 
 
@@ -24,8 +24,9 @@ UNREACHABLE = 1e4
 class Parts:
     """What an arm is made of while it is being put together; changes alter these in place.
 
-    `model` is a ``pinocchio.Model`` with one revolute joint per degree of freedom. `home` may be
-    None (then it is the middle of the limits), and so may `tool` (then it is the last frame).
+    `model` is a ``pinocchio.Model`` with one revolute or prismatic joint per degree of freedom.
+    `home` may be None (then it is the middle of the limits), and so may `tool` (then it is the last
+    frame).
     """
 
     model: Any
@@ -104,10 +105,15 @@ def gravity_entry(gravity: FloatArray) -> float | list[float]:
     return [float(x) for x in gravity]
 
 
-def limits_of(model: Any) -> dict[str, FloatArray]:
-    """Read limits and friction from a model; what is absent there (0, or an empty range) is inf."""
-    lower = np.array(model.lowerPositionLimit, dtype=np.float64)
-    upper = np.array(model.upperPositionLimit, dtype=np.float64)
+def limits_of(
+    model: Any, lower: ArrayLike | None = None, upper: ArrayLike | None = None
+) -> dict[str, FloatArray]:
+    """Read limits and friction from a model; what is absent there (0, or an empty range) is inf.
+
+    `lower` and `upper` are its position limits one a joint, (n,); None: they stand so in the model.
+    """
+    lower = np.array(model.lowerPositionLimit if lower is None else lower, dtype=np.float64)
+    upper = np.array(model.upperPositionLimit if upper is None else upper, dtype=np.float64)
     empty = ~(lower < upper)
     lower[empty | (lower < -UNREACHABLE)] = -np.inf
     upper[empty | (upper > UNREACHABLE)] = np.inf
@@ -134,5 +140,7 @@ def one_line(name: str, what: str) -> Iterator[None]:
     try:
         yield
     except (ValueError, RuntimeError, IndexError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
+        # Some of its messages begin with where in its source they come from.
+        said = str(error).rpartition("\nmessage:")[2]
+        reason = " ".join(said.split()) or type(error).__name__
         raise ArmError(f"{name}: {what}: {reason}") from None

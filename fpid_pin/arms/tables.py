@@ -3,7 +3,10 @@
     {"kind": "two_link"}
     {"kind": "planar", "lengths": [1.0, 0.8], "masses": [1.0, 1.0]}
     {"kind": "urdf", "path": "my_arm.urdf"}          # or "urdf": the text itself
+    {"kind": "mjcf", "path": "my_arm.xml"}           # "sdf" likewise
     {"kind": "example", "name": "ur5"}
+    {"kind": "description", "name": "ur5e_description"}
+    {"kind": "model", "name": "gantry", "joints": [{...}, ...]}
 
 and in each of them ``"changes"``: a list of ``{"payload": {...}}``, ``{"friction": {...}}``,
 ``{"limits": {...}}``, ``{"gravity": {...}}``, ``{"armature": {...}}``, ``{"inertias": {...}}``.
@@ -18,10 +21,15 @@ from fpid_pin import checks
 from fpid_pin.arms import change
 from fpid_pin.arms.arm import Arm, assemble
 from fpid_pin.arms.catalogue import ExampleSource
+from fpid_pin.arms.mjcf import read_mjcf
+from fpid_pin.arms.model import ModelSource
 from fpid_pin.arms.planar import PlanarSource
+from fpid_pin.arms.robot_descriptions import read_description
+from fpid_pin.arms.sdf import read_sdf
 from fpid_pin.arms.source import Source
 from fpid_pin.arms.two_link import TwoLinkSource
-from fpid_pin.arms.urdf import UrdfSource, read_text
+from fpid_pin.arms.urdf import UrdfSource
+from fpid_pin.arms.xml_text import read_text
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
@@ -93,3 +101,43 @@ class _Example(_Table):
     @classmethod
     def _source_of(cls, fields: dict[str, Any]) -> Source:
         return ExampleSource(**fields)
+
+
+@described("mjcf")
+class _Mjcf(_Table):
+    _required = ("path",)
+    _optional = ("lock", "gravity")
+
+    @classmethod
+    def _source_of(cls, fields: dict[str, Any]) -> Source:
+        return read_mjcf(fields["path"], fields.get("lock"), fields.get("gravity"))
+
+
+@described("sdf")
+class _Sdf(_Table):
+    _required = ("path",)
+    _optional = ("lock", "gravity")
+
+    @classmethod
+    def _source_of(cls, fields: dict[str, Any]) -> Source:
+        return read_sdf(fields["path"], fields.get("lock"), fields.get("gravity"))
+
+
+@described("description")
+class _Description(_Table):
+    _required = ("name",)
+    _optional = ("lock", "gravity")
+
+    @classmethod
+    def _source_of(cls, fields: dict[str, Any]) -> Source:
+        return read_description(fields["name"], fields.get("lock"), fields.get("gravity"))
+
+
+@described("model")
+class _Model(_Table):
+    _required = ("joints",)
+    _optional = ("frames", "shapes", "name", "gravity", "home", "tool")
+
+    @classmethod
+    def _source_of(cls, fields: dict[str, Any]) -> Source:
+        return ModelSource(**fields)

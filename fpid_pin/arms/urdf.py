@@ -27,27 +27,12 @@ from fpid_pin.arms.source import (
 from fpid_pin.arms.urdf_bare import bare
 from fpid_pin.arms.urdf_checks import parse, require_joints
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError, ArmError
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, shown
 
 _BOUNDS = ("lower", "upper")
 _FAR = f"{10.0 * UNREACHABLE:g}"
 _NO_LIMIT = {"lower": f"-{_FAR}", "upper": _FAR, "effort": "0", "velocity": "0"}
-
-
-def read_text(path: str | Path) -> str:
-    """Read a URDF file; whatever the file system says becomes one `ArmError`."""
-    checks.instance("path", path, (str, Path), "the path of a URDF file")
-    file, label = Path(path), cut(str(path))
-    try:
-        if not file.is_file():
-            got = "a folder" if file.is_dir() else "none"
-            raise ArmError(f"{label}: expected a URDF file, got {got}")
-        return file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        # What the system says of a name that is too long repeats the name.
-        reason = getattr(error, "strerror", None) or error
-        raise ArmError(f"{label}: cannot be read: {reason}") from None
 
 
 def unwind(root: ET.Element) -> None:

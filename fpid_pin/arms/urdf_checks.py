@@ -11,17 +11,12 @@ from fpid_pin import checks
 from fpid_pin.arms.urdf_bare import numbers
 from fpid_pin.arms.urdf_bodies import require_bodies
 from fpid_pin.arms.urdf_tree import require_chain, require_tree
+from fpid_pin.arms.xml_text import parse_xml, require_root
 from fpid_pin.exceptions import ArmError
-from fpid_pin.text import cut, named
+from fpid_pin.text import named
 
-_TURNING = ("revolute", "continuous")
-_LOCKABLE = (*_TURNING, "prismatic")
-_KINDS = (*_LOCKABLE, "fixed", "floating", "planar")
-#: Elements within one another, at most; a URDF needs six. XML is written, and read by urdfdom, by
-#: functions that call themselves.
-_NESTED = 100
-#: Characters of an element's name in a message.
-_TAG = 60
+_MOVING = ("revolute", "continuous", "prismatic")
+_KINDS = (*_MOVING, "fixed", "floating", "planar")
 #: What there may be one of: urdfdom would quietly take the first.
 _SINGLE = {
     "link": ("inertial", "mass", "inertia", "origin"),
@@ -57,13 +52,8 @@ def parse(text: str, label: str) -> ET.Element:
     ArmError
         One line that names the element at fault.
     """
-    try:
-        root = ET.fromstring(text)
-    except (ET.ParseError, ValueError) as error:
-        raise ArmError(f"{label}: expected well-formed XML, got {error}") from None
-    if root.tag != "robot":
-        raise ArmError(f"{label}: expected a <robot> element, got <{cut(root.tag, _TAG)}>")
-    _require_flat(root, label)
+    root = parse_xml(text, label)
+    require_root(root, "robot", label)
     if not root.get("name"):
         raise ArmError(f"{label}: expected a <robot> with a name, got none")
     _require_single(root, label)
@@ -77,18 +67,6 @@ def parse(text: str, label: str) -> ET.Element:
     _require_numbers(root, label)
     require_bodies(root, label)
     return root
-
-
-def _require_flat(root: ET.Element, label: str) -> None:
-    level = [root]
-    for _ in range(_NESTED):
-        level = [element for above in level for element in above]
-        if not level:
-            return
-    raise ArmError(
-        f"{label}: expected at most {_NESTED} elements within one another, got more around "
-        f"<{cut(level[0].tag, _TAG)}>"
-    )
 
 
 def _require_single(root: ET.Element, label: str) -> None:
@@ -141,12 +119,12 @@ def _numbers(root: ET.Element) -> Iterator[tuple[str, str, ET.Element, str, int,
 
 
 def require_joints(root: ET.Element, label: str, lock: Mapping[str, float]) -> None:
-    """Refuse, by name, a joint that neither turns nor is locked, and a lock of an unknown one."""
+    """Refuse, by name, a joint that has no axis and no lock, and a lock of an unknown one."""
     kinds = {j.get("name", ""): j.get("type", "") for j in root.findall("joint")}
     movable = [name for name, kind in kinds.items() if kind != "fixed"]
     for name in lock:
         checks.choice("lock", name, movable)
-        if kinds[name] not in _LOCKABLE:
+        if kinds[name] not in _MOVING:
             raise ArmError(
                 f"{label}: joint {named(name)}: expected a joint with one coordinate to lock, "
                 f"got {_kind(kinds[name])}"
@@ -155,11 +133,10 @@ def require_joints(root: ET.Element, label: str, lock: Mapping[str, float]) -> N
         name, kind = joint.get("name", ""), joint.get("type", "")
         if name in lock or kind == "fixed":
             continue
-        if kind not in _TURNING:
-            hint = f" (lock it: lock={{{named(name)}: 0.0}})" if kind in _LOCKABLE else ""
+        if kind not in _MOVING:
             raise ArmError(
-                f"{label}: joint {named(name)}: expected revolute or continuous, "
-                f"got {_kind(kind)}{hint}"
+                f"{label}: joint {named(name)}: expected revolute, continuous or prismatic, "
+                f"got {_kind(kind)}"
             )
         axis = joint.find("axis")
         direction = None if axis is None else axis.get("xyz")
@@ -172,7 +149,7 @@ def require_joints(root: ET.Element, label: str, lock: Mapping[str, float]) -> N
         if mimic is not None:
             raise ArmError(
                 f"{label}: joint {named(name)}: expected a joint of its own, got one that mimics "
-                f"{named(mimic.get('joint'))} (lock it)"
+                f"{named(mimic.get('joint'))} (lock it: lock={{{named(name)}: 0.0}})"
             )
     require_chain(root, label, lock)
 

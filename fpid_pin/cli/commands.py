@@ -17,6 +17,8 @@ app = typer.Typer(
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
 OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
+ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, or a robot's file.")]
+Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
 Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
 NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
 NoFigures = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
@@ -110,6 +112,32 @@ def arms() -> None:
     from fpid_pin.cli.screen import screen
 
     screen().print(arms_table())
+
+
+@app.command()
+def inspect(
+    arm: ArmName,
+    lock: Locks = None,
+    bandwidth: Annotated[float, typer.Option(help="Of the gains [rad/s].")] = 10.0,
+    step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
+    picture: Annotated[Path | None, typer.Option(help="Draw it: .svg, .png or .pdf.")] = None,
+) -> None:
+    """Say what there is to know of an arm: limits, inertia, suggested gains, margins."""
+    from fpid_pin.cli.inspect import run_inspect
+
+    run_inspect(arm, lock or (), bandwidth, step, picture)
+
+
+@app.command()
+def init(
+    arm: ArmName,
+    out: Annotated[Path, typer.Option(help="The file to write.")] = Path("config.toml"),
+    lock: Locks = None,
+) -> None:
+    """Write a configuration for an arm that `compare` runs as it is."""
+    from fpid_pin.cli.init import run_init
+
+    run_init(arm, lock or (), out)
 
 
 @app.command()

@@ -76,16 +76,19 @@ def run_rows(entries: Sequence[Entry], ranking: Ranking | None = None) -> list[R
 
 
 def joint_rows(entries: Sequence[Entry]) -> list[Row]:
-    """Return one row a run and joint, every metric."""
+    """Return one row a run and joint, every metric.
+
+    A column's [rad] and [N m] are [m] and [N] of a joint that slides, whose name says so.
+    """
     rows = []
     for entry in entries:
-        m, names = entry.run.metrics, entry.run.arm.joint_names
-        for j, joint in enumerate(names):
+        m, arm = entry.run.metrics, entry.run.arm
+        for j, joint in enumerate(arm.joint_names):
             rows.append(
                 {
                     "condition": entry.condition,
                     "controller": entry.controller,
-                    "joint": joint,
+                    "joint": joint if arm.units[j] == "rad" else f"{joint} [m, N]",
                     "RMS [rad]": m.rms[j],
                     "RMS tail [rad]": m.rms_tail[j],
                     "ISE [rad^2 s]": m.ise[j],
@@ -111,7 +114,7 @@ def limit_rows(entries: Sequence[Entry]) -> list[Row]:
             "condition": entry.condition,
             "controller": entry.controller,
             "joint": e.joint,
-            "quantity": e.quantity,
+            "quantity": f"{e.quantity} [{e.unit}]",
             "limit": e.limit,
             "first [s]": e.time,
             "worst": e.value,

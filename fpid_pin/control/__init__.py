@@ -2,11 +2,13 @@
 
 from fpid_pin.control.adaptive_orders import adapt_orders
 from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
+from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
+from fpid_pin.control.certificate import GainCertificate, certify_gains
 from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.encoder import EncoderRate
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.gains import gain_ceilings, suggest_gains
+from fpid_pin.control.gains import GainSuggestion, explain_gains, suggest_gains
 from fpid_pin.control.joint_order import JointOrder
 from fpid_pin.control.loop import Loop
 from fpid_pin.control.observer_bandwidth import suggest_observer
@@ -23,6 +25,9 @@ __all__ = [
     "ComputedTorque",
     "Controller",
     "EncoderRate",
+    "GainCeilings",
+    "GainCertificate",
+    "GainSuggestion",
     "GravityOnly",
     "JointOrder",
     "LawState",
@@ -40,6 +45,8 @@ __all__ = [
     "Supervisor",
     "Ticks",
     "adapt_orders",
+    "certify_gains",
+    "explain_gains",
     "gain_ceilings",
     "lyapunov_matrix",
     "stability_report",

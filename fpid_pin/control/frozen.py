@@ -38,14 +38,17 @@ class Terms:
 
     @cached_property
     def together(self) -> LinearSystem:
-        """All joints' terms, (3 n), joint by joint, as one system from [e, e'], (2 n)."""
+        """All joints' terms, (3 n), joint by joint, as one system from [e, e'], (2 n).
+
+        It has no state that no term depends on: int e has no part in I^0 e.
+        """
         from scipy.linalg import block_diag
 
         n = len(self.joints)
         # Joint by joint the inputs come as e_0, e'_0, e_1, ...
         order = np.arange(2 * n).reshape(n, 2).T.reshape(-1)
         a, b, c, d = (block_diag(*(getattr(s, k) for s in self.joints)) for k in "abcd")
-        return LinearSystem(a, b[:, order], c, d[:, order])
+        return LinearSystem(a, b[:, order], c, d[:, order]).observed()
 
     def weighed(self, gains: FloatArray) -> LinearSystem:
         """Return the law (10) with Kp, Ki and Kd, (3, n), their scale included: (2 n) to (n)."""

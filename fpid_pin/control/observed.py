@@ -62,3 +62,15 @@ def beside(law: LinearSystem, observer: LinearSystem) -> LinearSystem:
     a = np.block([[law.a, np.zeros((len(law.a), len(observer.a)))], [asked @ law.c, observer.a]])
     b = np.vstack([law.b, drive + asked @ law.d])
     return LinearSystem(a, b, np.hstack([through @ law.c, observer.c]), direct + through @ law.d)
+
+
+def under(plant: LinearSystem, observer: LinearSystem) -> LinearSystem:
+    """Return an arm that an observer drives, from the law's torque to [q, q'], its first states."""
+    ours = len(plant.a)
+    drive, asked = np.split(observer.b, [ours], axis=1)
+    seen, passed = np.split(observer.d, [ours], axis=1)
+    # It sees e = -q and e' = -q'.
+    top = np.hstack([plant.a - plant.b @ seen, plant.b @ observer.c])
+    a = np.vstack([top, np.hstack([-drive, observer.a])])
+    b = np.vstack([plant.b @ passed, asked])
+    return LinearSystem(a, b, np.eye(ours, len(a)), np.zeros((ours, b.shape[1])))

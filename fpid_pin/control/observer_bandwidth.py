@@ -14,6 +14,7 @@ from fpid_pin.control.disturbance import FASTEST, observer_gains
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.frozen import gain_table, terms_of
 from fpid_pin.control.observed import beside, observer_system
+from fpid_pin.control.poses import seeded_poses
 from fpid_pin.control.sampled import LinearSystem, gravity_stiffness
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.fractional import ExponentialSum
@@ -95,7 +96,7 @@ def suggest_observer(
         )
         return 0.0
     omega = min(_quiet(arm, law, step, noise), FASTEST / step)
-    for pose in _poses(arm):
+    for pose in seeded_poses(arm, _POSES, 0):
         for ratio in INERTIA_RATIOS:
             loop = _with_room(arm, law, pose, ratio, step, late)
             omega = omega if loop is None else _largest(loop, omega)
@@ -131,13 +132,6 @@ def check_observer(observer: float | str) -> float | str:
     if isinstance(observer, str):
         return checks.choice("observer", observer, (SUGGESTED,))
     return checks.number("observer", observer, low=0.0)
-
-
-def _poses(arm: Arm) -> FloatArray:
-    rng = np.random.default_rng(0)
-    low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
-    high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
-    return np.vstack([arm.home, rng.uniform(low, high, (_POSES - 1, arm.n))])
 
 
 def _law(arm: Arm, controller: AdaptiveFpid, step: float) -> LinearSystem:

@@ -37,7 +37,7 @@ class SuggestedFpid(Controller):
 
     bandwidth: float = 10.0
     integral_order: float = 0.9
-    derivative_order: float = 0.95
+    derivative_order: float | None = None
     adaptive: bool = True
     feedforward: bool = False
     observer: float | str = 0.0
@@ -48,8 +48,9 @@ class SuggestedFpid(Controller):
         value = checks.number("bandwidth", self.bandwidth, above=0.0)
         object.__setattr__(self, "bandwidth", value)
         for name in ("integral_order", "derivative_order"):
-            value = checks.number(name, getattr(self, name), low=0.0, high=1.0)
-            object.__setattr__(self, name, value)
+            order = getattr(self, name)
+            if order is not None or name == "integral_order":
+                object.__setattr__(self, name, checks.number(name, order, low=0.0, high=1.0))
         for name in ("adaptive", "feedforward"):
             checks.instance(name, getattr(self, name), bool, "true or false")
         object.__setattr__(self, "observer", check_observer(self.observer))
@@ -82,6 +83,9 @@ class SuggestedFpid(Controller):
         cls, controllers: Sequence[SuggestedFpid], arm: Arm, *, step: float, horizon: float
     ) -> State:
         """Start all `controllers` in one state; see `Controller.start_many`."""
-        # Fitted to no particular horizon: a run's gains do not depend on how long it lasts.
-        laws = [controller.on(arm, step=step) for controller in controllers]
-        return AdaptiveFpid.start_many(laws, arm, step=step, horizon=horizon)
+        # Fitted to no particular horizon: a run's gains do not depend on how long it lasts. Most
+        # populations have one description many times, and a suggestion takes a second.
+        known = {id(c): c for c in controllers}
+        laws = {key: controller.on(arm, step=step) for key, controller in known.items()}
+        each = [laws[id(c)] for c in controllers]
+        return AdaptiveFpid.start_many(each, arm, step=step, horizon=horizon)

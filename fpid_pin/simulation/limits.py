@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from fpid_pin.simulation.experiment import Experiment
     from fpid_pin.simulation.run import Run
 
-UNITS = {"position": "rad", "velocity": "rad/s", "effort": "N m"}
-
 
 @dataclass(frozen=True)
 class Exceedance:
@@ -28,13 +26,16 @@ class Exceedance:
     quantity
         ``"position"``, ``"velocity"`` or ``"effort"`` (the controller asked for all of it).
     limit
-        [rad], [rad/s] or [N m]; for positions the one that was passed.
+        [rad], [rad/s] or [N m] (of a prismatic joint [m], [m/s] or [N]); for positions the one
+        that was passed.
     time
         When first [s].
     value
         The worst that followed.
     part
         Part of the run's samples beyond the limit.
+    unit
+        Of `limit` and `value`.
     """
 
     joint: str
@@ -43,13 +44,14 @@ class Exceedance:
     time: float
     value: float
     part: float
+    unit: str
 
     def __str__(self) -> str:
-        unit = UNITS[self.quantity]
+        unit = self.unit
         if self.quantity == "effort":
             return (
-                f"{self.joint}: at its effort limit of {self.limit:.3g} N m from {self.time:.3g} s "
-                f"on, {100.0 * self.part:.3g} % of the time"
+                f"{self.joint}: at its effort limit of {self.limit:.3g} {unit} from "
+                f"{self.time:.3g} s on, {100.0 * self.part:.3g} % of the time"
             )
         return (
             f"{self.joint}: {self.quantity} beyond {self.limit:.3g} {unit} at {self.time:.3g} s "
@@ -67,6 +69,8 @@ def limit_report(run: Run) -> list[Exceedance]:
     found = []
     for j, joint in enumerate(arm.joint_names):
         q, v, torque = run.q[:, j], run.v[:, j], run.torque[:, j]
+        unit = arm.units[j]
+        units = {"position": unit, "velocity": f"{unit}/s", "effort": arm.effort_units[j]}
         watched = (
             ("position", q, -q + arm.lower[j], float(arm.lower[j])),
             ("position", q, q - arm.upper[j], float(arm.upper[j])),
@@ -80,7 +84,7 @@ def limit_report(run: Run) -> list[Exceedance]:
                 found.append(
                     Exceedance(
                         joint, quantity, limit, float(run.t[first]), float(values[worst]),
-                        float(np.mean(beyond)),
+                        float(np.mean(beyond)), units[quantity],
                     )
                 )  # fmt: skip
     return sorted(found, key=lambda item: item.time)
@@ -103,6 +107,7 @@ def overloaded_joints(experiment: Experiment) -> list[str]:
     limit = np.minimum(plant.arm.effort_limit, experiment.arm.effort_limit)
     return [
         f"{plant.arm.name}: joint {plant.arm.joint_names[j]}: gravity at the start is "
-        f"{weight[j]:.3g} N m, beyond its effort limit of {limit[j]:.3g} N m"
-        for j in np.flatnonzero(weight > limit)
+        f"{weight[j]:.3g} {unit}, beyond its effort limit of {limit[j]:.3g} {unit}"
+        for j, unit in enumerate(plant.arm.effort_units)
+        if weight[j] > limit[j]
     ]

@@ -8,7 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray
+from fpid_pin.arms.joints import PRISMATIC
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.view.shapes import joint_axis
 
 _UP = np.array((0.0, 0.0, 1.0))
@@ -66,16 +67,36 @@ def reach_of(arm: Arm) -> float:
         np.linalg.norm(arm.model.jointPlacements[j].translation) for j in range(2, arm.n + 1)
     ]
     frame = arm.model.frames[arm.model.getFrameId(arm.tool)]
-    return max(float(sum(lengths) + np.linalg.norm(frame.placement.translation)), 1e-3)
+    # Half of what a prismatic joint travels lies beyond its middle.
+    spans = np.where(_slides(arm), 0.5 * (arm.upper - arm.lower), 0.0)
+    travel = float(spans[np.isfinite(spans)].sum())
+    return max(float(sum(lengths) + np.linalg.norm(frame.placement.translation)) + travel, 1e-3)
+
+
+def _slides(arm: Arm) -> BoolArray:
+    return np.array([kind == PRISMATIC for kind in arm.joint_kinds])
 
 
 def _planar_axis(arm: Arm) -> FloatArray | None:
-    """Return the common axis in the world if all joints turn about parallel axes, else None."""
+    """Return the normal in the world of the plane that all joints move in, else None.
+
+    Joints that turn do so about it, and joints that slide do so across it.
+    """
     data = arm.model.createData()
     pin.forwardKinematics(arm.model, data, np.zeros(arm.n))
     axes = np.array([data.oMi[j + 1].rotation @ joint_axis(arm.model, j) for j in range(arm.n)])
-    parallel = np.abs(axes @ axes[0]) > 1.0 - 1e-9
-    return axes[0] if parallel.all() else None
+    slides = _slides(arm)
+    if slides.all():
+        # Across all of them; where they share a line, level as well.
+        if np.linalg.matrix_rank(axes) == 1:
+            axes = np.vstack([axes, _UP])
+        normal = np.asarray(np.linalg.svd(axes)[2][-1])
+        axes = axes[: arm.n]
+    else:
+        normal = axes[~slides][0]
+    along = np.abs(axes @ normal)
+    planar = (along[~slides] > 1.0 - 1e-9).all() and (along[slides] < 1e-9).all()
+    return normal if planar else None
 
 
 def _side(arm: Arm, points: FloatArray) -> FloatArray:

@@ -45,6 +45,20 @@ def names_of(run: Run) -> list[str]:
         return [f"joint {j + 1}" for j in range(run.q.shape[1])]
 
 
+def joint_units(run: Run) -> list[tuple[str, str]]:
+    """Return the units of each joint's coordinate and effort; see `Arm.units`."""
+    try:
+        return list(zip(run.arm.units, run.arm.effort_units, strict=True))
+    except (KeyError, FpidError):
+        return [("rad", "N m")] * run.q.shape[1]
+
+
+def shared_units(run: Run) -> tuple[str, str]:
+    """Return the units of a panel that all joints share: ``rad``, ``m`` or ``rad, m``."""
+    coordinates, efforts = zip(*joint_units(run), strict=True)
+    return ", ".join(dict.fromkeys(coordinates)), ", ".join(dict.fromkeys(efforts))
+
+
 def lettered_names(run: Run) -> list[str]:
     """Return the joints' names as figures show them."""
     return [lettering(name) for name in names_of(run)]
@@ -142,7 +156,7 @@ def draw_torque(panel: Axes, run: Run, joint: int, limit: float) -> None:
         for k, sign in enumerate((1.0, -1.0)):
             panel.axhline(sign * limit, label="_" if k else "limit", color="#D55E00", linestyle=":")
     elif np.isfinite(limit):
-        text = f"limit $\\pm${limit:g} N m"
+        text = f"limit $\\pm${limit:g} {joint_units(run)[joint][1]}"
         panel.annotate(
             text, (1.0, 1.02), xycoords="axes fraction", ha="right", va="bottom", fontsize=8
         )

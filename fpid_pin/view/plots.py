@@ -23,6 +23,7 @@ from fpid_pin.view.panels import (
     has_gains,
     has_orders,
     has_supervisor,
+    joint_units,
     legend,
     lettered_names,
     limits_of,
@@ -30,6 +31,7 @@ from fpid_pin.view.panels import (
     looks_of,
     require_same_joints,
     shared_legend,
+    shared_units,
     threshold_of,
 )
 from fpid_pin.view.ranking import heat_map
@@ -58,13 +60,20 @@ __all__ = [
 ]
 
 
+def _effort(units: str) -> str:
+    """Return the label of an axis of torques [N m], forces [N] or, of a shared panel, both."""
+    return f"{'force' if units == 'N' else 'torque'}, {units}"
+
+
 @styled
 def tracking(run: Run) -> Figure:
     """Draw each joint's angle and its reference over time."""
     figure, axes = grid(run, 1.6)
+    units = joint_units(run)
     for j, (panel, name) in enumerate(zip(axes, lettered_names(run), strict=True)):
         draw_tracking(panel, run, j)
-        panel.set(title=name, ylabel="angle, rad")
+        unit, _ = units[j]
+        panel.set(title=name, ylabel=f"{'angle' if unit == 'rad' else 'position'}, {unit}")
     legend(axes[0], 2)
     return figure
 
@@ -75,11 +84,11 @@ def error(runs: Run | Sequence[Run]) -> Figure:
     several = as_runs(runs)
     require_same_joints(several)
     figure, axes = grid(several[0], 1.5)
-    looks = looks_of(several)
+    looks, units = looks_of(several), joint_units(several[0])
     for j, (panel, name) in enumerate(zip(axes, lettered_names(several[0]), strict=True)):
         for run, look in zip(several, looks, strict=True):
             line(panel, run.t, run.error[:, j], **look)
-        panel.set(title=name, ylabel="$q_d - q$, rad")
+        panel.set(title=name, ylabel=f"$q_d - q$, {units[j][0]}")
     if len(several) > 1:
         shared_legend(figure, captions_of(several, None))
     return figure
@@ -89,10 +98,10 @@ def error(runs: Run | Sequence[Run]) -> Figure:
 def torque(run: Run) -> Figure:
     """Draw each joint's torque, with its limit where there is one."""
     figure, axes = grid(run, 1.5)
-    limits = limits_of(run)
+    limits, units = limits_of(run), joint_units(run)
     for j, (panel, name) in enumerate(zip(axes, lettered_names(run), strict=True)):
         draw_torque(panel, run, j, float(limits[j]))
-        panel.set(title=name, ylabel="torque, N m")
+        panel.set(title=name, ylabel=_effort(units[j][1]))
     if np.isfinite(limits).any():
         legend(axes[int(np.argmax(np.isfinite(limits)))], 2)
     return figure
@@ -140,13 +149,14 @@ def phase_plane(run: Run) -> Figure:
     flat = [a for row in axes for a in row]
     for spare in flat[n:]:
         spare.set_visible(False)
-    e, rate = run.error, run.v_ref - run.v
+    e, rate, units = run.error, run.v_ref - run.v, joint_units(run)
     for j, (panel, name) in enumerate(zip(flat, lettered_names(run), strict=False)):
         stride = max(len(run.t) // 6000, 1)
         panel.plot(e[::stride, j], rate[::stride, j], linewidth=0.9)
         panel.plot(e[0, j], rate[0, j], "o", color="#262626", fillstyle="none", markersize=5)
         panel.plot(e[-1, j], rate[-1, j], "o", color="#D55E00", markersize=4)
-        panel.set(title=name, xlabel="error $e$, rad", ylabel="$\\dot e$, rad/s")
+        unit, _ = units[j]
+        panel.set(title=name, xlabel=f"error $e$, {unit}", ylabel=f"$\\dot e$, {unit}/s")
     return figure
 
 
@@ -185,15 +195,16 @@ def comparison(runs: Sequence[Run]) -> Figure:
     """Draw several runs over each other: error and torque of every joint."""
     several = as_runs(runs)
     require_same_joints(several)
-    n, looks = several[0].q.shape[1], looks_of(several)
+    n, looks, units = several[0].q.shape[1], looks_of(several), joint_units(several[0])
     figure, axes = new_figure(n, 2, 1.35 * WIDTH, 0.6 + 1.5 * n)
     for j, name in enumerate(lettered_names(several[0])):
         left, right = axes[j]
         for run, look in zip(several, looks, strict=True):
             line(left, run.t, run.error[:, j], **look)
             line(right, run.t, run.torque[:, j], **look)
-        left.set(title=name, ylabel="$q_d - q$, rad")
-        right.set(ylabel="torque, N m")
+        unit, effort = units[j]
+        left.set(title=name, ylabel=f"$q_d - q$, {unit}")
+        right.set(ylabel=_effort(effort))
     for panel in axes[-1]:
         panel.set_xlabel("time, s")
     shared_legend(figure, captions_of(several, None))
@@ -215,11 +226,12 @@ def plot(run: Run) -> Figure:
         line(angle, run.t, run.q_ref[:, j], "desired" if j == n - 1 else "", **REFERENCE)
         line(e, run.t, run.error[:, j])
         line(u, run.t, run.torque[:, j])
-    angle.set(ylabel="angle, rad")
+    unit, effort = shared_units(run)
+    angle.set(ylabel=f"{'angle' if unit == 'rad' else 'position'}, {unit}")
     figure.suptitle(f"{lettering(run.name)}: {lettering(run.outcome)}", fontsize=10)
     legend(angle, min(n + 1, 4))
-    e.set(ylabel="$q_d - q$, rad")
-    u.set(ylabel="torque, N m")
+    e.set(ylabel=f"$q_d - q$, {unit}")
+    u.set(ylabel=_effort(effort))
     kinds = [kind for kind in (GAINS, ORDERS) if all(name in run.signals for name, _ in kind)]
     for panel, kind, title in zip(more, kinds, ("gains", "orders"), strict=False):
         for j in range(n):

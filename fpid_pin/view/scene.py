@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
+from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, visible
@@ -202,6 +203,7 @@ def _arm_table(arm: Arm, buffers: Buffers) -> dict[str, Any]:
                 "name": _short(arm.joint_names[j]),
                 "placement": _column_major(arm.model.jointPlacements[j + 1].homogeneous),
                 "axis": joint_axis(arm.model, j).tolist(),
+                "slides": arm.joint_kinds[j] == PRISMATIC,
                 "limit": limit if np.isfinite(limit) else None,
             }
         )

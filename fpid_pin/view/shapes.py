@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin.arms import Arm
+from fpid_pin.arms.joints import PRISMATIC, axis_of
+from fpid_pin.arms.solids import solid_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import FpidError, FpidWarning
 
@@ -80,18 +82,9 @@ def _shape(thing: Any) -> Shape | None:
     rgba = (float(colour[0]), float(colour[1]), float(colour[2]), float(colour[3]) or 1.0)
     placement = np.array(thing.placement.homogeneous)
     solid = thing.geometry
-    known: tuple[tuple[type, str, Any], ...] = (
-        (coal.Box, "box", lambda s: tuple(2.0 * np.asarray(s.halfSide))),
-        (coal.Sphere, "sphere", lambda s: (s.radius,)),
-        (coal.Cylinder, "cylinder", lambda s: (s.radius, 2.0 * s.halfLength)),
-        (coal.Capsule, "capsule", lambda s: (s.radius, 2.0 * s.halfLength)),
-        (coal.Cone, "cone", lambda s: (s.radius, 2.0 * s.halfLength)),
-        (coal.Ellipsoid, "ellipsoid", lambda s: tuple(np.asarray(s.radii))),
-    )
-    for cls, kind, size in known:
-        if isinstance(solid, cls):
-            lengths = tuple(float(x) for x in size(solid))
-            return Shape(joint, placement, kind, lengths, rgba)
+    found = solid_of(solid)
+    if found is not None:
+        return Shape(joint, placement, *found, rgba)
     if isinstance(solid, coal.BVHModelBase) and solid.num_tris:
         triangle = solid.tri_indices
         corners = (triangle(k) for k in range(solid.num_tris))
@@ -103,7 +96,10 @@ def _shape(thing: Any) -> Shape | None:
 
 
 def _primitives(arm: Arm, joints: list[int]) -> list[Shape]:
-    """Draw `joints` as a hub along the axis and a cylinder to what the joint carries."""
+    """Draw `joints` as a hub along the axis and a cylinder to what the joint carries.
+
+    A prismatic joint's hub is a box: it does not look as if it turned.
+    """
     model, shapes = arm.model, []
     tips = _next_origins(arm)
     lengths = [float(np.linalg.norm(tip)) for tip in tips]
@@ -111,8 +107,10 @@ def _primitives(arm: Arm, joints: list[int]) -> list[Shape]:
     for joint in joints:
         hub = np.eye(4)
         hub[:3, :3] = _frame_along(joint_axis(model, joint))
-        size = (1.6 * thick, 4.0 * thick)
-        shapes.append(Shape(joint, hub, "cylinder", size, (*_JOINT_COLOUR, 1.0)))
+        kind, size = "cylinder", tuple[float, ...]((1.6 * thick, 4.0 * thick))
+        if arm.joint_kinds[joint] == PRISMATIC:
+            kind, size = "box", (2.4 * thick, 2.4 * thick, 4.0 * thick)
+        shapes.append(Shape(joint, hub, kind, size, (*_JOINT_COLOUR, 1.0)))
         if lengths[joint] < 2.0 * thick:
             continue
         link = np.eye(4)
@@ -131,11 +129,8 @@ def _next_origins(arm: Arm) -> list[FloatArray]:
 
 
 def joint_axis(model: Any, joint: int) -> FloatArray:
-    """Return the axis of a revolute joint in its own frame, (3,), a unit vector."""
-    kind = model.joints[joint + 1]
-    data = kind.createData()
-    kind.calc(data, np.zeros(1))
-    axis = np.array(data.S).reshape(6)[3:]
+    """Return what a joint turns about or slides along in its own frame, (3,), a unit vector."""
+    axis = axis_of(model.joints[joint + 1])
     return np.asarray(axis / np.linalg.norm(axis))
 
 

@@ -87,7 +87,8 @@ def test_limits_are_told_by_condition_and_quantity():
     one = entry("calm", "A", 1e-3)
     limit = fp.simulation.limits.Exceedance
     one.run.limits = [
-        limit(joint, "effort", 5.0, 0.1, 5.0, part) for joint, part in (("j1", 0.25), ("j2", 0.5))
+        limit(joint, "effort", 5.0, 0.1, 5.0, part, "N m")
+        for joint, part in (("j1", 0.25), ("j2", 0.5))
     ]
     assert verdict.limit_lines([one]) == [
         "Limits passed by A: effort limit of j1 25 % and j2 50 % of the time."

@@ -9,11 +9,8 @@ import pytest
 import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.control import Controller
-from fpid_pin.control.gains import (
-    gain_ceilings,
-    impossible_joints,
-    suggest_gains,
-)
+from fpid_pin.control.ceilings import gain_ceilings
+from fpid_pin.control.gains import impossible_joints, suggest_gains
 from fpid_pin.control.sampled import critical_derivative
 from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.exceptions import ArgumentError

@@ -36,7 +36,10 @@ def following(arm, duration, **others):
 
 @pytest.mark.parametrize("name", ["two_link", "ur5", "panda"])
 def test_noise_makes_the_torque_vary_by_as_much_more_as_was_allowed(name):
-    arm, law, omega = suggested(name)
+    # A lower order, such as panda's own 0.65, spreads noise over older samples; less is added then.
+    arm = arm_of(name)
+    law = fp.suggest_gains(arm, adaptive=False, derivative_order=0.95)
+    omega = suggest_observer(arm, law)
     assert 20.0 < omega < 300.0
     sensors = fp.Sensors(velocity_noise=0.05)
     experiment = fp.Experiment(arm, Hold(arm.home), sensors=sensors, duration=1.0)

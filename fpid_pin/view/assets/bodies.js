@@ -93,7 +93,7 @@ class ArmBody {
       frame.add(turn);
       above.add(frame);
       this.frames.push(frame);
-      this.turns.push([turn, new THREE.Vector3(...joint.axis)]);
+      this.turns.push([turn, new THREE.Vector3(...joint.axis), joint.slides]);
       above = turn;
     }
     this.table.shapes.forEach((shape, i) => {
@@ -115,7 +115,10 @@ class ArmBody {
   }
 
   pose(q) {
-    this.turns.forEach(([turn, axis], j) => turn.quaternion.setFromAxisAngle(axis, q[j]));
+    this.turns.forEach(([turn, axis, slides], j) => {
+      if (slides) turn.position.copy(axis).multiplyScalar(q[j]);
+      else turn.quaternion.setFromAxisAngle(axis, q[j]);
+    });
   }
 
   // Where the tool is at q, in the arm's own base frame.
@@ -123,7 +126,10 @@ class ArmBody {
     const place = new THREE.Matrix4(), turn = new THREE.Matrix4(), at = this.table.tool;
     for (let j = 0; j <= at.joint; j++) {
       place.multiply(turn.fromArray(this.table.joints[j].placement));
-      place.multiply(turn.makeRotationAxis(this.turns[j][1], q[j]));
+      const [, axis, slides] = this.turns[j];
+      place.multiply(slides
+        ? turn.makeTranslation(axis.x * q[j], axis.y * q[j], axis.z * q[j])
+        : turn.makeRotationAxis(axis, q[j]));
     }
     place.multiply(turn.fromArray(at.placement));
     return new THREE.Vector3().setFromMatrixPosition(place);
@@ -192,22 +198,28 @@ function loadColour(part) {
 }
 
 // A joint's torque as an arc about its axis: half a turn is the limit, the sense is the sign.
+// A force is a bar along the axis, of the arc's length.
 class TorqueArc {
-  constructor(frame, axis, radius) {
+  constructor(frame, axis, radius, slides) {
     const turn = new THREE.Group();
     turn.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis);
     frame.add(turn);
-    const circle = (turns, parts) => Array.from({length: parts + 1}, (_, i) =>
-      new THREE.Vector3(radius * Math.cos((turns * 2 * Math.PI * i) / parts),
-        radius * Math.sin((turns * 2 * Math.PI * i) / parts), 0));
-    new Tube(turn, 0.018 * radius, 0x808080, 0.55).set(circle(1, 2 * HALF));
+    const circle = (turns, parts) => Array.from({length: parts + 1}, (_, i) => {
+      const angle = (turns * 2 * Math.PI * i) / parts;
+      return slides ? new THREE.Vector3(0, 0, radius * angle)
+        : new THREE.Vector3(radius * Math.cos(angle), radius * Math.sin(angle), 0);
+    });
+    const whole = circle(1, 2 * HALF);
+    // To both sides of the joint.
+    if (slides) for (const point of whole) point.z -= Math.PI * radius;
+    new Tube(turn, 0.018 * radius, 0x808080, 0.55).set(whole);
     this.sense = new THREE.Group();
     turn.add(this.sense);
     this.arc = new Tube(this.sense, 0.075 * radius, 0x000000, 1).set(circle(0.5, HALF));
   }
 
   show(part) {
-    // Half a turn about x makes a clockwise arc of a counter-clockwise one.
+    // Half a turn about x makes a clockwise arc of a counter-clockwise one, and turns a bar round.
     this.sense.rotation.x = part < 0 ? Math.PI : 0;
     const size = Math.min(Math.abs(part), 1);
     this.arc.upTo(Math.round(HALF * size));

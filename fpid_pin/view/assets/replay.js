@@ -56,7 +56,8 @@ class RunView {
     const arcs = new ArmBody(table.arm, torques, true);
     arcs.root.traverse((thing) => { if (thing.isMesh) thing.visible = false; });
     this.arcBody = arcs;
-    this.arcs = arcs.turns.map(([, axis], j) => new TorqueArc(arcs.frames[j], axis, 0.08 * reach));
+    this.arcs = arcs.turns.map(([, axis, slides], j) =>
+      new TorqueArc(arcs.frames[j], axis, 0.08 * reach, slides));
     const paths = node("path");
     this.wanted = new Tube(paths, 0.003 * reach, three(GHOST), 0.7);
     this.trail = new Tube(paths, 0.005 * reach, new THREE.Color(this.colour), 1);
@@ -151,7 +152,7 @@ class RunView {
     this.arm.pose(q);
     this.ghost.pose(q_ref);
     this.arcBody.pose(q);
-    this.joints.forEach(({limit}, j) => {
+    this.joints.forEach(({limit, slides}, j) => {
       const part = torque[j] / (limit === null ? this.peak[j] : limit);
       this.arcs[j].show(part);
       const [bar, value] = this.bars[j], half = 50 * Math.min(Math.abs(part), 1);
@@ -160,7 +161,7 @@ class RunView {
       bar.style.background = `#${loadColour(Math.abs(part)).getHexString()}`;
       const full = limit === null ? "" : ` / ${limit}`;
       const shown = Math.abs(torque[j]) < 0.05 ? 0 : torque[j];
-      value.textContent = `${shown.toFixed(1)}${full} N m`;
+      value.textContent = `${shown.toFixed(1)}${full} ${slides ? "N" : "N m"}`;
     });
   }
 

@@ -1,0 +1,138 @@
+"""Is any frozen gain inside the suggested projection box unstable? Every arm, three steps.
+
+    python benchmarks/boxes.py [--draws N] [--steps MS ...] [NAME ...]
+
+Gains are drawn inside the box of `suggest_gains` (every other draw at a random corner of it), each
+with a pose of its own within the joints' limits, every tenth at the pose that bears least Kd, found
+by a search of its own. Each is judged twice: by the poles of the sampled loop with 12 modes over
+200 s, and by a simulation of the whole arm under the law as it is, held against its weight, which
+is kicked by 1e-6 rad/s: unstable if it diverges or moves more in the last half of twelve seconds
+than over all of them. Wanted: none. Writes benchmarks/results/boxes.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import fpid_pin as fp
+from fpid_pin.arms import names
+from fpid_pin.checks import FloatArray
+from fpid_pin.control import explain_gains, gain_ceilings
+from fpid_pin.control.box import GainBox
+from fpid_pin.control.damping import damping_ratios
+from fpid_pin.control.frozen import terms_of
+from fpid_pin.control.poses import seeded_poses
+from fpid_pin.control.sampled import linear_arm
+
+SEED, DURATION, CHUNK = 20, 12.0, 100
+
+
+class Growth(fp.costs.Cost):
+    """Error over the last half over that of the whole run, worst joint: above 1 it grows."""
+
+    needs = ("rms", "rms_tail")
+
+    def of(self, metrics: fp.costs.Metrics) -> float:
+        """See `Cost.of`."""
+        return float(metrics.rms_tail.max() / metrics.rms.max())
+
+
+def drawn(box: GainBox, draws: int) -> list[FloatArray]:
+    """Return gains inside a box, (3, n) each, scale included."""
+    rng = np.random.default_rng(SEED)
+    parts = rng.random((draws, *box.low.shape))
+    parts[1::2] = parts[1::2] < 0.5
+    return [box.at(part) for part in parts]
+
+
+def shaken(arm: fp.Arm, law: fp.AdaptiveFpid, step: float, q: FloatArray) -> fp.Experiment:
+    """Return a kick of the arm at a pose where its weight is held for it."""
+    held = fp.disturbances.Pulse(arm.gravity_vector(q))
+    return fp.Experiment(
+        arm, fp.references.Hold(q), q0=q, v0=np.full(arm.n, 1e-6), step=step, duration=DURATION,
+        plant=fp.Plant(disturbance=held),
+    )  # fmt: skip
+
+
+def row_of(name: str, step: float, draws: int) -> str:
+    """Judge one arm's box at one step and return its row of the table."""
+    arm = fp.Arm.from_example(name)
+    began = time.process_time()
+    with warnings.catch_warnings():
+        # Joints that cannot carry or move the arm are the business of arms.py.
+        warnings.simplefilter("ignore", fp.FpidWarning)
+        found = explain_gains(arm, step=step)
+    spent = time.process_time() - began
+    law = found.controller
+    assert law.safeguards is not None
+    scale = law.scale_on(arm)
+    low, high = (scale * side for side in law.safeguards.bounds(arm.n))
+    gains = drawn(GainBox(low, low, high), draws)
+    poses = seeded_poses(arm, draws, SEED)
+    poses[::10] = gain_ceilings(arm, law, step=step, poses=1000, seed=SEED).pose
+    twelve = fp.fractional.ExponentialSum(modes=12)
+    terms = terms_of(law, arm.n, step=step, horizon=200.0, design=twelve)
+    rule = "semi_implicit_euler"
+    plants = [linear_arm(arm, q, step=step, method=rule) for q in poses]
+    ratios = np.array([
+        damping_ratios(np.linalg.eigvals(plant.closed(terms.weighed(k))) + 0j, step).min()
+        for plant, k in zip(plants, gains, strict=True)
+    ])  # fmt: skip
+    # Dry friction would only help, and torque limits have no place in a kick of 1e-6 rad/s.
+    free = arm.with_friction(dry=0.0).with_limits(effort=0.0)
+    fixed = dataclasses.replace(law, learning_rate=0.0, safeguards=None)
+    growth = np.concatenate([
+        fp.evaluate(
+            [shaken(free, fixed, step, q) for q in poses[k : k + CHUNK]],
+            [dataclasses.replace(fixed, kp=x[0], ki=x[1], kd=x[2])
+             for x in (g / scale for g in gains[k : k + CHUNK])],
+            Growth(),
+        )
+        for k in range(0, draws, CHUNK)
+    ])  # fmt: skip
+    cells = [
+        name, f"{1e3 * step:g}", f"{float(np.asarray(law.derivative_order)):g}",
+        f"{found.bandwidth.min():.2g}", f"{found.damping_ratio:.2f}",
+        f"{found.least_damping_ratio:.2f}", f"{(high / low)[0].min():.2g}",
+        f"{np.median((high / low)[1]):.2g}", f"{(high / low)[2].min():.2g}",
+        f"{np.sum(ratios <= 0.0)}", f"{np.sum(~(growth <= 1.0))}", f"{ratios.min():.3f}",
+        f"{spent:.1f}",
+    ]  # fmt: skip
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Judge all boxes and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", help="arms; all of the catalogue if none is given")
+    parser.add_argument("--draws", type=int, default=500)
+    parser.add_argument("--steps", type=float, nargs="+", default=[1.0, 2.0, 4.0], help="[ms]")
+    options = parser.parse_args()
+    head = [
+        "| arm | step [ms] | mu | least bandwidth [rad/s] | damping at home | at other poses "
+        "| Kp high/low | Ki | Kd | unstable by poles | by simulation | least damping drawn | s |",
+        "| --- |" + " ---: |" * 12,
+    ]
+    lines = list(head)
+    print("\n".join(head))
+    for step in options.steps:
+        for name in options.names or sorted(names()):
+            lines.append(row_of(name, 1e-3 * step, options.draws))
+            print(lines[-1], flush=True)
+    if not options.names:
+        path = Path(__file__).parent / "results" / "boxes.md"
+        title = (
+            f"{options.draws} frozen gains inside the box of `suggest_gains(arm, 10.0)`, each at a "
+            "pose of its own; s: processor time of the suggestion.\n\n"
+        )
+        path.write_text(title + "\n".join(lines) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

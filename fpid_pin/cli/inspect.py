@@ -1,0 +1,180 @@
+"""`inspect`: what there is to know of an arm before it is controlled, 80 columns wide."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from fpid_pin.arms import Arm
+from fpid_pin.arms.joints import PRISMATIC
+from fpid_pin.checks import FloatArray
+from fpid_pin.cli.arm_argument import find_arm
+from fpid_pin.cli.screen import say, screen
+from fpid_pin.control import AdaptiveFpid, gain_ceilings, stability_report, suggest_gains
+from fpid_pin.control.controller import Controller
+from fpid_pin.text import visible
+
+WIDTH = 80
+Column = Sequence[object] | FloatArray
+
+
+def run_inspect(
+    text: str, locks: Sequence[str], bandwidth: float, step: float, picture: Path | None
+) -> None:
+    """Print all of it; draw the arm where a picture is asked for."""
+    arm = find_arm(text, locks)
+    console = screen()
+    if picture is not None:
+        from fpid_pin.view import plots
+        from fpid_pin.view.portrait import portrait
+
+        # First: a name that no picture can have is told before a page of numbers.
+        plots.save_figure(portrait(arm), picture)
+    for line in described(arm, bandwidth, step):
+        say(console, line)
+    if picture is not None:
+        say(console, f"Written: {picture}")
+
+
+def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator[str]:
+    """Yield what `inspect` prints; a line is longer than 80 only where a name is."""
+    few = "" if arm.n == 1 else "s"
+    yield from _wrapped(
+        f"{arm.name}: {arm.n} joint{few}, gravity {arm.gravity:.4g} m/s^2, tool frame {arm.tool}"
+    )
+    if arm.credit:
+        yield from _wrapped(arm.credit)
+    units = "angles in rad, speeds in rad/s, efforts in N m"
+    if PRISMATIC in arm.joint_kinds:
+        units += "; of prismatic joints m, m/s and N"
+    yield from ("", *_wrapped(f"Joints and their limits, - where none is given ({units})"))
+    yield from _table(
+        {
+            "kind": arm.joint_kinds,
+            "lower": arm.lower,
+            "upper": arm.upper,
+            "speed": arm.velocity_limit,
+            "effort": arm.effort_limit,
+            "name": arm.joint_names,
+        }
+    )
+    weight = arm.gravity_vector(arm.home)
+    weight = np.where(np.abs(weight) > 1e-9 * np.abs(weight).max(), weight, 0.0)
+    part = np.abs(weight) / arm.effort_limit
+    yield from (
+        "",
+        *_wrapped(
+            "At home: the inertia that the joint feels, M_jj [kg m^2] or [kg]; its weight G_j, and "
+            "which part of its effort that takes; viscous and dry friction"
+        ),
+    )
+    yield from _table(
+        {
+            "home": arm.home,
+            "M_jj": np.diag(arm.mass_matrix(arm.home)),
+            "G_j": weight,
+            "of effort": [f"{100.0 * x:.0f} %" if x > 0.0 else "-" for x in part],
+            "F_v": _or_dash(arm.viscous_friction),
+            "F_d": _or_dash(arm.dry_friction),
+        }
+    )
+    law = suggest_gains(arm, bandwidth, step=step)
+    yield from _gains(arm, law, bandwidth, step)
+    yield from _margins(arm, law, step)
+
+
+def _gains(arm: Arm, law: AdaptiveFpid, w: float, step: float) -> Iterator[str]:
+    n = arm.n
+    gains = {
+        name: np.broadcast_to(np.asarray(getattr(law, name), dtype=np.float64), (n,))
+        for name in ("kp", "ki", "kd", "integral_order", "derivative_order")
+    }
+    lam, mu = gains["integral_order"], gains["derivative_order"]
+    ceilings = gain_ceilings(arm, law, step=step)
+    yield ""
+    yield from _wrapped(
+        f"Suggested FPID: suggest_gains(arm, bandwidth={w:g}), at a step of {1e3 * step:g} ms; "
+        "u = scale (Kp e + Ki I^lambda e + Kd D^mu e), and the gains' ceilings (gain_ceilings)"
+    )
+    yield from _table(
+        {
+            "scale": law.scale_on(arm),
+            "lambda": lam,
+            "mu": mu,
+            "Kp": gains["kp"],
+            "Ki": gains["ki"],
+            "Kd": gains["kd"],
+            "Kp max": ceilings.kp,
+            "Ki max": ceilings.ki,
+            "Kd max": ceilings.kd,
+        }
+    )
+    # What the bandwidth asks for, by `suggest_gains`.
+    asked = {"Kp": np.full(n, w**2), "Ki": 0.3 * w ** (2.0 + lam), "Kd": 2.0 * w ** (2.0 - mu)}
+    lowered = 0
+    for j in range(n):
+        found = [
+            f"{name} at {100.0 * gains[name.lower()][j] / value[j]:.2g} %"
+            for name, value in asked.items()
+            if gains[name.lower()][j] < 0.99 * value[j]
+        ]
+        if found:
+            lowered += 1
+            yield from _wrapped(f"joint {j + 1} lowered: {', '.join(found)} of what was asked")
+    if lowered:
+        yield from _wrapped(
+            "(a step bears no more at some pose; a shorter step or a lower derivative order does)"
+        )
+    else:
+        yield "Nothing had to be lowered."
+
+
+def _margins(arm: Arm, law: Controller, step: float) -> Iterator[str]:
+    report = stability_report(arm, law, step=step)
+    pole = report.dominant_pole
+    stable = "stable" if report.stable else "UNSTABLE"
+    yield ""
+    yield from _wrapped(
+        f"Margins at home: {stable}, dominant pole {pole.real:.3g} ± {abs(pole.imag):.3g}j 1/s; "
+        "each joint's gain may rise and fall by these factors, the others as they are"
+    )
+    yield from _table(
+        {
+            "gain up": [*report.gain_margin, report.common_gain_margin],
+            "gain down": [*report.gain_reduction, report.common_gain_reduction],
+            "phase, deg": [*np.degrees(report.phase_margin), np.nan],
+            "delay, ms": [*(1e3 * report.delay_margin), 1e3 * report.common_delay_margin],
+            "crossover, rad/s": [*report.crossover, np.nan],
+        },
+        [*map(str, range(1, arm.n + 1)), "all"],
+    )
+
+
+def _or_dash(values: FloatArray) -> list[object]:
+    return [value if value else "-" for value in values]
+
+
+def _table(columns: Mapping[str, Column], labels: Sequence[str] | None = None) -> Iterator[str]:
+    """Yield rows of right-aligned columns, numbered from 1; a last column of names is left."""
+    rows = len(next(iter(columns.values())))
+    cells = {"#": list(labels or map(str, range(1, rows + 1)))}
+    cells |= {head: [_cell(value) for value in values] for head, values in columns.items()}
+    widths = {head: max(len(head), *map(len, column)) for head, column in cells.items()}
+    for line in ([*cells], *([column[k] for column in cells.values()] for k in range(rows))):
+        yield "  ".join(
+            cell if head == "name" else cell.rjust(widths[head])
+            for head, cell in zip(cells, line, strict=True)
+        )
+
+
+def _cell(value: object) -> str:
+    if not isinstance(value, float):
+        return visible(str(value))
+    return f"{value:.4g}" if np.isfinite(value) else "-"
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(visible(text), WIDTH, break_long_words=False, break_on_hyphens=False)

@@ -1,0 +1,231 @@
+"""Arms from Pinocchio's own models: the same mechanics, and a table that needs nothing else."""
+
+import json
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import fpid_pin as fp
+from fpid_pin import descriptions
+from fpid_pin.arms import Arm
+from fpid_pin.exceptions import ArgumentError, ArmError
+
+BODY = pin.Inertia(1.0, np.array([0.1, 0.0, 0.02]), np.diag([0.02, 0.03, 0.04]))
+
+
+def chain(*joints, inertia=BODY):
+    model = pin.Model()
+    model.name = "made"
+    parent, rng = 0, np.random.default_rng(3)
+    for k, joint in enumerate(joints, start=1):
+        place = pin.SE3(pin.rpy.rpyToMatrix(*rng.uniform(-1, 1, 3)), rng.uniform(-0.3, 0.3, 3))
+        parent = model.addJoint(parent, joint, place, f"j{k}")
+        model.addJointFrame(parent)
+        model.appendBodyToJoint(parent, inertia, pin.SE3.Identity())
+        model.addBodyFrame(f"l{k}", parent, pin.SE3.Identity(), -1)
+    return model
+
+
+def mixed():
+    oblique = np.array([0.48, -0.6, 0.64])
+    model = chain(
+        pin.JointModelRY(), pin.JointModelPrismaticUnaligned(oblique),
+        pin.JointModelRevoluteUnaligned(oblique), pin.JointModelPZ(),
+    )  # fmt: skip
+    model.armature = np.array([0.1, 0.0, 0.02, 0.0])
+    model.upperEffortLimit = np.array([300.0, 200.0, 0.0, 50.0])
+    model.upperVelocityLimit = np.array([3.0, 0.0, 2.0, 1.0])
+    model.damping = np.array([0.0, 0.3, 0.0, 0.1])
+    model.upperDryFrictionLimit = np.array([0.2, 0.0, 0.0, 0.0])
+    model.lowerPositionLimit = np.array([-1.0, 0.1, -1e6, -0.5])
+    model.upperPositionLimit = np.array([2.0, 0.7, 1e6, 0.5])
+    return model
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "xarm7", "talos_arm", "kinova"])
+def test_the_mechanics_of_a_model_are_kept_to_the_last_bit(name):
+    given = Arm.from_example(name)
+    arm = Arm.from_model(given.model, tool=given.tool)
+    assert arm.dynamics_key() == given.dynamics_key()
+    for field in ("lower", "upper", "effort_limit", "viscous_friction", "dry_friction"):
+        assert np.array_equal(getattr(arm, field), getattr(given, field)), field
+    assert np.array_equal(arm.tool_pose(given.home), given.tool_pose(given.home))
+
+
+def test_slides_limits_friction_and_rotors_are_read():
+    model = mixed()
+    arm, q = Arm.from_model(model), np.array([0.3, 0.2, -0.4, 0.1])
+    v, a = np.array([0.4, -0.1, 0.7, 0.2]), np.array([1.0, 2.0, -1.0, 0.5])
+    assert arm.units == ("rad", "m", "rad", "m")
+    expected = pin.rnea(model, model.createData(), q, v, a)
+    assert arm.inverse_dynamics(q, v, a) == pytest.approx(expected, rel=1e-12)
+    assert arm.effort_limit.tolist() == [300.0, 200.0, np.inf, 50.0]
+    assert arm.velocity_limit.tolist() == [3.0, np.inf, 2.0, 1.0]
+    assert arm.lower.tolist() == [-1.0, 0.1, -np.inf, -0.5]
+    assert arm.viscous_friction.tolist() == [0.0, 0.3, 0.0, 0.1]
+    assert arm.dry_friction.tolist() == [0.2, 0.0, 0.0, 0.0]
+
+
+def test_the_model_is_copied():
+    model = mixed()
+    arm, before = Arm.from_model(model), model.copy()
+    model.inertias[1] = pin.Inertia.Zero()
+    assert arm == Arm.from_model(before)
+
+
+def test_a_run_holds_it_as_a_plain_table(tmp_path):
+    arm = Arm.from_model(mixed()).with_payload(0.3)
+    table = json.loads(json.dumps(descriptions.to_dict(arm)))
+    assert descriptions.from_dict(table, Arm) == arm
+    assert set(table) == {"kind", "name", "gravity", "joints", "frames", "changes"}
+    experiment = fp.Experiment(arm, fp.references.Hold(arm.home), duration=0.05)
+    fp.simulate(experiment, fp.ComputedTorque(100.0, 20.0)).save(tmp_path / "run.npz")
+    assert fp.Run.load(tmp_path / "run.npz").arm == arm
+
+
+def test_continuous_joints_become_angles():
+    free = Arm.from_model(chain(pin.JointModelRUBZ(), pin.JointModelRX()))
+    plain = Arm.from_model(chain(pin.JointModelRZ(), pin.JointModelRX()))
+    assert np.isinf(free.lower[0])
+    q = np.array([4.0, 0.3])
+    assert free.tool_pose(q) == pytest.approx(plain.tool_pose(q), abs=1e-14)
+
+
+def test_a_joint_can_be_locked_and_home_is_the_models():
+    model = chain(pin.JointModelRUBZ(), pin.JointModelPX(), pin.JointModelRY())
+    model.referenceConfigurations["home"] = np.array([np.cos(2.0), np.sin(2.0), 0.3, -0.2])
+    whole, held = Arm.from_model(model), Arm.from_model(model, lock={"j2": 0.3})
+    assert whole.home == pytest.approx([2.0, 0.3, -0.2])
+    assert held.joint_names == ("j1", "j3")
+    assert held.home == pytest.approx([2.0, -0.2])
+    assert held.tool_pose(held.home) == pytest.approx(whole.tool_pose(whole.home), abs=1e-14)
+    turned = Arm.from_model(model, lock={"j1": 2.0})
+    assert turned.tool_pose([0.3, -0.2]) == pytest.approx(whole.tool_pose(whole.home), abs=1e-14)
+
+
+def test_shapes_come_with_it():
+    import coal
+
+    geometry = pin.GeometryModel()
+    solids = [
+        coal.Box(0.1, 0.2, 0.3), coal.Sphere(0.1), coal.Cylinder(0.1, 0.4), coal.Capsule(0.1, 0.4),
+        coal.Cone(0.1, 0.4), coal.Ellipsoid(0.1, 0.2, 0.3),
+    ]  # fmt: skip
+    for k, solid in enumerate(solids):
+        place = pin.SE3(np.eye(3), np.full(3, 0.1 * k))
+        geometry.addGeometryObject(pin.GeometryObject(f"s{k}", 2, place, solid))
+    arm = Arm.from_model(mixed(), geometry=geometry)
+    again = descriptions.from_dict(descriptions.to_dict(arm), Arm)
+    drawn = again.visual()[1].geometryObjects
+    assert [thing.geometry for thing in drawn] == solids
+    given = [thing.placement for thing in geometry.geometryObjects]
+    assert [thing.placement for thing in drawn] == given
+
+
+def heavy(mass, *moments):
+    body = pin.Inertia(mass, np.zeros(3), np.eye(3))
+    body.inertia = np.diag(moments)
+    return body
+
+
+REFUSED = {
+    "a free base": (lambda: chain(pin.JointModelFreeFlyer()), "joint 'j1': expected revolute, con"),
+    "a ball": (lambda: chain(pin.JointModelSpherical()), "joint 'j1': .* got Spherical"),
+    "no joint": (pin.Model, "expected at least one joint|from 1 to"),
+    "negative mass": (
+        lambda: chain(pin.JointModelRX(), inertia=heavy(-1.0, 1, 1, 1)),
+        "link 'l1': expected a mass >= 0 .kg., got -1"),
+    "negative inertia": (
+        lambda: chain(pin.JointModelRX(), inertia=heavy(1.0, 1, -1, 1)),
+        "link 'l1': expected principal moments of inertia >= 0"),
+    "triangle": (
+        lambda: chain(pin.JointModelRX(), inertia=heavy(1.0, 1, 1, 3)),
+        "link 'l1': .* none above the sum of the others, got 1, 1, 3"),
+    "NaN": (
+        lambda: chain(pin.JointModelRX(), inertia=heavy(np.nan, 1, 1, 1)),
+        "link 'l1': expected a finite mass"),
+    "no unit": (
+        lambda: chain(pin.JointModelPrismaticUnaligned(np.array([0.1, 0.0, 0.0]))),
+        "joint 'j1': expected a unit vector as its axis"),
+    "no inertia": (
+        lambda: chain(pin.JointModelRX(), inertia=pin.Inertia.Zero()),
+        "expected a positive definite mass matrix"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_no_arm_is_refused_on_one_line(case):
+    make, message = REFUSED[case]
+    with pytest.raises(ArmError, match=message) as caught:
+        Arm.from_model(make())
+    assert "\n" not in str(caught.value)
+
+
+def test_a_tree_is_refused():
+    model = chain(pin.JointModelRX(), pin.JointModelRX())
+    model.addJoint(1, pin.JointModelRY(), pin.SE3.Identity(), "branch")
+    with pytest.raises(ArmError, match="branches at joint 'j1' into 'j2', 'branch'"):
+        Arm.from_model(model)
+
+
+def test_a_joint_that_mimics_another_is_refused_with_what_to_do():
+    one = '<robot name="r"><link name="a"/>'
+    body = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    for k, rest in enumerate(("", '<mimic joint="j0" multiplier="2"/>')):
+        one += (
+            f'<link name="b{k}">{body}</inertial></link><joint name="j{k}" type="revolute">'
+            f'<parent link="{("a", "b0")[k]}"/><child link="b{k}"/><axis xyz="0 0 1"/>'
+            f'<limit lower="-1" upper="1" effort="1" velocity="1"/>{rest}</joint>'
+        )
+    model = pin.buildModelFromXML(one + "</robot>", mimic=True)
+    with pytest.raises(ArmError, match=r"'j1': .* got one that mimics another \(lock it\)"):
+        Arm.from_model(model)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"model": "ur5"}, "model: expected a pinocchio.Model, got str"),
+        ({"lock": {"j9": 0.0}}, "lock: expected one of j1, j2, j3, j4, got 'j9'"),
+        ({"lock": {"j2": "open"}}, "lock.j2: expected numbers"),
+        ({"geometry": 3}, "geometry: expected a pinocchio.GeometryModel, got int"),
+        ({"gravity": "down"}, "gravity: expected numbers"),
+        ({"tool": "hook"}, "tool: expected one of"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments, message):
+    with pytest.raises((ArgumentError, ArmError), match=message):
+        Arm.from_model(**({"model": mixed()} | arguments))
+
+
+TABLE_FAULTS = {
+    "key": (("joints", 0, "wheel"), 1, "key in joints.0: expected one of"),
+    "kind": (("joints", 1, "kind"), "ball", "joints.1.kind: expected one of revolute, prismatic"),
+    "axis": (("joints", 2, "axis"), [1, 1, 0], "joints.2.axis: expected a unit vector"),
+    "place": (("joints", 0, "placement"), [[1, 2]], r"joints.0.placement: expected shape \(3, 4\)"),
+    "mirror": (
+        ("joints", 0, "placement"), [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]],
+        "joints.0.placement: expected a rotation"),
+    "inertia": (("joints", 3, "inertia"), [1.0], r"joints.3.inertia: expected shape \(10,\)"),
+    "limits": (("joints", 0, "upper"), -5.0, "joints.0.upper: expected a number > -1, got -5"),
+    "effort": (("joints", 0, "effort"), -5.0, "joints.0.effort: expected a number >= 0, got -5"),
+    "name": (("joints", 0, "name"), "j2", "name: expected names of their own, got 'j2' again"),
+    "no body": (
+        ("joints", 1, "inertia"), [1, 0, 0, 0, 1, 0, -1, 0, 0, 1],
+        "link 'j2': expected principal moments"),
+    "frame": (("frames", 0, "joint"), 9, "frames.0.joint: expected a whole number in"),
+    "home": (("home",), [1.0], r"home: expected shape \(4,\)"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", TABLE_FAULTS)
+def test_a_wrong_table_is_refused_by_the_key_at_fault(case):
+    path, value, message = TABLE_FAULTS[case]
+    table = json.loads(json.dumps(descriptions.to_dict(Arm.from_model(mixed()))))
+    place = table
+    for key in path[:-1]:
+        place = place[key]
+    place[path[-1]] = value
+    with pytest.raises((ArgumentError, ArmError), match=message):
+        descriptions.from_dict(table, Arm)

@@ -1,0 +1,121 @@
+"""Joints that slide: metres and newtons, on an arm whose equations fit on a page."""
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.arms import Arm
+from fpid_pin.arms.bodies import CompiledFleet
+from fpid_pin.simulation import limit_report
+from fpid_pin.view.camera import reach_of, stage
+from fpid_pin.view.scene import replay_scene
+from fpid_pin.view.shapes import shapes_of
+
+M, INERTIA, CARRIER, G = 1.5, 0.02, 0.3, 9.81
+#: A carrier turns about -y (x towards z), with its inertia about the joint; a mass slides along it.
+URDF = f"""<robot name="crane"><link name="base"/>
+<link name="carrier"><inertial><mass value="1"/><inertia ixx="{CARRIER}" iyy="{CARRIER}"
+izz="{CARRIER}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="load"><inertial><mass value="{M}"/><inertia ixx="{INERTIA}" iyy="{INERTIA}"
+izz="{INERTIA}" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="turn" type="revolute"><parent link="base"/><child link="carrier"/><axis xyz="0 -1 0"/>
+<limit lower="-2" upper="2" effort="60" velocity="3"/></joint>
+<joint name="slide" type="prismatic"><parent link="carrier"/><child link="load"/>
+<axis xyz="2 0 0"/><limit lower="0.2" upper="1" effort="40" velocity="0.5"/></joint></robot>"""
+Q, V, A = np.array([0.6, 0.7]), np.array([0.9, -0.4]), np.array([1.3, 2.1])
+
+
+@pytest.fixture
+def crane(tmp_path):
+    path = tmp_path / "crane.urdf"
+    path.write_text(URDF, encoding="utf-8")
+    return Arm.from_urdf(path)
+
+
+def by_hand(q, v, a):
+    """Torque of the joint that turns [N m] and force of the one that slides [N]."""
+    (angle, r), (w, speed) = q, v
+    inertia = CARRIER + INERTIA + M * r**2
+    torque = inertia * a[0] + 2.0 * M * r * speed * w + M * G * r * np.cos(angle)
+    force = M * a[1] - M * r * w**2 + M * G * np.sin(angle)
+    return [torque, force]
+
+
+def test_its_equations_are_those_on_paper(crane):
+    assert crane.inverse_dynamics(Q, V, A) == pytest.approx(by_hand(Q, V, A), rel=1e-12)
+    assert crane.forward_dynamics(Q, V, by_hand(Q, V, A)) == pytest.approx(A, rel=1e-12)
+
+
+def test_compiled_dynamics_are_the_same(crane):
+    fleet, out = CompiledFleet([crane], np.zeros((1, 2))), np.empty((1, 2))
+    fleet.forward_dynamics(Q[None], V[None], np.array([by_hand(Q, V, A)]), out)
+    assert out[0] == pytest.approx(A, rel=1e-12)
+
+
+def test_it_says_metres_and_newtons(crane):
+    assert crane.joint_kinds == ("revolute", "prismatic")
+    assert crane.units == ("rad", "m")
+    assert crane.effort_units == ("N m", "N")
+    assert crane.home == pytest.approx([0.0, 0.6])
+    assert crane.lower.tolist() == [-2.0, 0.2]
+    assert crane.effort_limit.tolist() == [60.0, 40.0]
+
+
+@pytest.mark.parametrize("dynamics", ["pinocchio", "compiled"])
+def test_laws_follow_with_it_and_its_run_can_be_rebuilt(crane, tmp_path, dynamics):
+    reference = fp.references.Sinusoid(amplitude=[0.3, 0.1], offset=crane.home)
+    experiment = fp.Experiment(crane, reference, duration=4.0, dynamics=dynamics)
+    laws = [fp.ComputedTorque(k0=100.0, k1=20.0), fp.suggest_gains(crane)]
+    exact, adaptive = fp.simulate(experiment, laws)
+    assert exact.metrics.rms_tail.max() < 2e-3
+    assert (adaptive.metrics.rms_tail < (0.05, 0.02)).all()
+    adaptive.save(tmp_path / "run.npz")
+    assert fp.Run.load(tmp_path / "run.npz").arm == crane
+
+
+def test_limits_that_are_passed_are_told_in_its_units(crane):
+    reference = fp.references.Sinusoid(amplitude=[0.0, 0.5], offset=crane.home, frequency=3.0)
+    experiment = fp.Experiment(crane, reference, duration=3.0)
+    lines = [str(x) for x in limit_report(fp.simulate(experiment, fp.suggest_gains(crane)))]
+    assert any(line.startswith("slide: position beyond 1 m at") for line in lines)
+    assert any(line.startswith("slide: velocity beyond 0.5 m/s at") for line in lines)
+    assert not any("rad" in line for line in lines)
+
+
+def test_the_replay_slides_it(crane):
+    experiment = fp.Experiment(crane, fp.references.Hold(crane.home), duration=0.1)
+    scene = replay_scene([fp.simulate(experiment, fp.suggest_gains(crane))])
+    assert [joint["slides"] for joint in scene["arms"][0]["joints"]] == [False, True]
+    assert scene["arms"][0]["joints"][1]["axis"] == [1.0, 0.0, 0.0]
+
+
+def test_the_camera_makes_room_for_the_way_it_slides(crane):
+    assert reach_of(crane) == pytest.approx(0.4)
+    near, far = (stage([crane], [np.array([[0.0, x], [1.0, x]])]) for x in (0.2, 1.0))
+    assert far.extent[0] > 2.0 * near.extent[0]
+
+
+def test_its_hub_is_no_cylinder(crane):
+    hubs = {shape.joint: shape.kind for shape in reversed(shapes_of(crane))}
+    assert hubs == {0: "cylinder", 1: "box"}
+
+
+@pytest.mark.parametrize(
+    ("axes", "planar"),
+    [(("1 0 0", "0 0 1"), True), (("1 0 0", "0 1 0"), True), (("1 0 0", "1 1 1"), True),
+     (("1 0 0", "0 1 0", "0 0 1"), False), (("0 0 1",), True)],
+)  # fmt: skip
+def test_gantries_are_looked_at_across_their_plane(tmp_path, axes, planar):
+    parts = ['<robot name="gantry"><link name="l0"/>']
+    body = URDF[URDF.index('<link name="load">') : URDF.index("<joint")]
+    joint = URDF[URDF.index('<joint name="slide"') : URDF.index("</robot>")]
+    for k, axis in enumerate(axes, start=1):
+        parts.append(body.replace("load", f"l{k}"))
+        moved = joint.replace("2 0 0", axis).replace('"slide"', f'"j{k}"')
+        parts.append(moved.replace("carrier", f"l{k - 1}").replace("load", f"l{k}"))
+    path = tmp_path / "gantry.urdf"
+    path.write_text("".join(parts) + "</robot>", encoding="utf-8")
+    arm = Arm.from_urdf(path)
+    found = stage([arm], [np.array([arm.lower, arm.upper])])
+    assert found.planar is planar
+    assert np.isfinite(found.extent).all()

@@ -1,0 +1,175 @@
+"""Which kind a robot's file is, what has to be done first, and robots that are downloaded."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mjcf_arm import TEXT as MJCF
+
+from fpid_pin import descriptions
+from fpid_pin.arms import Arm
+from fpid_pin.arms.two_link import two_link_urdf
+from fpid_pin.exceptions import ArgumentError, ArmError
+
+SDF = (
+    '<sdf version="1.9"><model name="m"><link name="a"/></model>'
+    "<world name='w'><gravity>0 0 -3.7</gravity></world></sdf>"
+)
+XACRO = (
+    '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r">'
+    '<xacro:property name="m" value="1"/><link name="a"/></robot>'
+)
+
+
+def write(tmp_path, text, name):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", ["arm.urdf", "arm.xml", "arm"])
+def test_the_root_element_says_what_a_file_is(tmp_path, name):
+    path = write(tmp_path, two_link_urdf(), name)
+    assert Arm.from_file(path, gravity=9.8) == Arm.from_urdf(path, gravity=9.8)
+    path.write_text(MJCF, encoding="utf-8")
+    assert Arm.from_file(path, lock={"slide": 0.1}) == Arm.from_mjcf(path, {"slide": 0.1})
+
+
+@pytest.mark.parametrize("read", [Arm.from_file, Arm.from_urdf, Arm.from_mjcf, Arm.from_sdf])
+def test_macros_are_refused_with_the_command_that_writes_them_out(tmp_path, read):
+    path = write(tmp_path, XACRO, "my arm.urdf.xacro")
+    with pytest.raises(ArmError, match=r"run: xacro '.*/my arm.urdf.xacro' > robot.urdf") as caught:
+        read(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_urdf_that_xacro_has_written_is_read(tmp_path):
+    text = two_link_urdf().replace("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ')
+    assert Arm.from_file(write(tmp_path, text, "a.urdf")).n == 2
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "message"),
+    [
+        (Arm.from_urdf, MJCF, r"expected a <robot> element, got <mujoco> \(Arm.from_mjcf reads it"),
+        (Arm.from_sdf, MJCF, r"expected a <sdf> element, got <mujoco> \(Arm.from_mjcf reads it"),
+        (Arm.from_file, "<html/>", "expected one of <robot>, <mujoco>, <sdf>, got <html>"),
+        (Arm.from_file, "links", "expected well-formed XML"),
+        (Arm.from_file, "<a>" * 200 + "</a>" * 200, "expected at most 100 elements within one"),
+    ],
+)
+def test_other_files_are_refused(tmp_path, read, text, message):
+    with pytest.raises(ArmError, match=message):
+        read(write(tmp_path, text, "a.xml"))
+
+
+def test_no_file_is_one_line(tmp_path):
+    with pytest.raises(ArmError, match="expected a URDF, MJCF or SDF file, got none"):
+        Arm.from_file(tmp_path / "none.urdf")
+
+
+@pytest.mark.skipif(pin.WITH_SDFORMAT, reason="this Pinocchio reads SDF")
+def test_sdf_is_refused_where_pinocchio_has_no_parser(tmp_path):
+    path = write(tmp_path, SDF, "a.sdf")
+    with pytest.raises(ArmError, match="that reads SDF, got one built without sdformat"):
+        Arm.from_sdf(path)
+    with pytest.raises(ArmError, match="expected a Pinocchio that reads SDF"):
+        descriptions.from_dict({"kind": "sdf", "path": str(path)}, Arm)
+
+
+def test_sdf_is_read_by_pinocchios_parser_where_it_has_one(tmp_path, monkeypatch):
+    """Its answer is played here: model, constraints, visual geometry."""
+    given = Arm.from_example("ur5")
+    answer = (given.model, [], pin.GeometryModel())
+    monkeypatch.setattr(pin, "WITH_SDFORMAT", True)
+    monkeypatch.setattr(pin, "buildModelsFromSdf", lambda path, geometry_types: answer)
+    arm = Arm.from_sdf(write(tmp_path, SDF, "a.sdf"))
+    assert np.array_equal(arm.mass_matrix(given.home), given.mass_matrix(given.home))
+    assert arm.gravity == 3.7
+    bad = given.model.copy()
+    bad.inertias[2] = pin.Inertia(-1.0, np.zeros(3), np.eye(3))
+    answer = (bad, [], pin.GeometryModel())
+    with pytest.raises(ArmError, match=r"a.sdf: link 'upper_arm_link': expected a mass >= 0"):
+        Arm.from_sdf(tmp_path / "a.sdf")
+
+
+# ---------------------------------------------------------------------- robot_descriptions
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A robot_descriptions that has its robots on this disk."""
+    folder = tmp_path / "site" / "robot_descriptions"
+    folder.mkdir(parents=True)
+    (folder / "__init__.py").touch()
+    urdf = write(tmp_path, two_link_urdf(), "two.urdf")
+    mjcf = write(tmp_path, MJCF, "lifter.xml")
+    modules = {
+        "two_description": f"URDF_PATH = {str(urdf)!r}\nPACKAGE_PATH = {str(tmp_path)!r}\n",
+        "lifter_mj_description": f"MJCF_PATH = {str(mjcf)!r}\n",
+        "far_description": "raise OSError('no network\\nat all')\n",
+        "empty_description": "",
+        "_private_description": "",
+        "macro_description": f"XACRO_PATH = 'x'\nPACKAGE_PATH = {str(tmp_path)!r}\n",
+        "bad_macro_description": "XACRO_PATH = ''\n",
+        "_xacro": (
+            f"def get_urdf_path(module):\n    if module.XACRO_PATH:\n        return {str(urdf)!r}\n"
+            "    raise ModuleNotFoundError('Install it with `pip install xacrodoc`.')\n"
+        ),
+        "loaders": "raise AssertionError\n",
+    }
+    for name, code in modules.items():
+        (folder / f"{name}.py").write_text(code, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(folder.parent))
+    yield folder
+    for name in [name for name in sys.modules if name.startswith("robot_descriptions")]:
+        del sys.modules[name]
+
+
+def test_a_description_is_read_whichever_file_it_has(package, tmp_path):
+    arm = Arm.from_description("two_description", gravity=9.8)
+    two = Arm.two_link()
+    assert np.array_equal(arm.mass_matrix([0.1, 0.2]), two.mass_matrix([0.1, 0.2]))
+    assert Arm.from_description("macro_description").n == 2
+    lifter = Arm.from_description("lifter_mj_description", lock={"slide": 0.1})
+    assert lifter == Arm.from_mjcf(tmp_path / "lifter.xml", {"slide": 0.1})
+
+
+def test_what_is_saved_needs_neither_package_nor_network(package, tmp_path, monkeypatch):
+    table = {"kind": "description", "name": "two_description"}
+    arm = descriptions.from_dict(table, Arm)
+    saved = descriptions.to_dict(arm)
+    (tmp_path / "two.urdf").unlink()
+    monkeypatch.setitem(sys.modules, "robot_descriptions", None)
+    assert descriptions.from_dict(saved, Arm) == arm
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("too_description", "description: expected one of .*did you mean two_description"),
+        ("_private_description", "description: expected one of"),
+        ("bad_macro_description", "xacro cannot write it out: Install it with `pip install xacro"),
+        ("loaders", "description: expected one of"),
+        ("far_description", "far_description: cannot be downloaded: no network at all"),
+        ("empty_description", "expected a description with a URDF or an MJCF file, got neither"),
+        (3, "description: expected one of .* got 3"),
+    ],
+)
+def test_what_is_no_description_is_refused_on_one_line(package, name, message):
+    with pytest.raises((ArgumentError, ArmError), match=message) as caught:
+        Arm.from_description(name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_package_says_how_to_install_it(monkeypatch):
+    monkeypatch.setitem(sys.modules, "robot_descriptions", None)
+    with pytest.raises(ArmError, match=r"pip install fpid_pin\[descriptions\]"):
+        Arm.from_description("ur5e_description")
+
+
+def test_the_page_on_models_runs():
+    page = (Path(__file__).parents[2] / "docs" / "models.md").read_text(encoding="utf-8")
+    exec(page.partition("```python\n")[2].partition("```")[0], {})

@@ -1,0 +1,211 @@
+"""`inspect` and `init`: what a first user asks of an arm, and a configuration that runs."""
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.arms import Arm
+from fpid_pin.cli.config import load
+from fpid_pin.cli.init import frictions, payload, rounded, swing
+from fpid_pin.cli.main import main
+from fpid_pin.simulation import limit_report
+
+MJCF = Path(__file__).parent.parent / "arms" / "mjcf_arm.py"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = MJCF.read_text().partition('"""')[2].partition('"""')[2].partition('"""')[2]
+    (tmp_path / "lifter.xml").write_text(text.partition('"""')[0], encoding="utf-8")
+    return tmp_path
+
+
+def rows_below(printed, start):
+    """Return the cells of the table below a line, row by row, without the numbers."""
+    lines = printed.splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith(start))
+    head = next(k for k in range(at, len(lines)) if lines[k].lstrip().startswith("#"))
+    rows = []
+    for line in lines[head + 1 :]:
+        if not line or not line.split()[0].isdigit():
+            break
+        rows.append(line.split()[1:])
+    return rows
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5", "panda", "lifter.xml"])
+def test_nothing_is_wider_than_80_columns_or_cut(folder, capsys, name):
+    assert main(["inspect", name]) == 0
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= 80
+    assert "..." not in printed
+    assert "…" not in printed
+
+
+def test_it_says_what_the_arm_and_its_law_are(capsys):
+    assert main(["inspect", "panda", "--bandwidth", "8"]) == 0
+    printed = capsys.readouterr().out
+    arm = Arm.from_example("panda")
+    law = fp.suggest_gains(arm, 8.0)
+    joints = rows_below(printed, "Joints and their limits")
+    assert [row[-1] for row in joints] == list(arm.joint_names)
+    assert [float(row[1]) for row in joints] == pytest.approx(arm.lower, rel=1e-3)
+    home = np.array([[float(cell) for cell in row[:2]] for row in rows_below(printed, "At home")])
+    assert home[:, 0] == pytest.approx(arm.home, rel=1e-3)
+    assert home[:, 1] == pytest.approx(np.diag(arm.mass_matrix(arm.home)), rel=1e-3)
+    gains = np.array([[float(cell) for cell in row] for row in rows_below(printed, "Suggested")])
+    ceilings = fp.control.gain_ceilings(arm, law)
+    expected = [
+        law.scale_on(arm), law.integral_order, law.derivative_order, law.kp, law.ki, law.kd,
+        ceilings.kp, ceilings.ki, ceilings.kd,
+    ]  # fmt: skip
+    columns = np.column_stack([np.broadcast_to(x, 7) for x in expected])
+    assert gains == pytest.approx(columns, rel=1e-3)
+    margins = rows_below(printed, "Margins at home")
+    report = fp.stability_report(arm, law)
+    assert [float(row[0]) for row in margins] == pytest.approx(report.gain_margin, rel=1e-3)
+    assert ("stable" in printed) == report.stable
+
+
+def test_gains_that_were_lowered_are_named(capsys):
+    assert main(["inspect", "panda", "--bandwidth", "40", "--step", "0.004"]) == 0
+    printed = capsys.readouterr().out
+    law = fp.suggest_gains(Arm.from_example("panda"), 40.0, step=0.004)
+    asked = 2.0 * 40.0 ** (2.0 - np.broadcast_to(law.derivative_order, 7))
+    lowered = [j + 1 for j in range(7) if np.broadcast_to(law.kd, 7)[j] < 0.99 * asked[j]]
+    assert lowered
+    for j in lowered:
+        assert f"joint {j} lowered: " in printed
+    assert "Nothing had to be lowered" not in printed
+
+
+def test_metres_and_newtons_are_said(folder, capsys):
+    assert main(["inspect", "lifter.xml"]) == 0
+    printed = capsys.readouterr().out
+    assert "of prismatic joints m, m/s and N)" in " ".join(printed.split())
+    kinds = [row[0] for row in rows_below(printed, "Joints")]
+    assert kinds == ["revolute", "prismatic", "revolute"]
+    assert main(["inspect", "lifter.xml", "--lock", "slide=0.2"]) == 0
+    assert "prismatic" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("suffix", ["svg", "png"])
+def test_a_picture_is_drawn(folder, capsys, suffix):
+    assert main(["inspect", "lifter.xml", "--picture", f"arm.{suffix}"]) == 0
+    assert f"Written: arm.{suffix}" in capsys.readouterr().out
+    assert (folder / f"arm.{suffix}").stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["inspect", "ur55"], "arm: expected one of two_link, .* got 'ur55' (did you mean ur5?)"),
+        (["inspect", "none.urdf"], "none.urdf: expected a URDF, MJCF or SDF file, got none"),
+        (["inspect", "panda", "--lock", "door"], "--lock: expected JOINT=VALUE, got 'door'"),
+        (["inspect", "ur5", "--lock", "door=1"], "lock: expected one of"),
+        (["inspect", "two_link", "--bandwidth", "-1"], "bandwidth: expected a number > 0, got -1"),
+        (["inspect", "two_link", "--picture", "arm.bmp"], "a name that ends in .svg"),
+        (["init", "urrr"], "arm: expected one of two_link"),
+        (["init", "two_link", "--out", "taken.toml"], "taken.toml: expected a new file, got one"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_status_2(folder, capsys, arguments, message):
+    (folder / "taken.toml").write_text("mine")
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    words = message.split(" .* ")
+    assert all(word in error for word in words)
+    assert (folder / "taken.toml").read_text() == "mine"
+
+
+# ---------------------------------------------------------------------- init
+
+
+@pytest.mark.parametrize("name", ["two_link", "ur5", "panda"])
+def test_compare_runs_what_init_writes(folder, capsys, name):
+    assert main(["init", name, "--out", "start.toml"]) == 0
+    text = (folder / "start.toml").read_text()
+    assert len(text.splitlines()) < 80
+    (folder / "start.toml").write_text(text.replace("duration = 10.0", "duration = 0.05"))
+    assert main(["compare", "start.toml"]) == 0
+    printed = capsys.readouterr().out
+    for part in ("FPID", "integer PID", "PD + gravity", "computed torque", "noise", "delay"):
+        assert part in printed
+    assert "UNSTABLE" not in printed
+    assert len(list((folder / "runs" / "start").glob("*.npz"))) == 20
+
+
+@pytest.mark.parametrize("name", ["two_link", "xarm7", "kinova", "z1", "lifter.xml"])
+def test_a_configuration_stays_within_the_limits_of_its_arm(folder, name):
+    assert main(["init", name]) == 0
+    config = load(folder / "config.toml")
+    arm, t = config.experiment.arm, np.linspace(0.0, 10.0, 500)
+    q, v, _ = config.experiment.reference.sample(t)
+    assert ((q > arm.lower) & (q < arm.upper)).all()
+    assert (np.abs(v) <= arm.velocity_limit).all()
+    assert (np.ptp(q, axis=0) > 0.0).all()
+    assert list(config.controllers) == ["FPID", "integer PID", "PD + gravity", "computed torque"]
+    kinds = [condition.split()[0] for condition in config.conditions]
+    assert kinds == ["nominal", "payload", "friction", "noise", "delay"]
+
+
+def test_every_law_follows_on_a_ur5_as_it_is(folder):
+    assert main(["init", "ur5"]) == 0
+    config = load(folder / "config.toml")
+    runs = fp.simulate(config.experiment, list(config.controllers.values()))
+    for run in runs:
+        assert run.outcome.completed
+        assert limit_report(run) == []
+        assert run.metrics.rms_tail.max() < 0.05
+
+
+def test_paths_start_at_the_configurations_folder(folder, capsys):
+    assert main(["init", "lifter.xml", "--out", "deep/er/start.toml", "--lock", "wrist=0.1"]) == 0
+    table = tomllib.loads((folder / "deep" / "er" / "start.toml").read_text())["arm"]
+    assert table == {"kind": "mjcf", "path": "../../lifter.xml", "lock": {"wrist": 0.1}}
+    config = load(folder / "deep" / "er" / "start.toml")
+    assert config.experiment.arm == Arm.from_mjcf("lifter.xml", {"wrist": 0.1})
+    assert "[rad] and [m]" in (folder / "deep" / "er" / "start.toml").read_text()
+
+
+def test_names_that_are_odd_stay_text(folder):
+    odd = 'lift"er\n[x].xml'
+    os.rename("lifter.xml", odd)
+    assert main(["init", odd]) == 0
+    assert load(folder / "config.toml").experiment.arm.name == "lifter"
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "z1", "so100"])
+def test_what_is_asked_of_the_drives_can_be_borne(name):
+    arm = Arm.from_example(name)
+    heavier = arm.with_payload(payload(arm))
+    spare = arm.effort_limit - np.abs(arm.gravity_vector(arm.home))
+    carried = np.abs(heavier.gravity_vector(arm.home) - arm.gravity_vector(arm.home))
+    assert (carried <= 0.31 * spare + 1e-9).all()
+    viscous, dry = frictions(arm)
+    assert (viscous > arm.viscous_friction).all()
+    assert (dry < arm.effort_limit + arm.dry_friction).all()
+    assert (swing(arm)[0] > 0.0).all()
+
+
+def test_numbers_are_cut_to_two_digits_towards_zero():
+    assert rounded(np.array([0.0, 0.299, 1.0, 0.0349, 3.39, 128.0])).tolist() == [
+        0.0, 0.29, 1.0, 0.034, 3.3, 120.0,
+    ]  # fmt: skip
+
+
+def test_both_commands_are_there():
+    help_ = subprocess.run(
+        [sys.executable, "-m", "fpid_pin.cli.main", "--help"], capture_output=True, text=True,
+        check=True,
+    ).stdout  # fmt: skip
+    assert "inspect" in help_
+    assert "init" in help_

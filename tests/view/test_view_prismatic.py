@@ -1,0 +1,119 @@
+"""An arm that slides, as a page and a still picture show it."""
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.arms import Arm
+from fpid_pin.cli.summary import Entry, joint_rows
+from fpid_pin.view import export_html, plots
+from fpid_pin.view.portrait import portrait, triangles_of
+from fpid_pin.view.shapes import Shape, shapes_of
+
+#: A column that turns, a carriage that goes up it, a boom that comes out.
+JOINTS = (("revolute", "0 0 1", 0.0), ("prismatic", "0 0 1", 0.3), ("prismatic", "1 0 1", 0.2))
+
+
+@pytest.fixture(scope="module")
+def scara(tmp_path_factory):
+    text = '<robot name="column"><link name="l0"/>'
+    for k, (kind, axis, z) in enumerate(JOINTS, start=1):
+        text += (
+            f'<link name="l{k}"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" '
+            'izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/><child link="l{k}"/>'
+            f'<origin xyz="0 0 {z}" rpy="0 0 {0.3 * k}"/><axis xyz="{axis}"/>'
+            '<limit lower="-0.4" upper="0.6" effort="90" velocity="2"/></joint>'
+        )
+    path = tmp_path_factory.mktemp("scara") / "column.urdf"
+    path.write_text(f"{text}</robot>", encoding="utf-8")
+    return Arm.from_urdf(path)
+
+
+@pytest.mark.browser
+def test_a_page_moves_it_as_pinocchio_does(browser, scara, tmp_path):
+    reference = fp.references.Sinusoid(amplitude=[0.3, 0.2, 0.2], frequency=3.0, phase=[0, 1, 2])
+    experiment = fp.Experiment(scara, reference, duration=1.0)
+    run = fp.simulate(experiment, fp.suggest_gains(scara))
+    file = export_html(run, tmp_path / "run.html")
+    page, errors = browser.new_page(viewport={"width": 700, "height": 480}), []
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(f"{file.as_uri()}#t=0.5")
+    page.wait_for_function("() => window.fpidPin !== undefined", timeout=30_000)
+    page.evaluate("fpidPin.seek(0.5)")
+    page.wait_for_timeout(300)
+    view = "fpidPin.views[0].arm"
+    at = page.evaluate(f"{view}.turns.map(([turn]) => turn.position.length())")
+    q = run.q[500]
+    assert at == pytest.approx([0.0, abs(q[1]), abs(q[2])], abs=1e-4)
+    tool = page.evaluate(f"{view}.tool({q.tolist()}).toArray()")
+    assert tool == pytest.approx(scara.tool_pose(q)[:3, 3], abs=1e-6)
+    arcs = "fpidPin.views[0].arcs.length"
+    assert page.evaluate(arcs) == 3
+    assert errors == []
+    page.close()
+
+
+def test_a_portrait_has_every_joint_and_a_scale(scara):
+    (axes,) = portrait(scara).axes
+    texts = [text.get_text() for text in axes.texts]
+    assert texts[:3] == ["1", "2", "3"]
+    assert texts[3].endswith(" m")
+    dashes = [line.get_linestyle() for line in axes.lines[:3]]
+    assert dashes == ["--", "-", "-"]
+
+
+def test_a_portrait_is_of_the_pose_that_is_asked_for(scara):
+    def top(q):
+        (axes,) = portrait(scara, q).axes
+        corners = np.concatenate([path.vertices for path in axes.collections[0].get_paths()])
+        return corners.max(axis=0)
+
+    low, high = top([0.0, -0.3, 0.0]), top([0.0, 0.5, 0.0])
+    assert high[1] > low[1] + 0.5
+    with pytest.raises(fp.FpidError, match=r"q: expected shape \(3,\)"):
+        portrait(scara, [0.0])
+
+
+@pytest.mark.parametrize(
+    ("kind", "size", "volume"),
+    [
+        ("box", (1.0, 2.0, 3.0), 6.0),
+        ("sphere", (1.0,), 4.0 / 3.0 * np.pi),
+        ("cylinder", (1.0, 2.0), 2.0 * np.pi),
+        ("capsule", (1.0, 2.0), 2.0 * np.pi + 4.0 / 3.0 * np.pi),
+        ("cone", (1.0, 3.0), np.pi),
+        ("ellipsoid", (1.0, 2.0, 3.0), 8.0 * np.pi),
+    ],
+)
+def test_solids_are_closed_and_as_large_as_they_should_be(kind, size, volume):
+    """Their volume by pyramids from the centre; round ones are a little smaller, being edged."""
+    faces = triangles_of(Shape(-1, np.eye(4), kind, size, (1, 1, 1, 1)))
+    pyramids = np.abs(np.linalg.det(faces)) / 6.0
+    assert pyramids.sum() == pytest.approx(volume, rel=1e-9 if kind == "box" else 0.05)
+
+
+def test_every_arm_that_has_shapes_is_drawn_with_them():
+    arm = Arm.two_link()
+    (axes,) = portrait(arm).axes
+    drawn = {tuple(np.round(colour / colour[:3].max(), 2)) for colour in
+             axes.collections[0].get_facecolor()}  # fmt: skip
+    assert len(drawn) >= len({shape.colour for shape in shapes_of(arm)}) - 1
+
+
+def labels(figure):
+    return [axes.get_ylabel() for axes in figure.axes]
+
+
+def test_figures_and_tables_say_metres_and_newtons(scara):
+    reference = fp.references.Sinusoid(amplitude=[0.3, 0.2, 0.1], frequency=2.0)
+    run = fp.simulate(fp.Experiment(scara, reference, duration=0.2), fp.suggest_gains(scara))
+    assert labels(plots.tracking(run)) == ["angle, rad", "position, m", "position, m"]
+    assert labels(plots.error(run)) == ["$q_d - q$, rad", "$q_d - q$, m", "$q_d - q$, m"]
+    assert labels(plots.torque(run)) == ["torque, N m", "force, N", "force, N"]
+    assert labels(plots.phase_plane(run))[:2] == ["$\\dot e$, rad/s", "$\\dot e$, m/s"]
+    assert labels(plots.comparison([run]))[2:4] == ["$q_d - q$, m", "force, N"]
+    together = labels(plots.plot(run))[:3]
+    assert together == ["position, rad, m", "$q_d - q$, rad, m", "torque, N m, N"]
+    rows = joint_rows([Entry("nominal", "law", run, "law.npz")])
+    assert [row["joint"] for row in rows] == ["j1", "j2 [m, N]", "j3 [m, N]"]
