@@ -11,6 +11,7 @@ What most programs need is here; the rest is in rooms: `fp.references.Sinusoid`,
 
 from fpid_pin import (
     arms,
+    campaign,
     control,
     costs,
     disturbances,
@@ -76,6 +77,7 @@ __all__ = [
     "Supervisor",
     "__version__",
     "arms",
+    "campaign",
     "control",
     "costs",
     "described",

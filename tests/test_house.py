@@ -24,7 +24,8 @@ TIERS = [
     {"fractional", "arms"},
     {"control", "references"},
     {"simulation"},
-    {"tuning", "campaign"},
+    {"tuning"},
+    {"campaign"},
     {"export"},
     {"view"},
     {"cli"},
@@ -111,6 +112,7 @@ FACE = {
 }  # fmt: skip
 ROOMS = {
     "arms": {"Arm", "DryFriction", "Fleet", "names"},
+    "campaign": {"CampaignData", "Scenarios", "Study", "Uniform", "load", "replay", "run"},
     "control": {
         "Controller", "EncoderRate", "Loop", "RobotLoop", "StabilityReport", "State",
         "gain_ceilings",

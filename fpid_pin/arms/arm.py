@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms import change
 from fpid_pin.arms.chain import require_regular, require_serial
-from fpid_pin.arms.inertia import perturbed_rows
+from fpid_pin.arms.inertia import perturbed_rows, scaled_rows
 from fpid_pin.arms.making import Making
 from fpid_pin.arms.rigid_body import RigidBody
 from fpid_pin.arms.source import Parts, Source
@@ -135,6 +135,16 @@ class Arm(RigidBody, Making):
     def with_armature(self, armature: ArrayLike) -> Arm:
         """Return the arm with other rotor inertias [kg m^2], seen at the joint."""
         return self._changed(change.Armature(armature))
+
+    def with_scaled_links(self, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0) -> Arm:
+        """Return the arm with heavier or lighter links, each by a factor > 0, a scalar or (n,).
+
+        `mass` scales a link's density, and with it its rotational inertia, which `inertia` scales
+        further. Centres of mass stay; what is made is physically consistent if this arm is.
+        """
+        mass = checks.per_joint("mass", mass, self.n, above=0.0)
+        inertia = checks.per_joint("inertia", inertia, self.n, above=0.0)
+        return self._changed(change.Inertias(scaled_rows(self.model, mass, inertia)))
 
     def perturbed(
         self,

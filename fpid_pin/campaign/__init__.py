@@ -1,0 +1,17 @@
+"""Robustness campaigns: the same controllers on thousands of other plants, recorded and resumable."""
+
+from fpid_pin.campaign.data import CampaignData
+from fpid_pin.campaign.distributions import Choices, Distribution, LogUniform, Normal, Uniform
+from fpid_pin.campaign.scenarios import Scenarios
+from fpid_pin.campaign.study import Study
+
+__all__ = [
+    "CampaignData",
+    "Choices",
+    "Distribution",
+    "LogUniform",
+    "Normal",
+    "Scenarios",
+    "Study",
+    "Uniform",
+]
