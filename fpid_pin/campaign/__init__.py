@@ -1,6 +1,7 @@
-"""Robustness campaigns: the same controllers on thousands of other plants, recorded and resumable."""
+"""Robustness campaigns: the same controllers on thousands of other plants, all recorded."""
 
 from fpid_pin.campaign.data import CampaignData
+from fpid_pin.campaign.driver import load, run
 from fpid_pin.campaign.distributions import Choices, Distribution, LogUniform, Normal, Uniform
 from fpid_pin.campaign.scenarios import Scenarios
 from fpid_pin.campaign.study import Study
@@ -14,4 +15,6 @@ __all__ = [
     "Scenarios",
     "Study",
     "Uniform",
+    "load",
+    "run",
 ]

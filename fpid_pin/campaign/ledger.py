@@ -58,9 +58,15 @@ class Ledger:
         with self._told():
             self._file = self._open(writable=study is not None)
             try:
-                if study is not None and not self._tables():
-                    self._make(study)
-                self._require_ours()
+                if self._tables() or study is None:
+                    # Before anything of a stranger's file is touched.
+                    self._require_ours()
+                if study is not None:
+                    # A killed driver loses nothing that was committed.
+                    self._file.execute("PRAGMA journal_mode = WAL")
+                    self._file.execute("PRAGMA synchronous = NORMAL")
+                    if not self._tables():
+                        self._make(study)
                 self.study_table: dict[str, Any] = from_json(self._meta("study"))
                 if study is not None:
                     self._require_same(study)
@@ -107,8 +113,11 @@ class Ledger:
         """Return the first runs, up to the first that is not recorded yet, or `runs` of them."""
         columns = len(self.controllers)
         limit = -1 if runs is None else runs * columns
-        names = ", ".join(f'"{label}"' for label in self.parameters)
-        query = f"SELECT run, outcome, cause, {_FIGURES}, {names} FROM results ORDER BY run, controller LIMIT ?"
+        names = ", ".join(map(_quoted, self.parameters))
+        query = (
+            f"SELECT run, outcome, cause, {_FIGURES}, {names} FROM results "
+            "ORDER BY run, controller LIMIT ?"
+        )
         with self._told():
             rows = self._file.execute(query, (limit,)).fetchall()
         # Chunks are recorded whole, so that the first gap is where numbers part.
@@ -169,15 +178,7 @@ class Ledger:
                 .replace("#", "%23")
             )
             return sqlite3.connect(f"file:{path}?mode=ro", uri=True, timeout=PATIENCE)
-        file = sqlite3.connect(self.path, timeout=PATIENCE)
-        try:
-            # A killed driver loses nothing that was committed; the disk is waited for at checkpoints.
-            file.execute("PRAGMA journal_mode = WAL")
-            file.execute("PRAGMA synchronous = NORMAL")
-        except BaseException:
-            file.close()
-            raise
-        return file
+        return sqlite3.connect(self.path, timeout=PATIENCE)
 
     def _tables(self) -> int:
         return int(self._file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0])
@@ -185,7 +186,7 @@ class Ledger:
     def _make(self, study: Study) -> None:
         bound = study.bound
         figures = ", ".join(f"{name} REAL" for name in METRICS)
-        samples = ", ".join(f'"{label}" REAL' for label in bound.parameters)
+        samples = ", ".join(f"{_quoted(label)} REAL" for label in bound.parameters)
         with self._file:
             self._file.execute("BEGIN IMMEDIATE")
             self._file.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT) WITHOUT ROWID")
@@ -251,3 +252,8 @@ class Ledger:
             if isinstance(error, FileFormatError):
                 raise
             raise FileFormatError(f"{self.path}: a damaged ledger ({error})") from None
+
+
+def _quoted(label: str) -> str:
+    """Return a column's name as SQL has it."""
+    return '"' + label.replace('"', '""') + '"'
