@@ -12,8 +12,8 @@ from fpid_pin._version import __version__
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.extras import needed
 
-#: Scheduler and first worker answer within this [s], or are none.
-PATIENCE = 10.0
+#: Scheduler and first worker answer within this [s], or are none: with what else it takes, 10 s.
+PATIENCE = 8.0
 
 
 @contextmanager

@@ -7,6 +7,7 @@ meanwhile. Its description is inside, so that it can be gone on with from nothin
 from __future__ import annotations
 
 import json
+import math
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.campaign.chunk import Done
+from fpid_pin.campaign.chunk import Done, Ended
 from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.study import Study, difference
-from fpid_pin.exceptions import FileFormatError
+from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.files import kind_of, make_folder, unwritable
 from fpid_pin.simulation.run_table import from_json
 
@@ -140,6 +141,23 @@ class Ledger:
             cause=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
             metrics={name: table[:, :, k].copy() for k, name in enumerate(METRICS)},
         )
+
+    def end(self, run: int, controller: str) -> Ended:
+        """Return how a run ended under a controller.
+
+        Raises
+        ------
+        ArgumentError
+            It is not recorded.
+        """
+        query = f"SELECT outcome, cause, {_FIGURES} FROM results WHERE run = ? AND controller = ?"
+        with self._told():
+            place = (run, self.controllers.index(controller))
+            row = self._file.execute(query, place).fetchone()
+        if row is None:
+            raise ArgumentError("run", "one that is recorded", run)
+        figures = tuple(math.nan if x is None else float(x) for x in row[2:])
+        return Ended(row[0], row[1], figures)
 
     # ------------------------------------------------------------------ writing
 
