@@ -1,8 +1,12 @@
 """Robustness campaigns: the same controllers on thousands of other plants, all recorded."""
 
+from fpid_pin.campaign.attack import attack
+from fpid_pin.campaign.cluster import dask_executor
 from fpid_pin.campaign.data import CampaignData
-from fpid_pin.campaign.driver import load, run
 from fpid_pin.campaign.distributions import Choices, Distribution, LogUniform, Normal, Uniform
+from fpid_pin.campaign.driver import load, run
+from fpid_pin.campaign.export import export
+from fpid_pin.campaign.replay import Replay, replay
 from fpid_pin.campaign.scenarios import Scenarios
 from fpid_pin.campaign.study import Study
 
@@ -12,9 +16,14 @@ __all__ = [
     "Distribution",
     "LogUniform",
     "Normal",
+    "Replay",
     "Scenarios",
     "Study",
     "Uniform",
+    "attack",
+    "dask_executor",
+    "export",
     "load",
+    "replay",
     "run",
 ]

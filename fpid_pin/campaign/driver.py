@@ -89,7 +89,7 @@ def run(
             warm(nominal, list(study.controllers.values()))
         if executor is None and workers is not None:
             executor = stack.enter_context(WorkerPool(workers, retries=0))
-        window = AHEAD * _workers(executor)
+        window = AHEAD * workers_of(executor)
         watch = _Watch(book, until)
         if until is not None and watch.ended(recorded):
             return book.data()
@@ -127,7 +127,7 @@ class _Watch:
         return False
 
 
-def _workers(executor: Executor | None) -> int:
+def workers_of(executor: Executor | None) -> int:
     """Return how many tasks an executor works on at once, where it tells."""
     return int(getattr(executor, "_max_workers", 2))
 

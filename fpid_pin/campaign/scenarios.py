@@ -38,7 +38,7 @@ class Scenarios:
         What the samples derive from, noise included.
     points
         Runs' points of the unit cube, (runs, numbers), in place of samples: run k has the
-        quantiles at ``points[k]``.
+        quantiles at ``points[k]``; all have the same noise.
 
     Notes
     -----
@@ -203,7 +203,9 @@ class BoundScenarios:
     def experiment(self, run: int, sample: FloatArray) -> Experiment:
         """Return the experiment of a run from its sample, (parameters,)."""
         values = {key: sample[place] for key, place in self._columns.items()}
-        noise = np.random.SeedSequence([self.scenarios.seed, run]).generate_state(1, np.uint64)
+        # Points are compared, and found again under another number.
+        index = run if self.scenarios.points is None else 0
+        noise = np.random.SeedSequence([self.scenarios.seed, index]).generate_state(1, np.uint64)
         return varied(self.nominal, values, int(noise[0]))
 
     def _points(self, first: int, last: int) -> FloatArray:

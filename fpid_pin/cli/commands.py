@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fpid_pin import own_code
+from fpid_pin._version import __version__
 
 app = typer.Typer(
     help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
@@ -15,7 +16,24 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"fpid-pin {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def top(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")
+    ] = False,
+) -> None:
+    """Adaptive fractional-order PID control of robot arms on Pinocchio."""
+
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
 
@@ -34,15 +52,17 @@ ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, o
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
 Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
 NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
+Png = Annotated[bool, typer.Option("--png", help="Draw figures as PNG, too.")]
 NoFigures = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
 
 
 @app.command()
-def demo(out: OutputPath = None) -> None:
+def demo(out: OutputPath = None, no_figures: NoFigures = False, png: Png = False) -> None:
     """Run section 5.1 of the paper: fractional against integer adaptive PID."""
     from fpid_pin.cli.experiments import run_demo
+    from fpid_pin.cli.keep import Keep
 
-    run_demo(out or Path("runs/demo"))
+    run_demo(out or Path("runs/demo"), Keep(figures=not no_figures, png=png))
 
 
 @app.command()
@@ -53,13 +73,14 @@ def run(
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
+    png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate one controller of a configuration and record everything."""
     from fpid_pin.cli.experiments import run_one
     from fpid_pin.cli.keep import Keep
 
-    keep = Keep(not no_runs, not no_figures, every)
+    keep = Keep(not no_runs, not no_figures, every, png)
     run_one(config, out or Path("runs") / config.stem, controller, keep)
 
 
@@ -74,13 +95,14 @@ def compare(
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
+    png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate every controller of a configuration under every condition, and say who is best."""
     from fpid_pin.cli.experiments import run_comparison
     from fpid_pin.cli.keep import Keep
 
-    keep = Keep(not no_runs, not no_figures, every)
+    keep = Keep(not no_runs, not no_figures, every, png)
     run_comparison(config, out or Path("runs") / config.stem, metric, keep)
 
 
@@ -90,12 +112,14 @@ def tune(
     out: OutputPath = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
     workers: Annotated[int | None, typer.Option(help="Processes; none: this one.")] = None,
+    png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Search orders and gains by the genetic algorithm of a configuration's [tune]."""
+    from fpid_pin.cli.keep import Keep
     from fpid_pin.cli.tune import run_tuning
 
-    run_tuning(config, out or Path("runs") / f"{config.stem}-tuned", resume, workers)
+    run_tuning(config, out or Path("runs") / f"{config.stem}-tuned", resume, workers, Keep(png=png))
 
 
 @app.command()
@@ -199,6 +223,7 @@ def live(
     port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
     push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
+    baseline: Annotated[float, typer.Option(help="Run so long without the view first [s].")] = 0.0,
     allow_import: AllowImport = False,
 ) -> None:
     """Run the control loop in real time and watch it; key presses push a joint."""
@@ -206,7 +231,7 @@ def live(
 
     run_live(
         config, controller=controller, duration=duration, fps=fps, browser=browser, port=port,
-        joint=joint, push=push,
+        joint=joint, push=push, baseline=baseline,
     )  # fmt: skip
 
 

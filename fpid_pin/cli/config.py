@@ -11,6 +11,7 @@
     [[controller]]   kind, name and arguments of the controller
     [[condition]]    name, and plant, sensors, disturbance in place of those above
     [tune]           see fpid_pin.tuning
+    [campaign]       see fpid_pin.campaign
 
 Keys are the constructors' arguments. Every fault is reported at once, each with its key path.
 """
@@ -38,7 +39,7 @@ FORMAT = 1
 MOST_FAULTS = 40
 TABLES = (
     "format", "title", "import", "arm", "plant", "reference", "disturbance", "sensors",
-    "simulation", "controller", "condition", "tune",
+    "simulation", "controller", "condition", "tune", "campaign",
 )  # fmt: skip
 SIMULATION_KEYS = (
     "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
@@ -62,8 +63,8 @@ class Config:
         By name, in the file's order.
     conditions
         Experiments by name; only the nominal one where the file has no ``[[condition]]``.
-    tune
-        The ``[tune]`` table as it stands.
+    tune, campaign
+        The tables of these names as they stand.
     """
 
     path: str
@@ -73,6 +74,7 @@ class Config:
     controllers: dict[str, Controller]
     conditions: dict[str, Experiment]
     tune: Mapping[str, Any]
+    campaign: Mapping[str, Any]
 
 
 def load(path: str | Path) -> Config:
@@ -130,7 +132,7 @@ class _Reader:
         self._known("simulation", simulation, SIMULATION_KEYS)
         parts = self._surroundings(table, "", arm)
         conditions = self._conditions(arm, parts)
-        tune = self._section("tune", table.get("tune", {}))
+        tune, campaign = (self._section(key, table.get(key, {})) for key in ("tune", "campaign"))
         if faults or arm is None or reference is None:
             return None
         experiment = self._experiment(arm, reference, simulation, parts)
@@ -153,7 +155,7 @@ class _Reader:
         if faults:
             return None
         conditions_ = named or {"nominal": experiment}
-        return Config(name, text, title, experiment, controllers, conditions_, tune)
+        return Config(name, text, title, experiment, controllers, conditions_, tune, campaign)
 
     # ------------------------------------------------------------------ parts
 
@@ -184,7 +186,13 @@ class _Reader:
         return []
 
     def _build(self, key: str, family: type) -> Any:
-        return descriptions.build(self._rooted(self._table[key]), family, key, self._faults)
+        value = self._rooted(self._table[key])
+        if isinstance(value, Mapping) and "arm" in self._table:
+            kind = descriptions.kinds(family).get(str(value.get("kind")))
+            if kind is not None and any(f.name == "arm" for f in dataclasses.fields(kind)):
+                # A circle of the tool is one of this arm's, if nothing else is said.
+                value = {"arm": self._rooted(self._table["arm"]), **value}
+        return descriptions.build(value, family, key, self._faults)
 
     def _rooted(self, value: Any) -> Any:
         """Let a table's relative path start at the configuration's folder."""
