@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -159,7 +159,11 @@ def ended(joints: Sequence[str], outcome: Outcome, metrics: Metrics) -> Ended:
 def figures(metrics: Metrics) -> tuple[float, ...]:
     """Return the figures of a run, over its joints, in the order of `METRICS`."""
     numbers = {name: np.asarray(getattr(metrics, name)).tolist() for name in METRICS}
-    rules = {"rms": _quadratic_mean, "rms_tail": _quadratic_mean, "peak_torque": max}
+    rules: dict[str, Callable[[Sequence[float]], float]] = {
+        "rms": _quadratic_mean,
+        "rms_tail": _quadratic_mean,
+        "peak_torque": max,
+    }
     return tuple(float(rules.get(name, math.fsum)(numbers[name])) for name in METRICS)
 
 

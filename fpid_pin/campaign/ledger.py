@@ -9,8 +9,6 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +16,7 @@ import numpy as np
 
 from fpid_pin.campaign.chunk import Done, Ended
 from fpid_pin.campaign.data import METRICS, CampaignData
+from fpid_pin.campaign.sqlite import PATIENCE, quoted, told
 from fpid_pin.campaign.study import Study, difference
 from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.files import kind_of, make_folder, unwritable
@@ -25,8 +24,6 @@ from fpid_pin.simulation.run_table import from_json
 
 #: What SQLite files of ours say of themselves, and the layout of their tables.
 APPLICATION, LAYOUT = 0x46504944, 1
-#: How long somebody else's lock is waited for [s].
-PATIENCE = 5.0
 _FIGURES = ", ".join(METRICS)
 
 
@@ -56,7 +53,7 @@ class Ledger:
             make_folder(self.path.parent)
         except OSError as error:
             raise unwritable(self.path, error) from None
-        with self._told():
+        with told(self.path):
             self._file = self._open(writable=study is not None)
             try:
                 if self._tables() or study is None:
@@ -107,19 +104,19 @@ class Ledger:
 
     def recorded(self) -> set[int]:
         """Return the numbers of the runs that are recorded."""
-        with self._told():
+        with told(self.path):
             return {run for (run,) in self._file.execute("SELECT DISTINCT run FROM results")}
 
     def data(self, runs: int | None = None) -> CampaignData:
         """Return the first runs, up to the first that is not recorded yet, or `runs` of them."""
         columns = len(self.controllers)
         limit = -1 if runs is None else runs * columns
-        names = ", ".join(map(_quoted, self.parameters))
+        names = ", ".join(map(quoted, self.parameters))
         query = (
             f"SELECT run, outcome, cause, {_FIGURES}, {names} FROM results "
             "ORDER BY run, controller LIMIT ?"
         )
-        with self._told():
+        with told(self.path):
             rows = self._file.execute(query, (limit,)).fetchall()
         # Chunks are recorded whole, so that the first gap is where numbers part.
         numbers = np.array([row[0] for row in rows[::columns]], dtype=np.int64)
@@ -151,7 +148,7 @@ class Ledger:
             It is not recorded.
         """
         query = f"SELECT outcome, cause, {_FIGURES} FROM results WHERE run = ? AND controller = ?"
-        with self._told():
+        with told(self.path):
             place = (run, self.controllers.index(controller))
             row = self._file.execute(query, place).fetchone()
         if row is None:
@@ -163,7 +160,7 @@ class Ledger:
 
     def plan(self, runs: int) -> None:
         """Note how many runs are asked for."""
-        with self._told(), self._file:
+        with told(self.path), self._file:
             self._file.execute("UPDATE meta SET value = ? WHERE key = 'runs'", (str(runs),))
 
     def record(self, done: Done) -> None:
@@ -174,13 +171,13 @@ class Ledger:
             for column, end in enumerate(ends)
         ]
         marks = ", ".join("?" * (4 + len(METRICS) + len(self.parameters)))
-        with self._told(), self._file:
+        with told(self.path), self._file:
             # What is there stays: a chunk that came twice is recorded once.
             self._file.executemany(f"INSERT OR IGNORE INTO results VALUES ({marks})", rows)
 
     def keep(self, runs: int) -> None:
         """Drop runs from number `runs` on: the campaign has ended there."""
-        with self._told(), self._file:
+        with told(self.path), self._file:
             self._file.execute("DELETE FROM results WHERE run >= ?", (runs,))
             self._file.execute("UPDATE meta SET value = ? WHERE key = 'runs'", (str(runs),))
 
@@ -204,7 +201,7 @@ class Ledger:
     def _make(self, study: Study) -> None:
         bound = study.bound
         figures = ", ".join(f"{name} REAL" for name in METRICS)
-        samples = ", ".join(f"{_quoted(label)} REAL" for label in bound.parameters)
+        samples = ", ".join(f"{quoted(label)} REAL" for label in bound.parameters)
         with self._file:
             self._file.execute("BEGIN IMMEDIATE")
             self._file.execute("CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT) WITHOUT ROWID")
@@ -242,36 +239,8 @@ class Ledger:
             )
 
     def _meta(self, key: str) -> str:
-        with self._told():
+        with told(self.path):
             row = self._file.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
         if row is None:
             raise FileFormatError(f"{self.path}: expected a ledger with its {key}, got none")
         return str(row[0])
-
-    @contextmanager
-    def _told(self) -> Iterator[None]:
-        """Say in one line what SQLite refuses; what was committed stays."""
-        try:
-            yield
-        except sqlite3.Error as error:
-            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-            if code == sqlite3.SQLITE_NOTADB:
-                text = "expected a campaign's ledger, got a file that is no SQLite"
-            elif code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-                text = f"another program has locked it ({PATIENCE:g} s waited)"
-            elif code == sqlite3.SQLITE_FULL:
-                text = "cannot be written (the disk is full); what was recorded stays"
-            elif code == sqlite3.SQLITE_CORRUPT:
-                text = f"a damaged ledger (SQLite: {error})"
-            else:
-                text = f"SQLite refuses it ({error})"
-            raise FileFormatError(f"{self.path}: {text}") from None
-        except ValueError as error:
-            if isinstance(error, FileFormatError):
-                raise
-            raise FileFormatError(f"{self.path}: a damaged ledger ({error})") from None
-
-
-def _quoted(label: str) -> str:
-    """Return a column's name as SQL has it."""
-    return '"' + label.replace('"', '""') + '"'

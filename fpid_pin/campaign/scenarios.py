@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks, descriptions
 from fpid_pin.campaign.distributions import Distribution
-from fpid_pin.campaign.quantities import QUANTITIES, Quantity, require_possible, varied
+from fpid_pin.campaign.quantities import QUANTITIES, require_possible, varied
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation import Experiment
+from fpid_pin.text import shown
 
 SAMPLINGS = ("sobol", "latin_hypercube")
 #: Points that are made at once, from run 0 on: a hypercube of so many runs, whatever is asked for.
@@ -60,13 +61,7 @@ class Scenarios:
         if not isinstance(self.uncertain, Mapping) or not self.uncertain:
             raise ArgumentError("uncertain", "at least one quantity with its distribution", "none")
         for key, spread in self.uncertain.items():
-            checks.choice(f"uncertain.{key}", key, QUANTITIES)
-            path = f"uncertain.{key}"
-            checks.instance(path, spread, Distribution, "a distribution")
-            try:
-                _require_possible(QUANTITIES[key], spread)
-            except ArgumentError as error:
-                raise ArgumentError(f"{path}.{error.name}", error.expected, error.got) from None
+            _require_possible(key, spread)
         object.__setattr__(self, "uncertain", dict(self.uncertain))
         checks.choice("sampling", self.sampling, SAMPLINGS)
         object.__setattr__(self, "seed", checks.integer("seed", self.seed, low=0))
@@ -100,39 +95,46 @@ class Scenarios:
         before, spreads = len(faults), {}
         uncertain = table.get("uncertain", {})
         if not isinstance(uncertain, Mapping):
-            faults.append(ArgumentError(f"{path}.uncertain", "a table", uncertain))
+            faults.append(ArgumentError(f"{path}.uncertain", "a table", shown(uncertain)))
             return None
+
+        def attempt(action: Callable[[], Any]) -> Any:
+            try:
+                return action()
+            except ArgumentError as error:
+                faults.append(ArgumentError(f"{path}.{error.name}", error.expected, error.got))
+                return None
+
         for key, value in uncertain.items():
-            spreads[key] = descriptions.build(
-                value, Distribution, f"{path}.uncertain.{key}", faults
-            )
+            where = f"{path}.uncertain.{key}"
+            spread = descriptions.build(value, Distribution, where, faults)
+            if spread is not None:
+                attempt(partial(_require_possible, key, spread))
+            spreads[key] = spread
+        if len(faults) > before:
+            return None
         given = {key: table[key] for key in ("sampling", "seed", "points") if key in table}
-        # The others are checked for what they can be.
-        sound = {key: spread for key, spread in spreads.items() if spread is not None}
-        if spreads and not sound:
-            return None
-        try:
-            made = cls(sound, **given)
-        except ArgumentError as error:
-            faults.append(ArgumentError(f"{path}.{error.name}", error.expected, error.got))
-            return None
-        return made if len(faults) == before else None
+        return attempt(lambda: cls(spreads, **given))
 
 
-def _require_possible(quantity: Quantity, spread: Distribution) -> None:
-    limits: dict[str, float] = {}
+def _require_possible(key: str, spread: Distribution) -> None:
+    """Refuse a distribution with values that its quantity cannot have."""
+    path = f"uncertain.{key}"
+    quantity = QUANTITIES[checks.choice(path, key, QUANTITIES)]
+    checks.instance(path, spread, Distribution, "a distribution")
+    limits: dict[str, Any] = {}
     if np.isfinite(quantity.above):
         limits["above"] = quantity.above
     elif np.isfinite(quantity.low):
         limits["low"] = quantity.low
     for name, numbers in spread.numbers().items():
-        checks.floats(name, numbers, **limits)  # type: ignore[arg-type]
+        checks.floats(f"{path}.{name}", numbers, **limits)
         if quantity.whole and name == "values" and (numbers != np.round(numbers)).any():
-            raise ArgumentError(name, "whole numbers", numbers.tolist())
+            raise ArgumentError(f"{path}.{name}", "whole numbers", numbers.tolist())
         if not quantity.each and name != "values" and numbers.ndim:
-            raise ArgumentError(name, "one number", f"shape {numbers.shape}")
+            raise ArgumentError(f"{path}.{name}", "one number", f"shape {numbers.shape}")
     if not quantity.each and spread.shared:
-        raise ArgumentError("shared", "false, as there is one number", "true")
+        raise ArgumentError(f"{path}.shared", "false, as there is one number", "true")
 
 
 @dataclass(frozen=True, eq=False)

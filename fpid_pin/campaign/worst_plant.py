@@ -105,7 +105,7 @@ def _worst(
         harm, [(0.0, 1.0)] * size, init=start, maxiter=generations, rng=np.random.default_rng(seed),
         polish=False, updating="deferred", vectorized=True, tol=0.0,
     )  # fmt: skip
-    return np.clip(best.x, 0.0, 1.0)
+    return np.asarray(np.clip(best.x, 0.0, 1.0))
 
 
 def _badness(end: Ended) -> float:

@@ -85,4 +85,3 @@ def replay(ledger: str | Path, run: int, controller: str | None = None) -> Repla
     now = ended(study.experiment.arm.joint_names, again.outcome, again.metrics)
     values = dict(zip(study.bound.parameters, sample.tolist(), strict=True))
     return Replay(again, nominal, run, name, values, before, now)
-
