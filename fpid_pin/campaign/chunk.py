@@ -47,6 +47,12 @@ def failed(cause: str) -> Ended:
     return Ended("failed", cause, (math.nan,) * len(METRICS))
 
 
+def _fault(error: Exception) -> Ended:
+    """Return the end of a run whose disturbance, reference or law, of the user's own, failed."""
+    kind = "" if isinstance(error, FpidError) else f"{type(error).__name__}: "
+    return failed(f"{kind}{error}")
+
+
 @dataclass(frozen=True, eq=False)
 class Done:
     """A chunk's results: runs from `first` on.
@@ -103,8 +109,10 @@ def run_chunk(job: Job, first: int, last: int) -> Done:
     for row, sample in enumerate(samples):
         try:
             experiments[row] = study.bound.experiment(first + row, sample)
-        except FpidError as error:
-            ends[row] = [failed(str(error))] * len(study.names)
+        except _NOT_THE_RUN:
+            raise
+        except Exception as error:
+            ends[row] = [_fault(error)] * len(study.names)
     for column, controller in enumerate(study.controllers.values()):
         rows = list(experiments)
         chosen = [experiments[row] for row in rows]
@@ -126,8 +134,7 @@ def _ends(experiments: Sequence[Experiment], controller: Controller) -> list[End
         raise
     except Exception as error:
         if len(experiments) == 1:
-            kind = "" if isinstance(error, FpidError) else f"{type(error).__name__}: "
-            return [failed(f"{kind}{error}")]
+            return [_fault(error)]
         half = len(experiments) // 2
         return _ends(experiments[:half], controller) + _ends(experiments[half:], controller)
     found = zip(experiments, outcomes, recorder.result(), strict=True)

@@ -12,6 +12,10 @@ from fpid_pin.exceptions import FpidError, WorkersDied
 
 #: Deaths of workers after which a chunk is taken apart, and its single run given up.
 MOST_DEATHS = 3
+_BROKEN = (
+    "executor: expected one that outlives its workers (fp.tuning.WorkerPool), got one that broke "
+    "when a worker died; what was recorded stays"
+)
 
 
 @dataclass(frozen=True)
@@ -71,11 +75,15 @@ def carry_out(
     flying: dict[Future[Done], Piece] = {}
     try:
         while waiting or suspects or flying:
-            # Suspects go one by one, once nobody else is under way.
-            while waiting and not suspects and len(flying) < window:
-                _send(executor, job, waiting.popleft(), flying)
-            if suspects and not flying:
-                _send(executor, job, suspects.popleft(), flying)
+            try:
+                while waiting and not suspects and len(flying) < window:
+                    _send(executor, job, waiting, flying)
+                # Suspects go one by one, once nobody else is under way.
+                if suspects and not flying:
+                    _send(executor, job, suspects, flying)
+            except BrokenExecutor:
+                if not flying:
+                    raise FpidError(_BROKEN) from None
             for future in wait(flying, return_when=FIRST_COMPLETED).done:
                 piece = flying.pop(future)
                 deaths = _deaths(future.exception())
@@ -91,14 +99,12 @@ def carry_out(
             future.cancel()
 
 
-def _send(executor: Executor, job: Job, piece: Piece, flying: dict[Future[Done], Piece]) -> None:
-    try:
-        flying[executor.submit(run_chunk, job, piece.first, piece.last)] = piece
-    except BrokenExecutor:
-        raise FpidError(
-            "executor: expected one that outlives its workers (fp.tuning.WorkerPool), got one that "
-            "broke when a worker died; what was recorded stays"
-        ) from None
+def _send(
+    executor: Executor, job: Job, queue: deque[Piece], flying: dict[Future[Done], Piece]
+) -> None:
+    """Send a queue's first piece; where the executor is broken it stays in the queue."""
+    future = executor.submit(run_chunk, job, queue[0].first, queue[0].last)
+    flying[future] = queue.popleft()
 
 
 def _deaths(error: BaseException | None) -> int:

@@ -68,11 +68,11 @@ class Ledger:
                 self.study_table: dict[str, Any] = from_json(self._meta("study"))
                 if study is not None:
                     self._require_same(study)
+                self.parameters = tuple(from_json(self._meta("parameters")))
+                self.units = tuple(from_json(self._meta("units")))
             except BaseException:
                 self._file.close()
                 raise
-        self.parameters = tuple(from_json(self._meta("parameters")))
-        self.units = tuple(from_json(self._meta("units")))
 
     def __enter__(self) -> Ledger:
         return self

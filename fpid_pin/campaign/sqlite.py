@@ -33,6 +33,8 @@ def told(path: Path) -> Iterator[None]:
             text = f"another program has locked it ({PATIENCE:g} s waited)"
         elif code == sqlite3.SQLITE_FULL:
             text = "cannot be written (the disk is full); what was recorded stays"
+        elif code in (sqlite3.SQLITE_IOERR, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY):
+            text = f"cannot be read or written ({error}); what was recorded stays"
         else:
             text = f"expected a sound ledger, got SQLite's complaint: {error}"
         raise FileFormatError(f"{path}: {text}") from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -180,3 +181,12 @@ def report_campaign(ledger: Path, html: Path) -> None:
         raise FpidError("campaign report: expected a version with reports, got none")
     path = Path(made(campaign.load(ledger), html) or html)
     say(screen(), f"{path}: {path.stat().st_size / 1e6:.2f} MB, opens in any browser")
+
+
+def keep_cluster(workers: int) -> None:
+    """Start a cluster on this machine and say where it is, until Ctrl-C."""
+    with campaign.local_cluster(workers) as cluster:
+        console = screen()
+        say(console, f"--dask {cluster.address}")
+        say(console, f"{workers} workers, on this machine only; Ctrl-C ends them")
+        threading.Event().wait()

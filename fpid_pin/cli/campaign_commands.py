@@ -109,5 +109,15 @@ def report(
     report_campaign(ledger, html)
 
 
+@app.command()
+def cluster(
+    workers: Annotated[int, typer.Option(help="Of one thread each.")] = 2,
+) -> None:
+    """Start a Dask scheduler with workers on this machine's loopback, until Ctrl-C."""
+    from fpid_pin.cli.campaign import keep_cluster
+
+    keep_cluster(workers)
+
+
 def _ledger(config: Path, what: str) -> Path:
     return Path("runs") / f"{config.stem}-{what}.sqlite"
