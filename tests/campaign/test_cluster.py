@@ -91,7 +91,8 @@ def test_a_scheduler_that_is_not_there_is_told_within_ten_seconds():
 
 @pytest.mark.parametrize("address", ["nonsense://x", "127.0.0.1", ""])
 def test_addresses_that_are_none_are_refused(address):
-    with pytest.raises(ArgumentError, match="expected a Dask scheduler"), dask_executor(
-        address, patience=0.5
+    with (
+        pytest.raises(ArgumentError, match="expected a Dask scheduler"),
+        dask_executor(address, patience=0.5),
     ):
         pass

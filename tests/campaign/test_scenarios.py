@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -58,7 +60,7 @@ def test_numbers_are_independent_of_each_other(sampling):
 def test_a_runs_sample_depends_on_the_seed_and_its_number_alone(sampling):
     whole = sampled(UNCERTAIN, 1000, sampling=sampling)
     cuts = [0, 1, 7, 255, 256, 257, 700, 1000]
-    fresh = [study(sampling=sampling).bound.samples(a, b) for a, b in zip(cuts, cuts[1:])]
+    fresh = [study(sampling=sampling).bound.samples(a, b) for a, b in itertools.pairwise(cuts)]
     assert np.concatenate(fresh).tobytes() == whole.tobytes()
     late = study(sampling=sampling).bound
     assert late.samples(900, 901).tobytes() == whole[900:901].tobytes()

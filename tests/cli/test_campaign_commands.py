@@ -84,7 +84,8 @@ def test_the_table_is_the_study(config):
     assert plan.study.names == ("FPID, published orders", "integer PID")
     assert plan.study.experiment.dynamics == "compiled"
     assert plan.study.scenarios.seed == 4
-    slow = parse(SHORT + CAMPAIGN.replace("runs = 20", 'dynamics = "pinocchio"'), "x", config.parent)
+    text = SHORT + CAMPAIGN.replace("runs = 20", 'dynamics = "pinocchio"')
+    slow = parse(text, "x", config.parent)
     assert read_campaign(slow).study.experiment.dynamics == "pinocchio"
     assert read_campaign(slow).runs == 1000
 
