@@ -40,6 +40,7 @@ from fpid_pin.control import (
     stability_report,
     suggest_gains,
 )
+from fpid_pin.descriptions import described
 from fpid_pin.exceptions import FpidError, FpidWarning
 from fpid_pin.export import export_c
 from fpid_pin.simulation import (
@@ -77,6 +78,7 @@ __all__ = [
     "arms",
     "control",
     "costs",
+    "described",
     "disturbances",
     "evaluate",
     "exceptions",

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from fpid_pin import own_code
+
 app = typer.Typer(
     help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
     no_args_is_help=True,
@@ -16,6 +18,17 @@ app = typer.Typer(
 )
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
+
+
+def _allow(given: bool) -> bool:
+    own_code.allowed.set(given)
+    return given
+
+
+AllowImport = Annotated[
+    bool,
+    typer.Option("--allow-import", callback=_allow, help="Run the Python files it imports."),
+]
 OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
 ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, or a robot's file.")]
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
@@ -40,6 +53,7 @@ def run(
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
+    allow_import: AllowImport = False,
 ) -> None:
     """Simulate one controller of a configuration and record everything."""
     from fpid_pin.cli.experiments import run_one
@@ -60,6 +74,7 @@ def compare(
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
+    allow_import: AllowImport = False,
 ) -> None:
     """Simulate every controller of a configuration under every condition, and say who is best."""
     from fpid_pin.cli.experiments import run_comparison
@@ -75,6 +90,7 @@ def tune(
     out: OutputPath = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
     workers: Annotated[int | None, typer.Option(help="Processes; none: this one.")] = None,
+    allow_import: AllowImport = False,
 ) -> None:
     """Search orders and gains by the genetic algorithm of a configuration's [tune]."""
     from fpid_pin.cli.tune import run_tuning
@@ -165,6 +181,7 @@ def playground(
     config: ConfigFile,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("playground.html"),
     controller: Annotated[str | None, typer.Option(help="Which controller; none: all.")] = None,
+    allow_import: AllowImport = False,
 ) -> None:
     """Write one page with sliders that simulates again as they move; it needs no network."""
     from fpid_pin.cli.playground import run_playground
@@ -182,6 +199,7 @@ def live(
     port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
     push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
+    allow_import: AllowImport = False,
 ) -> None:
     """Run the control loop in real time and watch it; key presses push a joint."""
     from fpid_pin.cli.live import run_live
@@ -199,6 +217,7 @@ def export(
     controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
     horizon: Annotated[float, typer.Option(help="Longest time that it will run [s].")] = 3600.0,
     ticks: Annotated[int, typer.Option(help="Length of its test vectors.")] = 2000,
+    allow_import: AllowImport = False,
 ) -> None:
     """Write a controller as C99 for a robot, with test vectors that prove it."""
     from fpid_pin.cli.export import run_export

@@ -1,6 +1,7 @@
 """The TOML configuration, format 1: what a file says, checked whole, as descriptions.
 
     format = 1
+    import           a Python file, or several, with kinds of one's own (see `fpid_pin.own_code`)
     [arm]            kind and the arguments of that kind of arm
     [plant]          arguments of Plant, and payload = {mass, com, frame}
     [reference]      kind and its arguments
@@ -21,7 +22,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from fpid_pin import checks, descriptions
+from fpid_pin import checks, descriptions, own_code
 from fpid_pin.arms import Arm
 from fpid_pin.cli.progress import say_if_compiling
 from fpid_pin.cli.toml import parse_table, read_text
@@ -36,8 +37,8 @@ FORMAT = 1
 #: Faults told of one file, each in a line.
 MOST_FAULTS = 40
 TABLES = (
-    "format", "title", "arm", "plant", "reference", "disturbance", "sensors", "simulation",
-    "controller", "condition", "tune",
+    "format", "title", "import", "arm", "plant", "reference", "disturbance", "sensors",
+    "simulation", "controller", "condition", "tune",
 )  # fmt: skip
 SIMULATION_KEYS = (
     "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
@@ -116,6 +117,9 @@ class _Reader:
             faults.append(ArgumentError("format", f"{FORMAT}", shown(number)))
             return None
         self._known("", table, TABLES)
+        if "import" in table and not self._import(table["import"]):
+            # Without them their kinds are unknown, which would be told over and over.
+            return None
         for key in ("arm", "reference", "controller"):
             if key not in table:
                 faults.append(ArgumentError(key, "a table", "none"))
@@ -157,6 +161,15 @@ class _Reader:
         for key in table:
             named = f"{path}.{key}".strip(".") or '""'
             self._try("", lambda key=key, named=named: checks.choice(named, key, keys))
+
+    def _import(self, value: Any) -> bool:
+        files = [value] if isinstance(value, str) else value
+        if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
+            self._faults.append(ArgumentError("import", "a path, or a list of them", shown(value)))
+            return False
+        before = len(self._faults)
+        self._try("", lambda: own_code.load([self._folder / file for file in files]))
+        return len(self._faults) == before
 
     def _section(self, path: str, value: Any) -> Mapping[str, Any]:
         if isinstance(value, Mapping):

@@ -41,8 +41,10 @@ def _run(arguments: list[str] | None) -> int:
     # Imported late: Ctrl-C is taken care of by now.
     import typer
 
+    from fpid_pin import own_code
     from fpid_pin.cli.commands import app
 
+    own_code.allowed.set(False)
     try:
         status = app(args=arguments, standalone_mode=False)
     except typer.Exit as leave:

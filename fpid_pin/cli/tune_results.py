@@ -227,6 +227,9 @@ def _tuned_toml(config: Config, result: TuningResult, out: Path) -> str:
     table["controller"] = [descriptions.to_dict(result.controller)]
     table["title"] = f"{config.title or Path(config.path).stem}, tuned"
     source = Path(config.path).resolve().parent
+    if "import" in table:
+        files = [table["import"]] if isinstance(table["import"], str) else table["import"]
+        table["import"] = [os.path.relpath(source / file, out.resolve()) for file in files]
     for arm in (table["arm"], table.get("plant", {}).get("arm")):
         if isinstance(arm, dict) and isinstance(arm.get("path"), str):
             # Paths start at the file that names them, and this one lies elsewhere.

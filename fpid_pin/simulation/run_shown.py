@@ -11,8 +11,8 @@ from fpid_pin.text import shown
 if TYPE_CHECKING:
     from fpid_pin.simulation.run import Run
 
-_HEAD = ("joint", "RMS [mrad]", "tail [mrad]", "peak error [mrad]", "settled after [s]",
-         "peak torque [N m]", "at its limit [%]")  # fmt: skip
+_HEAD = ("joint", "in", "RMS", "tail", "peak error", "settled after [s]", "peak torque",
+         "at its limit [%]")  # fmt: skip
 
 
 def line(run: Run) -> str:
@@ -23,17 +23,15 @@ def line(run: Run) -> str:
 
 
 def html(run: Run) -> str:
-    """Return the run's metrics, a row a joint."""
-    m = run.metrics
+    """Return the run's metrics, a row a joint; errors in thousandths of its unit."""
+    m, n = run.metrics, run.q.shape[1]
     try:
-        names = run.arm.joint_names
+        names, units, efforts = run.arm.joint_names, run.arm.units, run.arm.effort_units
     except FpidError:  # of another version, say
-        names = tuple(f"joint {j + 1}" for j in range(run.q.shape[1]))
-    rows = [
-        (name, *map(float, (
-            1e3 * m.rms[j], 1e3 * m.rms_tail[j], 1e3 * m.peak_error[j], m.settling_time[j],
-            m.peak_torque[j], 100.0 * m.saturated[j],
-        )))
-        for j, name in enumerate(names)
-    ]  # fmt: skip
+        names, units, efforts = tuple(f"joint {j + 1}" for j in range(n)), ("",) * n, ("",) * n
+    errors = 1e3 * m.rms, 1e3 * m.rms_tail, 1e3 * m.peak_error
+    columns = (*errors, m.settling_time, m.peak_torque, 100.0 * m.saturated)
+    pairs = zip(units, efforts, strict=True)
+    inside = [f"m{unit}, {effort}" if unit else "?" for unit, effort in pairs]
+    rows = zip(names, inside, *(column.tolist() for column in columns), strict=True)
     return html_table(f"{run.name}: {run.outcome}", _HEAD, rows)

@@ -20,8 +20,6 @@ from fpid_pin.simulation.run_table import to_json
 if TYPE_CHECKING:
     from fpid_pin.simulation.run import Run
 
-#: What a law's signals are measured in is the law's.
-UNITS = {"t": "s", "q": "rad", "v": "rad/s", "q_ref": "rad", "v_ref": "rad/s", "torque": "N m"}
 #: MATLAB knows no longer names.
 _LONGEST = 63
 
@@ -42,13 +40,23 @@ def columns(run: Run) -> dict[str, FloatArray]:
     return found
 
 
+def units(run: Run) -> dict[str, str]:
+    """Return the units of columns; what a law's signals are measured in is the law's to say."""
+    arm, found = run.arm, {"t": "s"}
+    for j, joint in enumerate(arm.joint_names):
+        found |= {f"{name}.{joint}": arm.units[j] for name in ("q", "q_ref")}
+        found |= {f"{name}.{joint}": f"{arm.units[j]}/s" for name in ("v", "v_ref")}
+        found[f"torque.{joint}"] = arm.effort_units[j]
+    return found
+
+
 def about(run: Run) -> dict[str, Any]:
     """Return what goes with the columns: name, step, outcome, units, and the record's table."""
     return {
         "name": run.name,
         "step": run.step,
         "outcome": str(run.outcome),
-        "units": UNITS,
+        "units": units(run),
         "meta": json.loads(to_json(run.meta)),
     }
 

@@ -205,7 +205,8 @@ class TuningResult(Shown):
 
     def _repr_html_(self) -> str:
         found = [part for pair in self.parameters.items() for part in _numbered(*pair).items()]
-        return html_table(str(self), ("parameter", "found"), found)
+        told = " ".join([str(self), *self.advice])
+        return html_table(told, ("parameter", "found"), found)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

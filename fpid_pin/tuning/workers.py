@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import multiprocessing
 import os
+import pickle
 import queue
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import (
@@ -20,7 +23,7 @@ from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
-from fpid_pin import checks
+from fpid_pin import checks, own_code
 from fpid_pin.exceptions import ArgumentError, TuningError
 
 T = TypeVar("T")
@@ -65,8 +68,9 @@ def _one_thread() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _prepare_worker() -> None:
-    """Leave Ctrl-C to the parent, and do not outlive it."""
+def _prepare_worker(own: list[str]) -> None:
+    """Leave Ctrl-C to the parent, do not outlive it, and run the user's files that it has run."""
+    own_code.load_again(own)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is None:
@@ -78,6 +82,33 @@ def _prepare_worker() -> None:
         os._exit(1)
 
     threading.Thread(target=watch, daemon=True, name="parent watch").start()
+
+
+class _Finder(pickle.Pickler):
+    """Finds out what of a session a task refers to."""
+
+    found = ""
+
+    def reducer_override(self, thing: Any) -> Any:
+        """Note a class or function of the session, and go on."""
+        if getattr(thing, "__module__", "") == "__main__" and hasattr(thing, "__qualname__"):
+            self.found = self.found or thing.__qualname__
+        return NotImplemented
+
+
+def _refuse_homeless(task: Any) -> None:
+    """Refuse what a worker could not import: it would die over it, and not say why."""
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    if script is not None and os.path.isfile(script):
+        return
+    finder = _Finder(io.BytesIO())
+    finder.dump(task)
+    if finder.found:
+        raise TuningError(
+            f"workers: expected classes and functions of a module, got {finder.found}, which this "
+            "session defines: worker processes cannot import it; write it into a file and import "
+            "that, or use no workers"
+        )
 
 
 @dataclass(eq=False)
@@ -131,6 +162,7 @@ class WorkerPool(Executor):
         """See `concurrent.futures.Executor.submit`."""
         if self._closed:
             raise RuntimeError("the worker pool has been shut down")
+        _refuse_homeless((fn, args, kwargs))
         task = _Task(fn, args, kwargs, Future(), self._retries)
         task.future.set_running_or_notify_cancel()
         self._send(task)
@@ -144,6 +176,7 @@ class WorkerPool(Executor):
                         self._max_workers,
                         mp_context=multiprocessing.get_context("spawn"),
                         initializer=_prepare_worker,
+                        initargs=(own_code.loaded(),),
                     )
                 try:
                     inner = self._pool.submit(task.call, *task.positional, **task.named)

@@ -89,7 +89,7 @@ def playground(
     ------
     ArgumentError, ArmError, DesignError
         What the page cannot hold: another law, integrator or disturbance, CRONE's poles, an arm
-        with other than revolute joints.
+        with other joints than revolute and prismatic ones.
     """
     text = playground_html(experiment, controllers, title=title)
     if path is None:

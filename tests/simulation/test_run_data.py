@@ -12,7 +12,7 @@ from scipy.io import loadmat
 import fpid_pin as fp
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation import limit_report
-from fpid_pin.simulation.run_tables import columns
+from fpid_pin.simulation.run_tables import columns, units
 
 ARM = fp.Arm.two_link()
 NAMES = ("t", "q", "v", "q_ref", "v_ref", "torque")
@@ -82,7 +82,7 @@ def test_a_dataframe_has_columns_and_says_what_they_are(run):
     assert set(frame.columns) == parts(run).keys()
     for name, column in parts(run).items():
         assert (frame[name].to_numpy() == column).all()
-    assert frame.attrs["units"]["torque"] == "N m"
+    assert frame.attrs["units"]["torque.joint1"] == "N m"
     assert frame.attrs["name"] == run.name
 
 
@@ -285,3 +285,28 @@ def test_a_replay_in_a_notebook_is_the_page_in_a_frame(run):
     assert 'sandbox="allow-scripts"' in text
     assert html.unescape(text.split('srcdoc="')[1].split('"></iframe>')[0]) == shown.text
     assert "Replay" in repr(shown)
+
+
+INERTIAL = """<inertial><mass value="1"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>"""
+JOINT = """<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><axis xyz="0 1 0"/>
+<limit lower="-1" upper="1" effort="9" velocity="9"/></joint>"""
+CRANE = (
+    '<robot name="crane">'
+    + "".join(f'<link name="{name}">{INERTIAL}</link>' for name in "abc")
+    + JOINT.format("turn", "revolute", "a", "b")
+    + JOINT.format("slide", "prismatic", "b", "c")
+    + "</robot>"
+)
+
+
+def test_units_are_those_of_joints_that_turn_and_of_those_that_slide(tmp_path):
+    (tmp_path / "arm.urdf").write_text(CRANE)
+    arm = fp.Arm.from_urdf(tmp_path / "arm.urdf")
+    run = fp.Run.from_arrays(np.arange(3.0), *(np.zeros((3, 2)),) * 3, arm=arm)
+    found = units(run)
+    assert (found["q.turn"], found["v_ref.turn"], found["torque.turn"]) == ("rad", "rad/s", "N m")
+    assert (found["q.slide"], found["v_ref.slide"], found["torque.slide"]) == ("m", "m/s", "N")
+    assert "<td>mm, N</td>" in run._repr_html_()
+    assert "<td>rad, N m</td>" in arm._repr_html_()
+    assert "<td>m, N</td>" in arm._repr_html_()

@@ -186,7 +186,9 @@ def test_the_terminal_is_told_a_name_and_nothing_else(tally, full):
 def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, tally, full):
     base = demo_config().text.replace("duration = 20.0", "duration = 0.02")
     original = re.findall(r'^name = ("[^"]*")', base, re.MULTILINE)
-    sound = [name for name in names(5, 60) if "\ud800" not in name and name.strip()]
+    sound = [
+        name for name in names(5, 60) if "\ud800" not in name and name.strip() and len(name) < 99
+    ]
     chance = random.Random(6)
     for k in range(8 if full else 1):
         text = base

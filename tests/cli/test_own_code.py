@@ -1,0 +1,176 @@
+"""Kinds of one's own, named by a configuration: run only where that is allowed."""
+
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.cli.main import main
+
+OWN = '''
+"""A law, a reference and a cost of one's own."""
+from dataclasses import dataclass
+
+import numpy as np
+
+import fpid_pin as fp
+
+
+@fp.described("my_pd")
+@dataclass(frozen=True, eq=False)
+class MyPd(fp.Controller):
+    kp: float = 10.0
+    kd: float = 2.0
+    name: str = "mine"
+
+    def torque(self, state, q, v, q_ref, v_ref, a_ref):
+        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.gravity(q)
+
+
+@fp.described("my_ramp", "Reference")
+@dataclass(frozen=True, eq=False)
+class Ramp:
+    speed: float = 0.1
+
+    def sample(self, t):
+        q = self.speed * t[:, np.newaxis]
+        return q, np.full_like(q, self.speed), np.zeros_like(q)
+
+
+@fp.described("my_cost")
+@dataclass(frozen=True, eq=False)
+class Peak(fp.costs.Cost):
+    def of(self, metrics):
+        return float(metrics.peak_torque.max())
+'''
+CONFIG = """
+format = 1
+import = "own.py"
+[arm]
+kind = "two_link"
+[reference]
+kind = "my_ramp"
+speed = 0.2
+[simulation]
+duration = 0.2
+[[controller]]
+kind = "my_pd"
+kp = 30
+[tune]
+population = 4
+generations = 1
+profile_points = 0
+[tune.cost]
+kind = "my_cost"
+[tune.space]
+kp = [5, 50, "shared"]
+"""
+
+
+@pytest.fixture
+def config(tmp_path):
+    (tmp_path / "own.py").write_text(OWN)
+    (tmp_path / "c.toml").write_text(CONFIG)
+    yield tmp_path / "c.toml"
+    sys.modules.pop("fpid_pin_own_own", None)
+
+
+def test_nothing_is_run_that_was_not_allowed(config, capsys):
+    (config.parent / "own.py").write_text("raise SystemExit('this ran')")
+    assert main(["run", str(config), "--out", str(config.parent / "out")]) == 2
+    err = capsys.readouterr().err
+    assert "import: expected --allow-import" in err
+    assert "own.py is run" in err
+    assert len(err.splitlines()) == 1
+    # What one call allowed, the next does not.
+    (config.parent / "own.py").write_text(OWN)
+    allowed = ["run", str(config), "--out", str(config.parent / "out")]
+    assert main([*allowed, "--allow-import"]) == 0
+    assert main(allowed) == 2
+
+
+def test_a_law_a_reference_and_a_cost_of_one_s_own(config, capsys):
+    out = config.parent / "out"
+    assert main(["run", str(config), "--out", str(out), "--allow-import"]) == 0
+    run = fp.Run.load(out / "mine.npz")
+    assert run.q_ref[-1] == pytest.approx([0.04, 0.04])
+    # Loaded again it is the same law, since this process knows its kind.
+    assert type(run.controller).__name__ == "MyPd"
+    assert run.controller.kp == 30
+    tuned = config.parent / "tuned"
+    command = ["tune", str(config), "--out", str(tuned), "--allow-import", "--workers", "2"]
+    assert main(command) == 0
+    capsys.readouterr()
+    again = [str(tuned / "tuned.toml"), "--out", str(config.parent / "again")]
+    assert main(["run", *again, "--allow-import"]) == 0
+    peak = np.abs(fp.Run.load(config.parent / "again" / "tuned.npz").torque).max()
+    assert f"{peak:.3g}"[:3] in (tuned / "summary.md").read_text("utf-8")
+
+
+def test_a_run_of_an_unknown_kind_says_what_is_missing(config):
+    out = config.parent / "out"
+    assert main(["run", str(config), "--out", str(out), "--allow-import"]) == 0
+    code = f"import fpid_pin as fp; fp.Run.load({str(out / 'mine.npz')!r}).controller"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert "my_pd" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x = 1\nundefined\n", "own.py:2: NameError: name 'undefined' is not defined"),
+        ("def f(:\n", "own.py:1: SyntaxError"),
+        ("import fpid_pin as fp\nfp.Pid(kp='a', ki=1, kd=1)\n", "own.py:2: kp: expected"),
+    ],
+)
+def test_a_fault_of_the_file_is_one_line_with_its_place(text, said, config, capsys):
+    (config.parent / "own.py").write_text(text)
+    assert main(["run", str(config), "--allow-import", "--out", str(config.parent / "o")]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert len(err.splitlines()) == 1
+    assert "fpid_pin_own_own" not in sys.modules
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        ("3", "import: expected a path, or a list of them, got 3"),
+        ('["own.py", 3]', "import: expected a path, or a list of them"),
+        ('"missing.py"', "import: expected a Python file, got"),
+        ('["own.py", "other/own.py"]', "expected files of different names, got own.py twice"),
+    ],
+)
+def test_what_cannot_be_imported(value, said, config, capsys):
+    (config.parent / "other").mkdir()
+    (config.parent / "other" / "own.py").write_text("x = 1\n")
+    config.write_text(CONFIG.replace('"own.py"', value, 1))
+    assert main(["run", str(config), "--allow-import", "--out", str(config.parent / "o")]) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_workers_cannot_have_what_a_session_defines():
+    code = textwrap.dedent("""
+        from dataclasses import dataclass
+        import fpid_pin as fp
+        from fpid_pin.tuning import SearchSettings, Space
+
+        @dataclass(frozen=True, eq=False)
+        class Mine(fp.Controller):
+            kp: float = 10.0
+            def torque(self, state, q, v, q_ref, v_ref, a_ref):
+                return self.kp * (q_ref - q)
+
+        e = fp.paper_experiment(duration=0.1)
+        fp.tune(e, Mine(), Space(kp=(1, 20, "shared")),
+                settings=SearchSettings(population=4, generations=1, workers=2))
+    """)
+    done = subprocess.run(
+        [sys.executable, "-"], input=code, capture_output=True, text=True, timeout=120, check=False
+    )
+    last = done.stderr.strip().splitlines()[-1]
+    assert "TuningError: workers: expected classes and functions of a module, got Mine" in last
+    assert "out of memory" not in done.stderr
