@@ -34,15 +34,17 @@ ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, o
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
 Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
 NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
+Png = Annotated[bool, typer.Option("--png", help="Draw figures as PNG, too.")]
 NoFigures = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
 
 
 @app.command()
-def demo(out: OutputPath = None) -> None:
+def demo(out: OutputPath = None, no_figures: NoFigures = False, png: Png = False) -> None:
     """Run section 5.1 of the paper: fractional against integer adaptive PID."""
     from fpid_pin.cli.experiments import run_demo
+    from fpid_pin.cli.keep import Keep
 
-    run_demo(out or Path("runs/demo"))
+    run_demo(out or Path("runs/demo"), Keep(figures=not no_figures, png=png))
 
 
 @app.command()
@@ -53,13 +55,14 @@ def run(
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
+    png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate one controller of a configuration and record everything."""
     from fpid_pin.cli.experiments import run_one
     from fpid_pin.cli.keep import Keep
 
-    keep = Keep(not no_runs, not no_figures, every)
+    keep = Keep(not no_runs, not no_figures, every, png)
     run_one(config, out or Path("runs") / config.stem, controller, keep)
 
 
@@ -74,13 +77,14 @@ def compare(
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
+    png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate every controller of a configuration under every condition, and say who is best."""
     from fpid_pin.cli.experiments import run_comparison
     from fpid_pin.cli.keep import Keep
 
-    keep = Keep(not no_runs, not no_figures, every)
+    keep = Keep(not no_runs, not no_figures, every, png)
     run_comparison(config, out or Path("runs") / config.stem, metric, keep)
 
 
@@ -90,12 +94,14 @@ def tune(
     out: OutputPath = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
     workers: Annotated[int | None, typer.Option(help="Processes; none: this one.")] = None,
+    png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Search orders and gains by the genetic algorithm of a configuration's [tune]."""
+    from fpid_pin.cli.keep import Keep
     from fpid_pin.cli.tune import run_tuning
 
-    run_tuning(config, out or Path("runs") / f"{config.stem}-tuned", resume, workers)
+    run_tuning(config, out or Path("runs") / f"{config.stem}-tuned", resume, workers, Keep(png=png))
 
 
 @app.command()

@@ -30,7 +30,7 @@ def demo_config() -> Config:
     return parse(text, "demo.toml", Path.cwd())
 
 
-def run_demo(out: Path) -> None:
+def run_demo(out: Path, keep: Keep = ALL) -> None:
     """Run section 5.1 with fractional (two readings) and integer orders."""
     from fpid_pin.cli.playground import make
     from fpid_pin.view import figures
@@ -39,7 +39,8 @@ def run_demo(out: Path) -> None:
     with output_folder(out) as folder:
         entries = simulate_all(config)
         ranking = rank(entries, MEASURES["tail"])
-        write(folder, config, entries, ranking, figures([entry.run for entry in entries]))
+        drawn = figures([entry.run for entry in entries]) if keep.figures else {}
+        write(folder, config, entries, ranking, drawn, keep)
         make(config, folder / "playground.html")
     show(entries, ranking, config.title, out)
 
@@ -126,7 +127,6 @@ def write(
     keep: Keep = ALL,
 ) -> None:
     """Write runs, tables, figures, report and configuration into `folder`."""
-    from fpid_pin.view import plots
     from fpid_pin.view.report import report_html
 
     (folder / "config.toml").write_text(config.text, encoding="utf-8")
@@ -154,9 +154,7 @@ def write(
         *(summary.markdown(rows) for rows in tables.values() if rows),
     ]
     (folder / "summary.md").write_text("\n".join(sections), encoding="utf-8")
-    for name, figure in figures.items():
-        plots.save_figure(figure, folder / f"{name}.svg")
-        plots.save_figure(figure, folder / f"{name}.png")
+    drawn = keep.draw(figures, folder)
     # The hardest condition first: that is where controllers differ.
     ahead = ranking.conditions[ranking.hardest]
     order = sorted(ranking.conditions, key=lambda name: name != ahead)
@@ -165,7 +163,7 @@ def write(
         [entry.run for entry in entries],
         title=config.title or Path(config.path).stem,
         tables=tables,
-        figures=figures,
+        figures=drawn,
         config_text=config.text,
         captions=[entry.controller for entry in entries],
         answer=told,

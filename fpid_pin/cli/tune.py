@@ -14,6 +14,7 @@ import numpy as np
 
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import load
+from fpid_pin.cli.keep import ALL, Keep
 from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.screen import print_table, say, screen
 from fpid_pin.cli.search_bar import search_bar
@@ -30,7 +31,7 @@ KEPT = "checkpoint.npz"
 
 
 def run_tuning(
-    path: Path, out: Path, resume: bool = False, workers: int | None = None
+    path: Path, out: Path, resume: bool = False, workers: int | None = None, keep: Keep = ALL
 ) -> TuningResult:
     """Search as a configuration says, and write the folder `out`.
 
@@ -61,7 +62,7 @@ def run_tuning(
             along = explore(plan, result, pool)
             figures = draw(plan, result, along, pool)
         entries = compare(plan, result)
-        rows = write(folder, out, config, plan, result, entries, figures, along)
+        rows = write(folder, out, config, plan, result, entries, figures, along, keep)
         # In the folder before this takes its place: at no moment is there one without it.
         shutil.copyfile(checkpoint, folder / KEPT)
     discard(checkpoint)

@@ -16,6 +16,7 @@ from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import Config
+from fpid_pin.cli.keep import Keep
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.summary import Entry, Row
@@ -162,6 +163,7 @@ def write(
     entries: Sequence[Entry],
     figures: dict[str, Figure],
     along: Profile | None,
+    keep: Keep,
 ) -> list[Row]:
     """Write everything into `folder`, which will be `out`; return the table of costs."""
     from fpid_pin.view import plots
@@ -179,9 +181,7 @@ def write(
     for name, condition in zip(names if many else ["comparison"], plan.experiments, strict=True):
         runs = [entry.run for entry in entries if entry.condition == condition]
         figures[name] = plots.comparison(runs)
-    for name, figure in figures.items():
-        for suffix in ("svg", "png"):
-            plots.save_figure(figure, folder / f"{name}.{suffix}")
+    drawn = keep.draw(figures, folder)
     for entry in entries:
         entry.run.save(folder / entry.file, compressed=True)
     tables = {
@@ -211,7 +211,7 @@ def write(
         [entry.run for entry in entries],
         title=f"{title}, tuned",
         tables={head: [list(t[0]), *(list(r.values()) for r in t)] for head, t in tables.items()},
-        figures=figures,
+        figures=drawn,
         config_text=config.text,
         answer=told[1:],
     )

@@ -59,7 +59,7 @@ def report_html(
     *,
     title: str,
     tables: Mapping[str, Table] | None = None,
-    figures: Mapping[str, Figure] | None = None,
+    figures: Mapping[str, Figure | bytes] | None = None,
     config_text: str = "",
     embed_replay: bool = True,
     captions: Sequence[str] | None = None,
@@ -80,7 +80,8 @@ def report_html(
         By heading: rows of cells, the first row being the columns' names, or one mapping a row.
         None: the metrics of the runs, by joint.
     figures
-        By caption, or by a name that `figures` gives. None: those.
+        By caption, or by a name that `figures` gives; one that is drawn already as its SVG.
+        None: those.
     config_text
         The configuration, as it was read.
     embed_replay
@@ -106,6 +107,7 @@ def report_html(
     """
     several = as_runs(runs)
     names = captions_of(several, captions)
+    drawn: Mapping[str, Figure | bytes]
     drawn = standard_figures(several) if figures is None else figures
     shown = {"Figures of merit": metrics_table(several, names)} if tables is None else tables
     parts, replay = [_answer(answer) + _outcomes(several, names)], ""
@@ -230,20 +232,22 @@ def _table(table: Table, marks: Mapping[str, str] | None = None) -> str:
     return f'<div class="wide" tabindex="0">{element}</div>'
 
 
-def _figure(name: str, figure: Figure) -> str:
+def _figure(name: str, figure: Figure | bytes) -> str:
     what, _, of = name.partition("-")
     caption = _CAPTIONS.get(what, name)
     if of and what in _CAPTIONS:
         caption = f"{caption}: {of}"
-    width, height = figure.get_size_inches()
-    kind = ' class="broad"' if width > 8.0 and width > 1.3 * height else ""
     svg = inline_svg(figure, name)
+    size = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg)
+    width, height = (float(x) / 72.0 for x in size.groups()) if size else (1.0, 1.0)
+    kind = ' class="broad"' if width > 8.0 and width > 1.3 * height else ""
     return f"<figure{kind}>{svg}<figcaption>{as_text(caption)}</figcaption></figure>"
 
 
-def inline_svg(figure: Figure, name: str) -> str:
+def inline_svg(figure: Figure | bytes, name: str) -> str:
     """Return a figure as an SVG element whose ink and paper are those of the page around it."""
-    text = figure_bytes(figure, "svg").decode("utf-8")
+    drawn = figure if isinstance(figure, bytes) else figure_bytes(figure, "svg")
+    text = drawn.decode("utf-8")
     text = text[text.index("<svg") :]
     text = text.replace(INK, "currentColor").replace("fill: #ffffff", "fill: none")
     # Ids must differ between figures of one page; references to them are all of these forms.

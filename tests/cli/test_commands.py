@@ -80,7 +80,8 @@ def test_the_demo_is_the_paper_s_comparison(tmp_path, monkeypatch, capsys):
     )
     assert main(["demo"]) == 0
     names = {path.name for path in (tmp_path / "runs" / "demo").iterdir()}
-    assert {"fig4.svg", "fig5.svg", "gains.svg", "fig4.png", "report.html"} <= names
+    assert {"fig4.svg", "fig5.svg", "gains.svg", "report.html"} <= names
+    assert not any(name.endswith(".png") for name in names)
 
 
 def test_results_are_replaced_whole_and_other_folders_are_left_alone(config, capsys):
