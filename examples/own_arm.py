@@ -20,6 +20,8 @@ experiment = fp.Experiment(
 controller = fp.suggest_gains(
     arm,
     bandwidth=20.0,  # [rad/s]
+    feedforward=True,
+    observer="suggested",
 )
 run = fp.simulate(experiment, controller)
 print(run.outcome)

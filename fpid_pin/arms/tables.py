@@ -47,7 +47,7 @@ class _Table(Arm):
         """Build the arm; raises `ArgumentError` for an unknown or missing key."""
         known = (*cls._required, *cls._optional, "changes")
         for key in fields:
-            checks.choice("key in arm", key, known)
+            checks.choice(key, key, known)
         for key in cls._required:
             if key not in fields:
                 raise ArgumentError(f"arm.{key}", "a value", "none")

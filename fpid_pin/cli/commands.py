@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from fpid_pin import own_code
+from fpid_pin._version import __version__
 
 app = typer.Typer(
     help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
@@ -15,7 +16,24 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"fpid-pin {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def top(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")
+    ] = False,
+) -> None:
+    """Adaptive fractional-order PID control of robot arms on Pinocchio."""
+
 
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
 
@@ -205,6 +223,7 @@ def live(
     port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
     push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
+    baseline: Annotated[float, typer.Option(help="Run so long without the view first [s].")] = 0.0,
     allow_import: AllowImport = False,
 ) -> None:
     """Run the control loop in real time and watch it; key presses push a joint."""
@@ -212,7 +231,7 @@ def live(
 
     run_live(
         config, controller=controller, duration=duration, fps=fps, browser=browser, port=port,
-        joint=joint, push=push,
+        joint=joint, push=push, baseline=baseline,
     )  # fmt: skip
 
 

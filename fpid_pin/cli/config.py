@@ -184,7 +184,13 @@ class _Reader:
         return []
 
     def _build(self, key: str, family: type) -> Any:
-        return descriptions.build(self._rooted(self._table[key]), family, key, self._faults)
+        value = self._rooted(self._table[key])
+        if isinstance(value, Mapping) and "arm" in self._table:
+            kind = descriptions.kinds(family).get(str(value.get("kind")))
+            if kind is not None and any(f.name == "arm" for f in dataclasses.fields(kind)):
+                # A circle of the tool is one of this arm's, if nothing else is said.
+                value = {"arm": self._rooted(self._table["arm"]), **value}
+        return descriptions.build(value, family, key, self._faults)
 
     def _rooted(self, value: Any) -> Any:
         """Let a table's relative path start at the configuration's folder."""

@@ -159,8 +159,8 @@ def write(
     ahead = ranking.conditions[ranking.hardest]
     order = sorted(ranking.conditions, key=lambda name: name != ahead)
     report_html(
-        folder / "report.html",
         [entry.run for entry in entries],
+        folder / "report.html",
         title=config.title or Path(config.path).stem,
         tables=tables,
         figures=drawn,

@@ -27,7 +27,7 @@ def run_live(
     joint: str | None = None,
     push: float | None = None,
     priority: bool = True,
-    baseline: float = 3.0,
+    baseline: float = 0.0,
     console: Console | None = None,
 ) -> None:
     """Run one controller of a configuration in real time and show it.

@@ -6,6 +6,7 @@ import ctypes
 import errno
 import os
 import re
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,8 +29,9 @@ from fpid_pin.files import (
 )
 from fpid_pin.locks import locked
 
-#: The file that says that a folder is ours to replace.
+#: The file that says that a folder is ours to replace, and lists what in it is ours.
 MARK = ".fpid_pin"
+_HEAD = "made by fpid-pin; what is listed here is replaced, all else is kept\n"
 _OLD = re.compile(r"\.fpid_pin-([0-9a-f]{12})-.*\.old")
 #: What a write is refused with; such an error names no file.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
@@ -40,8 +42,8 @@ _SWAP = 2  # RENAME_EXCHANGE of Linux and RENAME_SWAP of macOS
 def output_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary folder that takes the place of `path` when the block ends without an error.
 
-    An older folder of results there is replaced; anything else is left alone and refused. Until the
-    block ends nobody else may write there.
+    An older folder of results there is replaced, what is a user's own within it is carried over;
+    anything else is left alone and refused. Until the block ends nobody else may write there.
 
     Raises
     ------
@@ -61,8 +63,9 @@ def output_folder(path: str | Path) -> Iterator[Path]:
             with undisturbed():
                 temporary = hidden_beside(path)
                 temporary.mkdir()
-            (temporary / MARK).write_text("made by fpid-pin; safe to replace\n")
             yield temporary
+            _sign(temporary)
+            _carry_over(path, temporary)
             sync_tree(temporary)
             _require_ours(path)
             with undisturbed():
@@ -101,6 +104,33 @@ def _require_ours(path: Path) -> None:
         else:
             kind = "another folder"
     raise FileFormatError(f"{path}: expected a new folder or one that fpid-pin made, got {kind}")
+
+
+def _sign(folder: Path) -> None:
+    """Write the mark: the names of all that was made."""
+    names = sorted(entry.name for entry in folder.iterdir())
+    (folder / MARK).write_text(_HEAD + "".join(f"{name}\n" for name in names), encoding="utf-8")
+
+
+def _carry_over(path: Path, temporary: Path) -> None:
+    """Copy what in the older folder is none of ours; under another name where one is taken."""
+    if kind_of(path) is None:
+        return
+    mark = path / MARK
+    # An empty folder has none; older versions listed nothing, and all they left was theirs.
+    listed = mark.read_text(encoding="utf-8").splitlines()[1:] if mark.is_file() else []
+    if not listed:
+        return
+    for entry in path.iterdir():
+        if entry.name in (*listed, MARK):
+            continue
+        place = temporary / entry.name
+        while place.exists():
+            place = place.with_name(f"{place.name}.kept")
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.copytree(entry, place, symlinks=True)
+        else:
+            shutil.copy2(entry, place, follow_symlinks=False)
 
 
 # ---------------------------------------------------------------------- the swap

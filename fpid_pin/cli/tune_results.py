@@ -207,8 +207,8 @@ def write(
     for name, content in files.items():
         (folder / name).write_text(content, encoding="utf-8")
     report_html(
-        folder / "report.html",
         [entry.run for entry in entries],
+        folder / "report.html",
         title=f"{title}, tuned",
         tables={head: [list(t[0]), *(list(r.values()) for r in t)] for head, t in tables.items()},
         figures=drawn,

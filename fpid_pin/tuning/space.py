@@ -113,7 +113,19 @@ class BoundSpace:
                 try:
                     self._replace({name: self._member(name, values)})
                 except ArgumentError as error:
+                    self._require_many(name)
                     raise ArgumentError(f"space.{name}.{end}", error.expected, error.got) from None
+
+    def _require_many(self, name: str) -> None:
+        """Refuse to give each joint a value of what all of them have one of."""
+        given = getattr(self.base, name)
+        if self.space.genes[name].shared or np.ndim(given):
+            return
+        try:
+            self._replace({name: np.full(self.n, given)})
+        except ArgumentError:
+            expected = '"shared" behind its bounds, as all joints have one value'
+            raise ArgumentError(f"space.{name}", expected, "none") from None
 
     def _member(self, name: str, values: FloatArray) -> float | FloatArray:
         part = values[self._places[name]]

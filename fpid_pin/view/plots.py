@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.export import as_runs
@@ -121,9 +122,7 @@ def gains(run: Run) -> Figure:
             "run", "a run that recorded kp, ki, kd", f"one with {sorted(run.signals)}"
         )
     curves: tuple[tuple[str, str], ...] = GAINS
-    units: tuple[str, ...] = GAIN_UNITS[
-        "none" if run.meta["controller"].get("scale", "none") == "none" else "scaled"
-    ]
+    units: tuple[str, ...] = GAIN_UNITS["scaled" if _is_scaled(run.meta["controller"]) else "none"]
     if has_orders(run):
         curves, units = (*GAINS, *ORDERS), (*units, "", "")
     figure, axes = new_figure(len(curves), 1, WIDTH, 5.0 * len(curves) / len(GAINS))
@@ -137,6 +136,12 @@ def gains(run: Run) -> Figure:
     legend(axes[0][0], min(run.q.shape[1], 4))
     axes[-1][0].set_xlabel("time, s")
     return figure
+
+
+def _is_scaled(controller: dict[str, Any]) -> bool:
+    """Return whether a law's gains are over its joints' inertias."""
+    suggested = controller.get("kind") == SuggestedFpid._kind  # type: ignore[attr-defined]
+    return bool(suggested or controller.get("scale", "none") != "none")
 
 
 @styled

@@ -54,8 +54,8 @@ _CAPTIONS = {
 
 
 def report_html(
-    path: str | Path,
     runs: Run | Sequence[Run],
+    path: str | Path,
     *,
     title: str,
     tables: Mapping[str, Table] | None = None,
@@ -70,10 +70,10 @@ def report_html(
 
     Parameters
     ----------
-    path
-        The file; it appears whole or not at all.
     runs
         What was run; at least one.
+    path
+        The file; it appears whole or not at all.
     title
         Plain text.
     tables

@@ -101,7 +101,7 @@ def test_a_page_has_the_elements_that_it_has_with_harmless_names(tmp_path, tally
         run = run_called(name)
         path = tmp_path / "report.html"
         figures = {name: plots.torque(run)} if full else {}
-        report_html(path, run, title=name, tables={name: [[name], [name]]}, figures=figures,
+        report_html(run, path, title=name, tables={name: [[name], [name]]}, figures=figures,
                     config_text=name, captions=[name])  # fmt: skip
         return path.read_text("utf-8"), replay_html([run], captions=[name], title=name)
 
@@ -222,7 +222,7 @@ def test_no_name_runs_in_a_browser(browser, tmp_path, tally, full):
         name = " ".join(chance.sample([p for p in PIECES if "hacked" in p or len(p) > 2], 6))
         run = run_called(name)
         path = tmp_path / f"{k}.html"
-        report_html(path, run, title=name, tables={name: [[name], [name]]}, config_text=name,
+        report_html(run, path, title=name, tables={name: [[name], [name]]}, config_text=name,
                     figures={name: plots.torque(run)}, captions=[name])  # fmt: skip
         page = browser.new_page()
         page.goto(path.as_uri())

@@ -149,7 +149,7 @@ def test_runs_stand_side_by_side_under_their_captions(browser, make_run, two_lin
 @pytest.mark.parametrize(("width", "scheme"), [(400, "dark"), (1400, "light")])
 def test_a_report_is_readable_at_any_width(browser, make_run, two_link, tmp_path, width, scheme):
     runs = [make_run(two_link, name="integer", integer=True), make_run(two_link, name="other")]
-    file = report_html(tmp_path / "report.html", runs, title="Report", config_text="a = 1")
+    file = report_html(runs, tmp_path / "report.html", title="Report", config_text="a = 1")
     with Visit(browser, {"width": width, "height": 900}, scheme) as visit:
         page = visit.page
         page.goto(file.as_uri())

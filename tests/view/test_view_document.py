@@ -49,7 +49,7 @@ def replay_page(run, path):
 
 
 def report_page(run, path):
-    return report_html(path, run, title="report", config_text="a = 1").read_text("utf-8")
+    return report_html(run, path, title="report", config_text="a = 1").read_text("utf-8")
 
 
 def playground_page(run, path):

@@ -39,7 +39,7 @@ def outline(path):
 def report(tmp_path_factory, make_run, two_link):
     runs = [make_run(two_link, name="integer", integer=True), make_run(two_link, name="<b>frac")]
     return report_html(
-        tmp_path_factory.mktemp("report") / "report.html", runs, title="Two & <two>",
+        runs, tmp_path_factory.mktemp("report") / "report.html", title="Two & <two>",
         tables={"Costs": [["law", "cost"], ["integer", 1.23456], ["</td><script>", float("nan")]],
                 "Rows": [{"law": "a", "ok": True}, {"law": "b", "note": 3}]},
         figures={"error": plots.error(runs)}, config_text='[arm]\nkind = "<two_link>"',
@@ -89,7 +89,7 @@ def test_figures_take_the_ink_of_the_page(make_run, two_link):
 
 
 def test_without_tables_the_figures_of_merit_are_shown(wave, tmp_path):
-    path = report_html(tmp_path / "r.html", wave, title="t", figures={}, embed_replay=False)
+    path = report_html(wave, tmp_path / "r.html", title="t", figures={}, embed_replay=False)
     page = outline(path)
     assert "rms, rad" in page.cells
     assert f"{wave.metrics.rms[1]:.4g}" in page.cells
@@ -97,19 +97,19 @@ def test_without_tables_the_figures_of_merit_are_shown(wave, tmp_path):
 
 
 def test_many_runs_show_some_of_them_in_the_replay(wave, tmp_path):
-    path = report_html(tmp_path / "r.html", [wave] * 8, title="t", figures={})
+    path = report_html([wave] * 8, tmp_path / "r.html", title="t", figures={})
     assert f"Replay of the first {MOST_IN_REPLAY} runs" in path.read_text()
     assert "wave (8)" in outline(path).cells
 
 
 def test_a_run_that_diverged_is_pointed_out(make_run, two_link, tmp_path):
     run = make_run(two_link, rows=100)
-    path = report_html(tmp_path / "r.html", run, title="t", figures={}, embed_replay=False)
+    path = report_html(run, tmp_path / "r.html", title="t", figures={}, embed_replay=False)
     assert '<p class="ended">wave: diverged at 0.1 s' in path.read_text()
 
 
 def test_a_report_that_cannot_be_written_leaves_nothing(wave, tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(FileFormatError, match="cannot be written"):
-        report_html(tmp_path / "file" / "r.html", wave, title="t", figures={}, embed_replay=False)
+        report_html(wave, tmp_path / "file" / "r.html", title="t", figures={}, embed_replay=False)
     assert [f.name for f in tmp_path.iterdir()] == ["file"]
