@@ -22,7 +22,7 @@ from typing import Any
 
 from fpid_pin import checks
 from fpid_pin.campaign import Scenarios, Study
-from fpid_pin.cli.config import Config
+from fpid_pin.cli.configuration import Config
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.simulation import Experiment
