@@ -1,0 +1,264 @@
+"""A campaign in one page: who holds where, by how much, what it hangs on, and the worst plants."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from fpid_pin.campaign import figures
+from fpid_pin.campaign.data import METRICS, CampaignData
+from fpid_pin.campaign.statistics import (
+    Difference,
+    Interval,
+    best_shares,
+    leader,
+    paired_difference,
+    quantile,
+    scored,
+    spearman,
+    success_rates,
+    tornado,
+    worst_runs,
+)
+from fpid_pin.campaign.stopping import rate_interval
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.files import replacing
+from fpid_pin.view.document import Link, as_text
+from fpid_pin.view.palette import colour
+from fpid_pin.view.report import Table, answer_html, figure_html, page_html, section, table_html
+
+#: What leads from a run (its number) and a controller's name to a replay; None: nowhere.
+ReplayLink = Callable[[int, str], str | None]
+
+_CAPTIONS = {
+    "distributions": "Share of all plants with at most so much; a curve ends at the success rate",
+    "violins": "Runs that ended well: distribution, quartiles, median",
+    "tornado": "Median error where a parameter is in its lowest and in its highest fifth",
+    "scatter": "Every plant; colour: RMS error, cross: lost",
+}
+_NOTES = {
+    "success": (
+        "A run succeeds when it ends, in its torque limits or at them, with finite errors. "
+        "Wilson's intervals hold for a number of runs that was fixed beforehand; those in the last "
+        "columns also where the campaign was stopped for what it showed."
+    ),
+    "metrics": "Of all plants; inf: so many were lost. 10 % of the plants are worse than p90.",
+    "pairs": (
+        "First less second on the same plants; less is better. Medians and their bootstrap "
+        "intervals are of the plants on which both succeeded; a plant that one of them has lost "
+        "counts for the other. Every interval is of 95 % by itself."
+    ),
+    "sensitivity": (
+        "Spearman's rank correlation of a parameter with the RMS error, with its 95 % interval, "
+        "and the median error in its lowest and highest fifth; lost runs count as the worst."
+    ),
+}  # fmt: skip
+
+
+def report_html(
+    data: CampaignData, path: str | Path, *, replay_link: ReplayLink | None = None
+) -> Path:
+    """Write a campaign's report as one self-contained page.
+
+    Parameters
+    ----------
+    data
+        What the campaign has found, at least one run.
+    path
+        The file; it appears whole or not at all.
+    replay_link
+        Given a run and a controller's name, the address of its replay, as the page is to have it:
+        relative to the page, quoted as addresses are. None, or where it returns None: no link.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ArgumentError
+        No runs.
+    FileFormatError
+        The file cannot be written.
+    """
+    if data.runs == 0:
+        raise ArgumentError("data", "at least one run", "none")
+    marks = {name: colour(k) for k, name in reversed(list(enumerate(data.controllers)))}
+    differences = _differences(data)
+    parts = [answer_html(answer(data, differences))]
+
+    def add(heading: str, table: Table, note: str = "") -> None:
+        text = f"<p>{as_text(note)}</p>" if note else ""
+        parts.append(section(heading, text + table_html(table, marks)))
+
+    add("Success", _success(data), _NOTES["success"])
+    add("Errors and effort", _metrics(data), _NOTES["metrics"])
+    if differences:
+        add("Paired differences", _pairs(data, differences), _NOTES["pairs"])
+    drawn = "".join(figure_html(_CAPTIONS[name], figure) for name, figure in _figures(data))
+    parts.append(section("Figures", f'<div class="figures">{drawn}</div>'))
+    if data.parameters:
+        add("Sensitivity", _sensitivity(data), _NOTES["sensitivity"])
+    parts.append(_worst(data, replay_link))
+    with replacing(Path(path)) as temporary:
+        temporary.write_text(page_html(data.title or "Campaign", parts), encoding="utf-8")
+    return Path(path)
+
+
+def answer(data: CampaignData, differences: dict[str, list[Difference]]) -> list[str]:
+    """Return what a campaign says, in lines, the most important first."""
+    first = leader(data)
+    rates, names = success_rates(data), data.controllers
+    of = f"of {data.runs} plant{'s' * (data.runs != 1)} (95 %: {_percent(rates[first])} %)"
+    typical = quantile(scored(data)[:, first], 0.5)
+    if not data.success.any():
+        return [f"No controller succeeded on any {of}."]
+    lines = [f"{names[first]} succeeded on {100.0 * rates[first].estimate:.4g} % {of}."]
+    if np.isfinite(typical):
+        lines.append(f"Its RMS error is {typical:.3g} rad or less on half of the plants.")
+    for found in differences.get("rms", []):
+        if first in (found.first, found.second):
+            lines.append(_compared(data, found, first))
+    lines.append(f"{data.runs} runs, every controller on the same plants; seed {data.seed}.")
+    return lines
+
+
+def _compared(data: CampaignData, found: Difference, first: int) -> str:
+    sign = 1.0 if found.first == first else -1.0
+    other = data.controllers[found.second if found.first == first else found.first]
+    if found.differing == 0:
+        return f"Against {other}: no plant on which either is better."
+    ends = (found.better.low, found.better.high)
+    share, low, high = (found.better.estimate, *ends) if sign > 0.0 else (
+        1.0 - found.better.estimate, 1.0 - ends[1], 1.0 - ends[0])  # fmt: skip
+    text = f"Against {other}: the smaller error on {100.0 * share:.3g} % of the plants"
+    if low <= 0.5 <= high:
+        text += ", which does not tell them apart"
+    if np.isnan(found.median.estimate):
+        return text + "; no plant on which both succeeded."
+    text += f"; where both succeed, {sign * found.median.estimate:+.3g} rad in the median"
+    if np.isnan(found.median.low):
+        return text + " (too few for an interval)."
+    low, high = sorted((sign * found.median.low, sign * found.median.high))
+    return text + f" (95 %: {low:+.3g} to {high:+.3g})."
+
+
+def _percent(interval: Interval) -> str:
+    return f"{100.0 * interval.low:.4g} to {100.0 * interval.high:.4g}"
+
+
+def _differences(data: CampaignData) -> dict[str, list[Difference]]:
+    count = len(data.controllers)
+    pairs = [(a, b) for a in range(count) for b in range(a + 1, count)]
+    if not pairs:
+        return {}
+    return {
+        name: [paired_difference(data, *pair, name) for pair in pairs] for name in figures.SHOWN
+    }
+
+
+def _success(data: CampaignData) -> Table:
+    best, rates = best_shares(data), success_rates(data)
+    rows: list[dict[str, object]] = []
+    for k, name in enumerate(data.controllers):
+        ends, counts = data.outcome[:, k], int(data.success[:, k].sum())
+        always = rate_interval(counts, data.runs)
+        rows.append({
+            "controller": name,
+            "success, %": 100.0 * rates[k].estimate,
+            "from, %": 100.0 * rates[k].low,
+            "to, %": 100.0 * rates[k].high,
+            "best, % of plants": 100.0 * float(best[k]),
+            "saturated": int((ends == "saturated").sum()),
+            "diverged": int((ends == "diverged").sum()),
+            "failed": int((ends == "failed").sum()),
+            "from, stopped at will, %": 100.0 * always.low,
+            "to, stopped at will, %": 100.0 * always.high,
+        })  # fmt: skip
+    return rows
+
+
+def _metrics(data: CampaignData) -> Table:
+    rows: list[dict[str, object]] = []
+    for k, name in enumerate(data.controllers):
+        row: dict[str, object] = {"controller": name}
+        for metric in data.metrics:
+            unit = METRICS.get(metric, "").replace("^2", "²")
+            head, scores = metric.replace("_", " "), scored(data, metric)[:, k]
+            row[f"{head}, median, {unit}"] = quantile(scores, 0.5)
+            row[f"{head}, p90, {unit}"] = quantile(scores, 0.9)
+        rows.append(row)
+    return rows
+
+
+def _pairs(data: CampaignData, differences: dict[str, list[Difference]]) -> Table:
+    rows: list[dict[str, object]] = []
+    for metric, several in differences.items():
+        for found in several:
+            rows.append({
+                "first": data.controllers[found.first],
+                "second": data.controllers[found.second],
+                "of": f"{figures.SHOWN[metric]}, {METRICS[metric].replace('^2', '²')}",
+                "median difference": found.median.estimate,
+                "from": found.median.low,
+                "to": found.median.high,
+                "plants": found.runs,
+                "first is better, %": 100.0 * found.better.estimate,
+                "from, %": 100.0 * found.better.low,
+                "to, %": 100.0 * found.better.high,
+                "plants that differ": found.differing,
+            })  # fmt: skip
+    return rows
+
+
+def _sensitivity(data: CampaignData) -> Table:
+    rho, ends = spearman(data), tornado(data)
+    rows: list[dict[str, object]] = []
+    for k, name in enumerate(data.controllers):
+        for j in np.argsort(-np.nan_to_num(np.abs(rho[k, :, 0]), nan=-1.0), kind="stable"):
+            rows.append({
+                "controller": name,
+                "parameter": data.parameters[j],
+                "correlation": float(rho[k, j, 0]),
+                "from": float(rho[k, j, 1]),
+                "to": float(rho[k, j, 2]),
+                "median error where it is small, rad": float(ends[k, j, 0]),
+                "where it is large, rad": float(ends[k, j, 1]),
+            })  # fmt: skip
+    return rows
+
+
+def _figures(data: CampaignData) -> Iterator[tuple[str, object]]:
+    yield "distributions", figures.distributions(data)
+    yield "violins", figures.violins(data)
+    if data.parameters:
+        yield "tornado", figures.tornado_plot(data)
+    pair = figures.two_that_matter(data)
+    if pair is not None:
+        yield "scatter", figures.scatter(data, *pair)
+
+
+def _worst(data: CampaignData, replay_link: ReplayLink | None) -> str:
+    """Return the section with every controller's worst runs, each table folded but the leader's."""
+    errors, content, first = scored(data), "", leader(data)
+    for k, name in enumerate(data.controllers):
+        rows: list[dict[str, object]] = []
+        for run in worst_runs(data, k):
+            href = replay_link(run, name) if replay_link is not None else None
+            row: dict[str, object] = {"run": run}
+            if replay_link is not None:
+                row["replay"] = "" if href is None else Link("replay", href)
+            row |= {"outcome": str(data.outcome[run, k]), "RMS error, rad": float(errors[run, k])}
+            named = zip(data.parameters, data.units, data.samples[run], strict=True)
+            row |= {f"{p}, {u}" if u else p: float(value) for p, u, value in named}
+            rows.append(row | {"cause": str(data.cause[run, k])})
+        lost = int(data.runs - data.success[:, k].sum())
+        more = f"; {lost} were lost, these are the first of them" if lost > len(rows) else ""
+        mark = f'<i class="swatch" style="background: {colour(k)}"></i>'
+        content += (
+            f"<details{' open' * (k == first)}><summary>{mark}{as_text(name)}{as_text(more)}"
+            f"</summary>{table_html(rows)}</details>"
+        )
+    return section("The ten worst runs", content)
