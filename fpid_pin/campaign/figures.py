@@ -15,6 +15,7 @@ from fpid_pin.view.panels import DASHES
 from fpid_pin.view.style import lettering, new_figure, styled
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
@@ -80,9 +81,7 @@ def distributions(data: CampaignData) -> Figure:
         for k, column in enumerate(scores.T):
             values, shares = ecdf(column)
             # A curve of every plant would be as long as the campaign.
-            keep = (
-                np.unique(np.linspace(0, len(values) - 1, 400).astype(int)) if len(values) else []
-            )
+            keep = np.unique(np.linspace(0, len(values) - 1, min(len(values), 400)).astype(int))
             panel.step(values[keep], 100.0 * shares[keep], where="post", color=colour(k),
                        linestyle=_dash(k))  # fmt: skip
         panel.set(xlabel=_label(metric), ylim=(-2.0, 102.0))
@@ -182,7 +181,7 @@ def _effects(ends: FloatArray) -> FloatArray:
     return np.asarray(np.where(np.isnan(change), -1.0, change).max(axis=0, initial=-1.0))
 
 
-def _tornado_key() -> tuple[list[object], list[str]]:
+def _tornado_key() -> tuple[list[Artist], list[str]]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -209,9 +208,9 @@ def _bars(panel: Axes, ends: FloatArray, middle: float, k: int) -> None:
             if np.isnan(value):
                 continue
             shown = value if np.isfinite(value) else beyond
-            look = {"facecolor": colour(k) if end else "none", "edgecolor": colour(k)}
             # The two ends lie beside each other: both may be on one side of the middle.
-            panel.barh(row + 0.19 * (2 * end - 1), shown - base, 0.36, base, **look)
+            panel.barh(row + 0.19 * (2 * end - 1), shown - base, 0.36, base, edgecolor=colour(k),
+                       facecolor=colour(k) if end else "none")  # fmt: skip
             if np.isinf(value):
                 panel.plot([beyond], [row + 0.19 * (2 * end - 1)], ">", color=colour(k),
                            markersize=6, clip_on=False)  # fmt: skip
@@ -237,6 +236,7 @@ def two_that_matter(data: CampaignData) -> tuple[int, int] | None:
 @styled
 def scatter(data: CampaignData, x: int, y: int) -> Figure:
     """Draw every plant by two of its parameters, by column; colour: its error, cross: lost."""
+    from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
     scores, count = scored(data), len(data.controllers)
@@ -249,7 +249,7 @@ def scatter(data: CampaignData, x: int, y: int) -> Figure:
     sound = scores[np.isfinite(scores) & (scores > 0.0)]
     # All panels have one scale; a hundredth at either end does not stretch it.
     low, high = np.quantile(sound, [0.01, 0.99]) if sound.size else (1.0, 2.0)
-    norm, drawn = LogNorm(low, max(high, 1.01 * low)), None
+    norm = LogNorm(low, max(high, 1.01 * low))
     size = float(np.clip(8000.0 / max(data.runs, 1), 2.0, 25.0))
     for k, (panel, name) in enumerate(zip(flat, _names(data), strict=False)):
         error = scores[:, k]
@@ -257,8 +257,8 @@ def scatter(data: CampaignData, x: int, y: int) -> Figure:
         kept = kept[np.argsort(error[kept], kind="stable")]  # the worst on top
         a, b = data.samples[:, x], data.samples[:, y]
         # As a picture within the figure: ten thousand marks are no smaller a file otherwise.
-        drawn = panel.scatter(a[kept], b[kept], size, error[kept], norm=norm, linewidths=0.0,
-                              rasterized=True)  # fmt: skip
+        panel.scatter(a[kept], b[kept], size, error[kept], norm=norm, linewidths=0.0,
+                      rasterized=True)  # fmt: skip
         panel.scatter(a[lost], b[lost], 2.0 * size + 4.0, _LOST, marker="x", linewidths=0.8,
                       rasterized=True)  # fmt: skip
         panel.set_title("\n".join(textwrap.wrap(name, 34)[:3]), color=colour(k))
@@ -266,5 +266,7 @@ def scatter(data: CampaignData, x: int, y: int) -> Figure:
         panel.tick_params(labelbottom=True)
         if k % columns == 0:
             panel.set_ylabel(_numbered(data, y))
-    figure.colorbar(drawn, ax=flat[:count], label=_label("rms"), extend="both", fraction=0.04)
+    figure.colorbar(
+        ScalarMappable(norm), ax=flat[:count], label=_label("rms"), extend="both", fraction=0.04
+    )
     return figure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,6 +29,9 @@ from fpid_pin.files import replacing
 from fpid_pin.view.document import Link, as_text
 from fpid_pin.view.palette import colour
 from fpid_pin.view.report import Table, answer_html, figure_html, page_html, section, table_html
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: What leads from a run (its number) and a controller's name to a replay; None: nowhere.
 ReplayLink = Callable[[int, str], str | None]
@@ -230,7 +234,7 @@ def _sensitivity(data: CampaignData) -> Table:
     return rows
 
 
-def _figures(data: CampaignData) -> Iterator[tuple[str, object]]:
+def _figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
     yield "distributions", figures.distributions(data)
     yield "violins", figures.violins(data)
     if data.parameters:
