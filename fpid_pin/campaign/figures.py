@@ -27,7 +27,8 @@ _LOST = "#D20D48"
 _WIDE = 9.6
 
 
-def _label(metric: str) -> str:
+def label(metric: str) -> str:
+    """Return what an axis or a table calls a metric, with its unit."""
     unit = METRICS[metric].replace("^2", "²")
     return f"{SHOWN.get(metric, metric)}, {unit}"
 
@@ -84,7 +85,7 @@ def distributions(data: CampaignData) -> Figure:
             keep = np.unique(np.linspace(0, len(values) - 1, min(len(values), 400)).astype(int))
             panel.step(values[keep], 100.0 * shares[keep], where="post", color=colour(k),
                        linestyle=_dash(k))  # fmt: skip
-        panel.set(xlabel=_label(metric), ylim=(-2.0, 102.0))
+        panel.set(xlabel=label(metric), ylim=(-2.0, 102.0))
         if _logarithmic(scores):
             panel.set_xscale("log")
         _say_if_empty(panel, scores)
@@ -117,7 +118,7 @@ def violins(data: CampaignData) -> Figure:
                 _violin(panel, values, k, log)
         if log:
             panel.set_xscale("log")
-        panel.set(xlabel=_label(metric), ylim=(len(names) - 0.5, -0.5))
+        panel.set(xlabel=label(metric), ylim=(len(names) - 0.5, -0.5))
         panel.set_yticks(range(len(names)), names if panel is axes[0] else [])
         panel.grid(visible=False, axis="y")
         _say_if_empty(panel, scores)
@@ -169,7 +170,7 @@ def tornado_plot(data: CampaignData) -> Figure:
         labels = [lettering(data.parameters[j]) if left else "" for j in order]
         panel.set_yticks(range(len(order)), labels)
         panel.set_ylim(max(len(order), 1) - 0.4, -0.6)
-        panel.set_xlabel(f"median {_label('rms')}")
+        panel.set_xlabel(f"median {label('rms')}")
     figure.legend(*_tornado_key(), loc="outside lower center", ncols=3)
     return figure
 
@@ -194,6 +195,8 @@ def _tornado_key() -> tuple[list[Artist], list[str]]:
 
 
 def _bars(panel: Axes, ends: FloatArray, middle: float, k: int) -> None:
+    from matplotlib.ticker import MaxNLocator
+
     sound = ends[np.isfinite(ends)]
     known = np.append(sound, middle) if np.isfinite(middle) else sound
     panel.grid(visible=False, axis="y")
@@ -216,6 +219,7 @@ def _bars(panel: Axes, ends: FloatArray, middle: float, k: int) -> None:
                            markersize=6, clip_on=False)  # fmt: skip
     if np.isfinite(middle):
         panel.axvline(middle, color="#262626", linewidth=1.0)
+    panel.xaxis.set_major_locator(MaxNLocator(4))
     panel.set_xlim(known.min() - room, beyond if np.isinf(ends).any() else known.max() + room)
 
 
@@ -267,6 +271,6 @@ def scatter(data: CampaignData, x: int, y: int) -> Figure:
         if k % columns == 0:
             panel.set_ylabel(_numbered(data, y))
     figure.colorbar(
-        ScalarMappable(norm), ax=flat[:count], label=_label("rms"), extend="both", fraction=0.04
+        ScalarMappable(norm), ax=flat[:count], label=label("rms"), extend="both", fraction=0.04
     )
     return figure

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,6 +58,7 @@ _NOTES = {
         "Spearman's rank correlation of a parameter with the RMS error, with its 95 % interval, "
         "and the median error in its lowest and highest fifth; lost runs count as the worst."
     ),
+    "worst": "Those that were lost first, in the order of their numbers.",
 }  # fmt: skip
 
 
@@ -93,19 +94,26 @@ def report_html(
     differences = _differences(data)
     parts = [answer_html(answer(data, differences))]
 
-    def add(heading: str, table: Table, note: str = "") -> None:
-        text = f"<p>{as_text(note)}</p>" if note else ""
-        parts.append(section(heading, text + table_html(table, marks)))
+    def add(heading: str, content: str, note: str) -> None:
+        parts.append(section(heading, f"<p>{as_text(_NOTES[note])}</p>{content}"))
 
-    add("Success", _success(data), _NOTES["success"])
-    add("Errors and effort", _metrics(data), _NOTES["metrics"])
+    add("Success", table_html(_success(data), marks), "success")
+    add("Errors and effort", table_html(_metrics(data), marks), "metrics")
     if differences:
-        add("Paired differences", _pairs(data, differences), _NOTES["pairs"])
+        tables = [_pairs(data, several) for several in differences.values()]
+        heads = [as_text(figures.label(metric)) for metric in differences]
+        add("Paired differences", _folded(heads, tables, 0, marks), "pairs")
     drawn = "".join(figure_html(_CAPTIONS[name], figure) for name, figure in _figures(data))
     parts.append(section("Figures", f'<div class="figures">{drawn}</div>'))
+    first, names = leader(data), [_marked(name, k) for k, name in enumerate(data.controllers)]
     if data.parameters:
-        add("Sensitivity", _sensitivity(data), _NOTES["sensitivity"])
-    parts.append(_worst(data, replay_link))
+        add("Sensitivity", _folded(names, _sensitivities(data), first), "sensitivity")
+    lost = [data.runs - int(count) for count in data.success.sum(axis=0)]
+    heads = [
+        f"{name}: {count} lost" if count else name for name, count in zip(names, lost, strict=True)
+    ]
+    tables = [_worst(data, k, replay_link) for k in range(len(names))]
+    add("The ten worst runs", _folded(heads, tables, first), "worst")
     with replacing(Path(path)) as temporary:
         temporary.write_text(page_html(data.title or "Campaign", parts), encoding="utf-8")
     return Path(path)
@@ -178,8 +186,8 @@ def _success(data: CampaignData) -> Table:
             "saturated": int((ends == "saturated").sum()),
             "diverged": int((ends == "diverged").sum()),
             "failed": int((ends == "failed").sum()),
-            "from, stopped at will, %": 100.0 * always.low,
-            "to, stopped at will, %": 100.0 * always.high,
+            "from, at any stop, %": 100.0 * always.low,
+            "to, at any stop, %": 100.0 * always.high,
         })  # fmt: skip
     return rows
 
@@ -197,41 +205,41 @@ def _metrics(data: CampaignData) -> Table:
     return rows
 
 
-def _pairs(data: CampaignData, differences: dict[str, list[Difference]]) -> Table:
-    rows: list[dict[str, object]] = []
-    for metric, several in differences.items():
-        for found in several:
-            rows.append({
-                "first": data.controllers[found.first],
-                "second": data.controllers[found.second],
-                "of": f"{figures.SHOWN[metric]}, {METRICS[metric].replace('^2', '²')}",
-                "median difference": found.median.estimate,
-                "from": found.median.low,
-                "to": found.median.high,
-                "plants": found.runs,
-                "first is better, %": 100.0 * found.better.estimate,
-                "from, %": 100.0 * found.better.low,
-                "to, %": 100.0 * found.better.high,
-                "plants that differ": found.differing,
-            })  # fmt: skip
-    return rows
+def _pairs(data: CampaignData, several: list[Difference]) -> Table:
+    return [
+        {
+            "first": data.controllers[found.first],
+            "second": data.controllers[found.second],
+            "median": found.median.estimate,
+            "from": found.median.low,
+            "to": found.median.high,
+            "plants": found.runs,
+            "first better, %": 100.0 * found.better.estimate,
+            "from, %": 100.0 * found.better.low,
+            "to, %": 100.0 * found.better.high,
+            "of plants": found.differing,
+        }
+        for found in several
+    ]
 
 
-def _sensitivity(data: CampaignData) -> Table:
+def _sensitivities(data: CampaignData) -> list[Table]:
     rho, ends = spearman(data), tornado(data)
-    rows: list[dict[str, object]] = []
-    for k, name in enumerate(data.controllers):
-        for j in np.argsort(-np.nan_to_num(np.abs(rho[k, :, 0]), nan=-1.0), kind="stable"):
-            rows.append({
-                "controller": name,
+    order = np.argsort(-np.nan_to_num(np.abs(rho[..., 0]), nan=-1.0), axis=1, kind="stable")
+    return [
+        [
+            {
                 "parameter": data.parameters[j],
                 "correlation": float(rho[k, j, 0]),
                 "from": float(rho[k, j, 1]),
                 "to": float(rho[k, j, 2]),
-                "median error where it is small, rad": float(ends[k, j, 0]),
-                "where it is large, rad": float(ends[k, j, 1]),
-            })  # fmt: skip
-    return rows
+                "median error where small, rad": float(ends[k, j, 0]),
+                "where large, rad": float(ends[k, j, 1]),
+            }
+            for j in order[k]
+        ]
+        for k in range(len(data.controllers))
+    ]
 
 
 def _figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
@@ -244,25 +252,35 @@ def _figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
         yield "scatter", figures.scatter(data, *pair)
 
 
-def _worst(data: CampaignData, replay_link: ReplayLink | None) -> str:
-    """Return the section with every controller's worst runs, each table folded but the leader's."""
-    errors, content, first = scored(data), "", leader(data)
-    for k, name in enumerate(data.controllers):
-        rows: list[dict[str, object]] = []
-        for run in worst_runs(data, k):
-            href = replay_link(run, name) if replay_link is not None else None
-            row: dict[str, object] = {"run": run}
-            if replay_link is not None:
-                row["replay"] = "" if href is None else Link("replay", href)
-            row |= {"outcome": str(data.outcome[run, k]), "RMS error, rad": float(errors[run, k])}
-            named = zip(data.parameters, data.units, data.samples[run], strict=True)
-            row |= {f"{p}, {u}" if u else p: float(value) for p, u, value in named}
-            rows.append(row | {"cause": str(data.cause[run, k])})
-        lost = int(data.runs - data.success[:, k].sum())
-        more = f"; {lost} were lost, these are the first of them" if lost > len(rows) else ""
-        mark = f'<i class="swatch" style="background: {colour(k)}"></i>'
-        content += (
-            f"<details{' open' * (k == first)}><summary>{mark}{as_text(name)}{as_text(more)}"
-            f"</summary>{table_html(rows)}</details>"
-        )
-    return section("The ten worst runs", content)
+def _worst(data: CampaignData, controller: int, replay_link: ReplayLink | None) -> Table:
+    errors, name = scored(data)[:, controller], data.controllers[controller]
+    rows: list[dict[str, object]] = []
+    for run in worst_runs(data, controller):
+        row: dict[str, object] = {"run": run}
+        if replay_link is not None:
+            href = replay_link(run, name)
+            row["replay"] = "" if href is None else Link("replay", href)
+        ended = str(data.outcome[run, controller])
+        row |= {"outcome": ended, "RMS error, rad": float(errors[run])}
+        named = zip(data.parameters, data.units, data.samples[run], strict=True)
+        row |= {f"{label}, {unit}" if unit else label: float(x) for label, unit, x in named}
+        rows.append(row | {"cause": str(data.cause[run, controller])})
+    return rows
+
+
+def _marked(name: str, k: int) -> str:
+    return f'<i class="swatch" style="background: {colour(k)}"></i>{as_text(name)}'
+
+
+def _folded(
+    heads: Sequence[str],
+    tables: Sequence[Table],
+    first: int,
+    marks: Mapping[str, str] | None = None,
+) -> str:
+    """Return tables under their heads, of HTML, that open by a click; the first one is open."""
+    return "".join(
+        f"<details{' open' * (k == first)}><summary>{head}</summary>"
+        f"{table_html(table, marks)}</details>"
+        for k, (head, table) in enumerate(zip(heads, tables, strict=True))
+    )
