@@ -44,7 +44,7 @@ _CAPTIONS = {
 }
 _NOTES = {
     "success": (
-        "A run succeeds when it ends, in its torque limits or at them, with finite errors. "
+        "Best: share of all plants with the least RMS error. A run succeeds when it ends, in its torque limits or at them, with finite errors. "
         "Wilson's intervals hold for a number of runs that was fixed beforehand; those in the last "
         "columns also where the campaign was stopped for what it showed."
     ),
@@ -145,7 +145,7 @@ def _compared(data: CampaignData, found: Difference, first: int) -> str:
     ends = (found.better.low, found.better.high)
     share, low, high = (found.better.estimate, *ends) if sign > 0.0 else (
         1.0 - found.better.estimate, 1.0 - ends[1], 1.0 - ends[0])  # fmt: skip
-    text = f"Against {other}: the smaller error on {100.0 * share:.3g} % of the plants"
+    text = f"Against {other}: the smaller error on {100.0 * share:.3g} % of {found.differing} plants"
     if low <= 0.5 <= high:
         text += ", which does not tell them apart"
     if np.isnan(found.median.estimate):
@@ -182,7 +182,7 @@ def _success(data: CampaignData) -> Table:
             "success, %": 100.0 * rates[k].estimate,
             "from, %": 100.0 * rates[k].low,
             "to, %": 100.0 * rates[k].high,
-            "best, % of plants": 100.0 * float(best[k]),
+            "best, %": 100.0 * float(best[k]),
             "saturated": int((ends == "saturated").sum()),
             "diverged": int((ends == "diverged").sum()),
             "failed": int((ends == "failed").sum()),
