@@ -77,17 +77,19 @@ def rate_intervals(
         The prior's w.
     """
     s, n = np.broadcast_arrays(np.asarray(successes, float), np.asarray(runs, float))
-    share = np.divide(s, n, out=np.full(s.shape, 0.5), where=n > 0)
-    ends = []
-    for outer in (0.0, 1.0):
-        # From the share, which is within, to beyond the end.
-        inside, outside = np.where(share == outer, 0.5, share), np.full(s.shape, outer)
-        for _ in range(_HALVINGS):
-            middle = (inside + outside) / 2.0
-            held = log_capital(s, n, middle, weight) < _LIMIT
-            inside, outside = np.where(held, middle, inside), np.where(held, outside, middle)
-        ends.append(np.where((share == outer) | (n == 0), outer, outside))
-    return ends[0], ends[1]
+    # Near one a rate has no digits left; its failures' rate has.
+    return _lower_ends(s, n, weight), 1.0 - _lower_ends(n - s, n, weight)
+
+
+def _lower_ends(s: FloatArray, n: FloatArray, weight: float) -> FloatArray:
+    # From the share, which is within, to beyond the end.
+    inside = np.where(s > 0, s / np.maximum(n, 1.0), 0.5)
+    outside = np.zeros(s.shape)
+    for _ in range(_HALVINGS):
+        middle = (inside + outside) / 2.0
+        held = log_capital(s, n, middle, weight) < _LIMIT
+        inside, outside = np.where(held, middle, inside), np.where(held, outside, middle)
+    return np.asarray(np.where(s > 0, outside, 0.0))
 
 
 def rate_interval(successes: int, runs: int) -> Interval:
@@ -153,12 +155,15 @@ class SuccessWithin(Rule):
         value = checks.number("half_width", self.half_width, above=0.0, high=0.5)
         object.__setattr__(self, "half_width", value)
 
+    @property
+    def weight(self) -> float:
+        """The prior's w that suits the width; beyond a million, rounding would be seen."""
+        return float(np.clip(_WEIGHT_OF_WIDTH / self.half_width**2, 1.0, 1e6))
+
     def judge(self, data: CampaignData) -> tuple[bool, str]:
         """Return whether it is known, and the rate that is known least."""
         successes = data.success.sum(axis=0)
-        # Beyond these, too few or too many digits would be lost to it.
-        weight = float(np.clip(_WEIGHT_OF_WIDTH / self.half_width**2, 1.0, 1e6))
-        low, high = rate_intervals(successes, np.full(successes.shape, data.runs), weight)
+        low, high = rate_intervals(successes, np.full(successes.shape, data.runs), self.weight)
         k = int(np.argmax(high - low))
         share = successes[k] / data.runs if data.runs else float("nan")
         line = (
