@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpid_pin.campaign import figures
+from fpid_pin.campaign import figures, sensitivity_figures
+from fpid_pin.campaign.answers import answer
 from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.statistics import (
     Difference,
-    Interval,
     best_shares,
     leader,
     paired_difference,
@@ -44,9 +44,10 @@ _CAPTIONS = {
 }
 _NOTES = {
     "success": (
-        "Best: share of all plants with the least RMS error. A run succeeds when it ends, in its torque limits or at them, with finite errors. "
-        "Wilson's intervals hold for a number of runs that was fixed beforehand; those in the last "
-        "columns also where the campaign was stopped for what it showed."
+        "A run succeeds when it ends, in its torque limits or at them, with finite errors. Best: "
+        "share of all plants with the least RMS error. Wilson's intervals hold for a number of "
+        "runs that was fixed beforehand; those in the last columns also where the campaign was "
+        "stopped for what it showed."
     ),
     "metrics": "Of all plants; inf: so many were lost. 10 % of the plants are worse than p90.",
     "pairs": (
@@ -92,7 +93,7 @@ def report_html(
         raise ArgumentError("data", "at least one run", "none")
     marks = {name: colour(k) for k, name in reversed(list(enumerate(data.controllers)))}
     differences = _differences(data)
-    parts = [answer_html(answer(data, differences))]
+    parts = [answer_html(answer(data, differences.get("rms", [])))]
 
     def add(heading: str, content: str, note: str) -> None:
         parts.append(section(heading, f"<p>{as_text(_NOTES[note])}</p>{content}"))
@@ -117,48 +118,6 @@ def report_html(
     with replacing(Path(path)) as temporary:
         temporary.write_text(page_html(data.title or "Campaign", parts), encoding="utf-8")
     return Path(path)
-
-
-def answer(data: CampaignData, differences: dict[str, list[Difference]]) -> list[str]:
-    """Return what a campaign says, in lines, the most important first."""
-    first = leader(data)
-    rates, names = success_rates(data), data.controllers
-    of = f"of {data.runs} plant{'s' * (data.runs != 1)} (95 %: {_percent(rates[first])} %)"
-    typical = quantile(scored(data)[:, first], 0.5)
-    if not data.success.any():
-        return [f"No controller succeeded on any {of}."]
-    lines = [f"{names[first]} succeeded on {100.0 * rates[first].estimate:.4g} % {of}."]
-    if np.isfinite(typical):
-        lines.append(f"Its RMS error is {typical:.3g} rad or less on half of the plants.")
-    for found in differences.get("rms", []):
-        if first in (found.first, found.second):
-            lines.append(_compared(data, found, first))
-    lines.append(f"{data.runs} runs, every controller on the same plants; seed {data.seed}.")
-    return lines
-
-
-def _compared(data: CampaignData, found: Difference, first: int) -> str:
-    sign = 1.0 if found.first == first else -1.0
-    other = data.controllers[found.second if found.first == first else found.first]
-    if found.differing == 0:
-        return f"Against {other}: no plant on which either is better."
-    ends = (found.better.low, found.better.high)
-    share, low, high = (found.better.estimate, *ends) if sign > 0.0 else (
-        1.0 - found.better.estimate, 1.0 - ends[1], 1.0 - ends[0])  # fmt: skip
-    text = f"Against {other}: the smaller error on {100.0 * share:.3g} % of {found.differing} plants"
-    if low <= 0.5 <= high:
-        text += ", which does not tell them apart"
-    if np.isnan(found.median.estimate):
-        return text + "; no plant on which both succeeded."
-    text += f"; where both succeed, {sign * found.median.estimate:+.3g} rad in the median"
-    if np.isnan(found.median.low):
-        return text + " (too few for an interval)."
-    low, high = sorted((sign * found.median.low, sign * found.median.high))
-    return text + f" (95 %: {low:+.3g} to {high:+.3g})."
-
-
-def _percent(interval: Interval) -> str:
-    return f"{100.0 * interval.low:.4g} to {100.0 * interval.high:.4g}"
 
 
 def _differences(data: CampaignData) -> dict[str, list[Difference]]:
@@ -245,11 +204,11 @@ def _sensitivities(data: CampaignData) -> list[Table]:
 def _figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
     yield "distributions", figures.distributions(data)
     yield "violins", figures.violins(data)
-    if data.parameters:
-        yield "tornado", figures.tornado_plot(data)
-    pair = figures.two_that_matter(data)
+    if (sensitivity_figures.effects(tornado(data)) >= 0.0).any():
+        yield "tornado", sensitivity_figures.tornado_plot(data)
+    pair = sensitivity_figures.two_that_matter(data)
     if pair is not None:
-        yield "scatter", figures.scatter(data, *pair)
+        yield "scatter", sensitivity_figures.scatter(data, *pair)
 
 
 def _worst(data: CampaignData, controller: int, replay_link: ReplayLink | None) -> Table:

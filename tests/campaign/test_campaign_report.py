@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_campaigns import arms, campaign
 
-from fpid_pin.campaign import figures
+from fpid_pin.campaign import figures, sensitivity_figures
 from fpid_pin.campaign.report import report_html
 from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.view.palette import colour
@@ -138,7 +138,11 @@ def test_a_campaign_without_runs_and_a_place_that_cannot_be_written_are_refused(
 
 
 def test_a_controller_has_one_colour_in_every_figure(data):
-    drawn = [figures.distributions(data), figures.violins(data), figures.tornado_plot(data)]
+    drawn = [
+        figures.distributions(data),
+        figures.violins(data),
+        sensitivity_figures.tornado_plot(data),
+    ]
     for figure in drawn:
         text = figure_bytes(figure, "svg").decode()
         assert all(colour(k).lower() in text for k in range(3))
@@ -151,13 +155,13 @@ def test_curves_end_at_the_success_rate(data):
 
 
 def test_the_scatter_takes_the_parameters_that_matter(data):
-    assert figures.two_that_matter(data)[0] == 0  # the payload
-    assert figures.two_that_matter(campaign(np.ones((9, 1)), np.ones((9, 1)))) is None
+    assert sensitivity_figures.two_that_matter(data)[0] == 0  # the payload
+    assert sensitivity_figures.two_that_matter(campaign(np.ones((9, 1)), np.ones((9, 1)))) is None
 
 
 def test_a_scatter_of_many_plants_is_a_small_file():
     many = arms(20_000, ("A", "B"))
-    assert len(figure_bytes(figures.scatter(many, 0, 1), "svg")) < 1_500_000
+    assert len(figure_bytes(sensitivity_figures.scatter(many, 0, 1), "svg")) < 1_500_000
 
 
 # ---------------------------------------------------------------------- in a browser

@@ -216,11 +216,17 @@ def test_names_may_have_hyphens_and_be_called_success():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("A - C", r'until: expected "success \+- 0.01", or "A - B" of .*\'A\', \'B\', got \'A - C\''),
+        (
+            "A - C",
+            r'until: expected "success \+- 0.01", or "A - B" of .*\'A\', \'B\', got \'A - C\'',
+        ),
         ("A - A", "got 'A - A'"),
         ("", "got ''"),
         ("success", "got 'success'"),
-        ("success +- x", r"until: expected success \+- a number in \(0, 0.5\], got 'success \+- x'"),
+        (
+            "success +- x",
+            r"until: expected success \+- a number in \(0, 0.5\], got 'success \+- x'",
+        ),
         ("success +- 0", r"a number in \(0, 0.5\]"),
         ("success +- 1 %", r"a number in \(0, 0.5\]"),
         ("success +- nan", r"a number in \(0, 0.5\]"),
