@@ -1,6 +1,6 @@
 """What the model's feedforward and a disturbance observer do for suggested gains.
 
-    python benchmarks/observer.py    # prints the table of docs/model.md, under a minute
+    python benchmarks/observer.py    # prints the table of docs/observer.md, under a minute
 
 0.3 rad at 2 rad/s around home, from the reference, quiet sensors; tail RMS over all joints.
 """

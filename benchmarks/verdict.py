@@ -29,6 +29,7 @@ PAIRS = (
     ("adaptive FPID", "FPID"),
     ("adaptive PID + model", "PID + model"),
     ("adaptive FPID + model", "FPID + model"),
+    ("FPID + model", "computed torque + I + observer"),
     ("adaptive FPID + model", "adaptive FPID"),
     ("adaptive FPID + model", "PID + G + observer"),
     ("adaptive FPID + model", "computed torque + I + observer"),
@@ -189,6 +190,12 @@ def pairs(trials: Trials) -> list[str]:
     return table(["tail error of", *conditions], rows)
 
 
+def left_out(unfinished: Mapping[str, int]) -> list[str]:
+    """Say which searches are not at their end."""
+    told = [f"{name} ({n} generations)" if n else name for name, n in unfinished.items()]
+    return [f"**Not converged, so left out**: {'; '.join(told)}.", ""] if told else []
+
+
 def written(
     job: Job, found: Mapping[str, list[Track]], trials: Trials, unfinished: Mapping[str, int]
 ) -> str:
@@ -208,10 +215,7 @@ def written(
         "",
         "## The searches",
         "",
-        *(
-            f"**{name} is left out: not converged**, stopped in generation {count}.\n"
-            for name, count in unfinished.items()
-        ),
+        *left_out(unfinished),
         *training(found),
         *nested(found),
         "Parameters, median over seeds (least, most); Ki and Kd as their terms weigh at "

@@ -19,6 +19,7 @@ KINDS = {
     "the usual laws with a model": "0.35",
 }
 COLUMNS = 3
+FAR = 20.0  # what lies beyond is an arrow [mrad]
 
 
 def kind(name: str) -> str:
@@ -40,7 +41,7 @@ def draw(trials: Mapping[str, Mapping[str, Trial]], path: Path, title: str) -> N
     place = np.arange(len(names))[::-1]
     found = {(n, c): interval(trials[n][c].error) for n in names for c in conditions}
     medians = np.array([x[0] for x in found.values() if np.isfinite(x[0])])
-    left, right = 0.4 * medians.min(), 4.0 * medians.max()
+    left = 0.4 * medians.min()
     for axis, condition in zip(axes.flat, conditions, strict=False):
         for y, name in zip(place, names, strict=True):
             middle, low, high = found[name, condition]
@@ -49,13 +50,16 @@ def draw(trials: Mapping[str, Mapping[str, Trial]], path: Path, title: str) -> N
                 axis.text(0.98, y, "diverged", ha="right", va="center", fontsize=8, color=colour,
                           transform=axis.get_yaxis_transform())  # fmt: skip
                 continue
-            axis.plot([max(low, left), min(high, right)], [y, y], color=colour, lw=1.6, zorder=2)
-            if high > right:
-                axis.plot(right, y, ">", color=colour, ms=5, clip_on=False, zorder=3)
+            axis.plot(
+                [np.clip(low, left, FAR), min(high, FAR)], [y, y], color=colour, lw=1.6, zorder=2
+            )
+            if high > FAR:
+                axis.plot(FAR, y, ">", color=colour, ms=5, clip_on=False, zorder=3)
             face = colour if "FPID" in name else "white"
-            axis.plot(middle, y, "o", color=colour, mfc=face, ms=6, zorder=3)
+            if middle < FAR:
+                axis.plot(middle, y, "o", color=colour, mfc=face, ms=6, zorder=3)
         axis.set_xscale("log")
-        axis.set_xlim(left, right)
+        axis.set_xlim(left, FAR)
         axis.xaxis.set_major_formatter("{x:g}")
         axis.set_title(condition, fontsize=10)
         axis.grid(axis="x", which="both", color="0.9", lw=0.6)

@@ -19,7 +19,7 @@ TIERS = [
     {"kernels", "text"},
     {"_version", "exceptions", "progress", "shown"},
     {"archive", "budget", "checks", "extras", "files"},
-    {"descriptions", "locks", "packed", "sealed"},
+    {"descriptions", "locks", "own_code", "packed", "sealed"},
     {"costs", "disturbances"},
     {"fractional", "arms"},
     {"control", "references"},
@@ -103,12 +103,14 @@ def test_importing_the_package_loads_nothing_heavy():
     assert out.stdout.strip() == "[]"
 
 
+INIT = (PACKAGE / "__init__.py").read_text()
 # What most programs need. Everything else is reached by its room: fp.references.Sinusoid.
 FACE = {
     "AdaptiveFpid", "Arm", "ComputedTorque", "Controller", "Experiment", "FpidError", "FpidWarning",
     "GravityOnly", "PdGravity", "Pid", "Plant", "Run", "Safeguards", "Sensors", "SlidingMode",
-    "SlotineLi", "SuggestedFpid", "Supervisor", "evaluate", "export_c", "paper_controller",
-    "paper_experiment", "pareto", "simulate", "stability_report", "suggest_gains", "tune",
+    "SlotineLi", "SuggestedFpid", "Supervisor", "described", "evaluate", "export_c",
+    "paper_controller", "paper_experiment", "pareto", "simulate", "stability_report",
+    "suggest_gains", "tune",
 }  # fmt: skip
 ROOMS = {
     "arms": {"Arm", "DryFriction", "Fleet", "names"},
@@ -136,8 +138,24 @@ ROOMS = {
 
 def test_the_face_is_what_it_says():
     assert set(fpid_pin.__all__) == FACE | set(ROOMS) | {"__version__"}
-    seen = {name for name in vars(fpid_pin) if not name.startswith("_") and not is_module(name)}
-    assert seen == FACE
+    assert dir(fpid_pin) == sorted(fpid_pin.__all__)
+    for name in fpid_pin.__all__:
+        assert getattr(fpid_pin, name) is vars(fpid_pin)[name]
+    # What type checkers see is what is fetched.
+    imports = next(node for node in ast.parse(INIT).body if isinstance(node, ast.If)).body
+    written = {alias.name for node in imports for alias in node.names}
+    assert written == FACE | set(ROOMS)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+        _ = fpid_pin.nothing
+
+
+def test_a_name_is_fetched_when_it_is_asked_for():
+    code = (
+        "import sys, fpid_pin as fp; before = 'pinocchio' in sys.modules; fp.Arm; "
+        "print(before, 'pinocchio' in sys.modules, 'fpid_pin.tuning' in sys.modules)"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split() == ["False", "True", "False"]
 
 
 @pytest.mark.parametrize("room", ROOMS)

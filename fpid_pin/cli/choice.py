@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from fpid_pin import checks
-from fpid_pin.cli.config import Config
+from fpid_pin.cli.configuration import Config
 from fpid_pin.exceptions import ArgumentError, ConfigError
 from fpid_pin.text import named
 

@@ -24,6 +24,7 @@ from typing import Any
 
 from fpid_pin import checks, descriptions, own_code
 from fpid_pin.arms import Arm
+from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.progress import say_if_compiling
 from fpid_pin.cli.toml import parse_table, read_text
 from fpid_pin.control import Controller
@@ -44,35 +45,6 @@ SIMULATION_KEYS = (
     "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
 )  # fmt: skip
 CONDITION_KEYS = ("name", "plant", "sensors", "disturbance")
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Config:
-    """What a configuration file describes.
-
-    Attributes
-    ----------
-    path, text
-        Where it came from, and all of it.
-    title
-        For reports.
-    experiment
-        The nominal one.
-    controllers
-        By name, in the file's order.
-    conditions
-        Experiments by name; only the nominal one where the file has no ``[[condition]]``.
-    tune
-        The ``[tune]`` table as it stands.
-    """
-
-    path: str
-    text: str
-    title: str
-    experiment: Experiment
-    controllers: dict[str, Controller]
-    conditions: dict[str, Experiment]
-    tune: Mapping[str, Any]
 
 
 def load(path: str | Path) -> Config:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from fpid_pin import checks
 from fpid_pin.cli import summary
 from fpid_pin.cli.choice import pick
-from fpid_pin.cli.config import Config, load, parse
+from fpid_pin.cli.config import load, parse
+from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.keep import ALL, Keep
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.output import output_folder

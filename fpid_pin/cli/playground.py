@@ -6,7 +6,8 @@ import sys
 from pathlib import Path
 
 from fpid_pin.cli.choice import pick
-from fpid_pin.cli.config import Config, load
+from fpid_pin.cli.config import load
+from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.screen import say, screen
 from fpid_pin.control import AdaptiveFpid
 from fpid_pin.exceptions import ConfigError, FpidError

@@ -86,6 +86,8 @@ def _values(bound: BoundSpace, controller: Controller) -> FloatArray:
     """Return a controller's parameters in the order of the labels; the first joint's if shared."""
     found = []
     for name, gene in bound.space.genes.items():
-        given = checks.per_joint(name, getattr(controller, name), bound.n)
+        value = getattr(controller, name)
+        left = np.full(bound.n, np.nan)  # to the controller
+        given = left if value is None else checks.per_joint(name, value, bound.n)
         found.append(given[:1] if gene.shared else given)
     return cast("FloatArray", np.concatenate(found))

@@ -18,7 +18,7 @@ from functools import partial
 from typing import Any
 
 from fpid_pin import checks, descriptions
-from fpid_pin.cli.config import Config
+from fpid_pin.cli.configuration import Config
 from fpid_pin.control import Controller
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError

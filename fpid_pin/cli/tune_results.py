@@ -15,7 +15,7 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.cli import summary
-from fpid_pin.cli.config import Config
+from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.keep import Keep
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.progress import progress_bar

@@ -69,6 +69,10 @@ class Controller(ABC):  # noqa: B024 - a law has either of two methods
         """
         raise NotImplementedError(f"{type(self).__name__} has neither torque nor kernel")
 
+    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> Controller:
+        """Return the law that this is on an arm: itself, unless its gains depend on the arm."""
+        return self
+
     def start(self, arm: Arm, *, step: float, horizon: float = 3600.0) -> Loop:
         """Start the law for one robot: a tick at a time, for any simulator or a real arm.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fpid_pin import checks, descriptions
+from fpid_pin.control import Controller
 from fpid_pin.exceptions import ExportError, FileFormatError
 from fpid_pin.export import c_extras, vectors
 from fpid_pin.export.c_source import CSource
@@ -19,7 +20,6 @@ from fpid_pin.files import discard, hidden_beside, kind_of, make_folder, sweep, 
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
-    from fpid_pin.control import Controller
     from fpid_pin.simulation import Experiment
 
 #: Of test vectors: some hundred megabytes.
@@ -82,6 +82,8 @@ def export_c(
         raise ExportError(f"{path}: expected a new folder, got one that exists")
     step = checks.number("step", step, above=0.0)
     ticks = checks.integer("ticks", ticks, low=1, high=MOST_TICKS)
+    checks.instance("controller", controller, Controller, "a controller")
+    controller = controller.on(arm, step=step, horizon=horizon)
     law = law_of(controller, arm, step, horizon)
     source = CSource(law, step)
     ticks = min(ticks, round(horizon / step))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from typing import Any, cast, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -119,6 +119,7 @@ class BoundSpace:
     def _require_many(self, name: str) -> None:
         """Refuse to give each joint a value of what all of them have one of."""
         given = getattr(self.base, name)
+        given = float(self.high[self._places[name]][0]) if given is None else given
         if self.space.genes[name].shared or np.ndim(given):
             return
         try:
@@ -167,8 +168,11 @@ class BoundSpace:
         return self._replace(members | self._naming(name))
 
     def parameters(self, controller: Controller) -> dict[str, float | FloatArray]:
-        """Return what a controller has of the parameters sought, by name."""
-        given = {name: np.asarray(getattr(controller, name)) for name in self.space.genes}
+        """Return what a controller has of the parameters sought, by name; NaN: left to it."""
+        given = {
+            name: np.asarray(getattr(controller, name), dtype=np.float64)
+            for name in self.space.genes
+        }
         return {name: value if value.ndim else float(value) for name, value in given.items()}
 
     def renamed(self, name: str) -> Controller:
@@ -195,7 +199,12 @@ class BoundSpace:
             if not hasattr(controller, name):
                 kind = type(controller).__name__
                 raise ArgumentError(f"initial.{name}", f"a controller with {name}", f"a {kind}")
-            given = checks.per_joint(f"initial.{name}", getattr(controller, name), n)
+            value = getattr(controller, name)
+            if value is None and nearest:
+                # Left to the controller: in the middle of the range for want of another place.
+                out[place] = 0.5
+                continue
+            given = checks.per_joint(f"initial.{name}", value, n)
             low, high = self.low[place], self.high[place]
             if nearest:
                 given = np.clip(given.mean() if self.space.genes[name].shared else given, low, high)
@@ -226,8 +235,11 @@ def _numeric_parameters(controller: Controller) -> list[str]:
     if not dataclasses.is_dataclass(controller):
         raise ArgumentError("controller", "a dataclass", type(controller).__name__)
     names = []
+    hints = get_type_hints(type(controller))
     for field in dataclasses.fields(controller):
         value = getattr(controller, field.name)
+        if value is None and float in get_args(hints[field.name]):
+            value = 0.0  # a number that was left to the controller
         if isinstance(value, bool) or not isinstance(value, (int, float, np.ndarray, tuple, list)):
             continue
         if field.init and np.asarray(value).dtype.kind in "iuf":

@@ -72,13 +72,14 @@ def require_playable(
     ArgumentError, DesignError
         It cannot; the message says why.
     """
+    horizon = horizon_of(experiment.duration)
+    controller = controller.on(experiment.arm, step=experiment.step, horizon=horizon)
     if not isinstance(controller, AdaptiveFpid):
         kind = type(controller).__name__
         raise ArgumentError("controller", "an AdaptiveFpid (a page has no other laws)", kind)
     for name in ("feedforward", "observer"):
         if getattr(controller, name):
             raise ArgumentError(name, "none in a page", f"{getattr(controller, name)}")
-    horizon = horizon_of(experiment.duration)
     modes = modes_of(controller.design, (0.3, 0.7), step=experiment.step, horizon=horizon)
     if not modes.shared_poles:
         kind = type(controller.design).__name__

@@ -28,12 +28,42 @@ def swap(request, monkeypatch):
 
 
 def test_a_folder_is_replaced_whole(tmp_path, swap):
-    path = put(tmp_path / "deep" / "out", "old")
-    (path / "stale").write_text("old")
+    path = tmp_path / "deep" / "out"
+    with output_folder(path) as folder:
+        (folder / "result").write_text("old")
+        (folder / "stale").write_text("old")
     put(path, "new")
     assert {p.name for p in path.iterdir()} == {".fpid_pin", "result"}
     assert (path / "result").read_text() == "new"
     assert [p.name for p in path.parent.iterdir()] == ["out"]
+
+
+def test_what_is_a_user_s_own_is_carried_over(tmp_path, swap):
+    path = put(tmp_path / "out", "old")
+    (path / "notes.txt").write_text("mine")
+    (path / "plots" / "deep").mkdir(parents=True)
+    (path / "plots" / "deep" / "mine.svg").write_text("<svg/>")
+    (path / "link").symlink_to("notes.txt")
+    for text in ("new", "newer"):
+        put(path, text)
+        assert (path / "result").read_text() == text
+        assert (path / "notes.txt").read_text() == "mine"
+        assert (path / "plots" / "deep" / "mine.svg").read_text() == "<svg/>"
+        assert (path / "link").readlink() == Path("notes.txt")
+    with output_folder(path) as folder:
+        (folder / "notes.txt").write_text("a result")
+    # A name that is taken now: the user's is kept under another.
+    assert (path / "notes.txt").read_text() == "a result"
+    assert (path / "notes.txt.kept").read_text() == "mine"
+    assert not (path / "result").exists()
+
+
+def test_a_folder_of_an_older_version_is_replaced(tmp_path, swap):
+    path = put(tmp_path / "out", "old")
+    (path / ".fpid_pin").write_text("made by fpid-pin; safe to replace\n")
+    (path / "stale").write_text("")
+    put(path, "new")
+    assert {p.name for p in path.iterdir()} == {".fpid_pin", "result"}
 
 
 def test_this_system_exchanges_folders_in_one_step(tmp_path):
