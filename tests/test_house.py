@@ -25,9 +25,9 @@ TIERS = [
     {"control", "references"},
     {"simulation"},
     {"tuning"},
-    {"campaign"},
     {"export"},
     {"view"},
+    {"campaign"},
     {"cli"},
 ]
 HEAVY = (
