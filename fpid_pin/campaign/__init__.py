@@ -6,6 +6,7 @@ from fpid_pin.campaign.distributions import Choices, Distribution, LogUniform, N
 from fpid_pin.campaign.driver import load, run
 from fpid_pin.campaign.local_cluster import local_cluster
 from fpid_pin.campaign.replayed import Replay, replay
+from fpid_pin.campaign.report import report_html
 from fpid_pin.campaign.scenarios import Scenarios
 from fpid_pin.campaign.study import Study
 from fpid_pin.campaign.table import export
@@ -27,5 +28,6 @@ __all__ = [
     "load",
     "local_cluster",
     "replay",
+    "report_html",
     "run",
 ]

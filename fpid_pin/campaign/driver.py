@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from fpid_pin import checks, own_code
+from fpid_pin.campaign import stopping
 from fpid_pin.campaign.chunk import Job
 from fpid_pin.campaign.data import CampaignData
 from fpid_pin.campaign.execution import carry_out, pieces
@@ -23,9 +24,6 @@ from fpid_pin.tuning.workers import WorkerPool, check_workers
 #: Runs of a task, and pieces that wait for each worker: none is idle while its last is recorded.
 CHUNK, AHEAD = 64, 2
 
-#: Looks at the first runs, and says whether they are enough.
-Rule = Callable[[CampaignData], bool]
-
 
 def run(
     study: Study,
@@ -35,7 +33,7 @@ def run(
     executor: Executor | None = None,
     workers: int | None = None,
     chunk: int = CHUNK,
-    until: Rule | None = None,
+    until: str | Callable[[CampaignData], bool] | None = None,
     progress: ProgressCallback | None = None,
 ) -> CampaignData:
     """Simulate runs 0 to `runs` - 1 of a campaign and record them; go on where a ledger ends.
@@ -55,8 +53,9 @@ def run(
     chunk
         Runs of a task. Neither it nor the executor changes a bit of what is recorded.
     until
-        Called with the first 256, 512, ... runs as they are there; where it says so the campaign
-        ends with them, however many were under way.
+        When it is enough: ``"success +- 0.01"``, ``"A - B"`` (see `stopping.parse`) or a function.
+        It is asked about the first 256, 512, ... runs as they are there; where it says so the
+        campaign ends with them, however many were under way.
     progress
         Called now and then with a `Progress`.
 
@@ -77,6 +76,7 @@ def run(
     points = study.scenarios.points
     if points is not None and runs > len(points):  # type: ignore[arg-type]
         raise ArgumentError("runs", f"at most {len(points)} (the points given)", runs)  # type: ignore[arg-type]
+    rule = stopping.parse(until, study.names) if isinstance(until, str) else until
     job = Job(study, own=own_code.loaded())
     with locked(ledger), Ledger(ledger, study) as book, ExitStack() as stack:
         recorded = book.recorded()
@@ -90,8 +90,8 @@ def run(
         if executor is None and workers is not None:
             executor = stack.enter_context(WorkerPool(workers, retries=0))
         window = AHEAD * workers_of(executor)
-        watch = _Watch(book, until)
-        if until is not None and watch.ended(recorded):
+        watch = _Watch(book, rule)
+        if watch.ended(recorded):
             return book.data()
         for done in carry_out(job, pieces(missing, chunk), executor, window):
             book.record(done)
@@ -109,7 +109,7 @@ class _Watch:
     What it sees does not depend on when chunks come back.
     """
 
-    def __init__(self, book: Ledger, until: Rule | None) -> None:
+    def __init__(self, book: Ledger, until: Callable[[CampaignData], bool] | None) -> None:
         self._book, self._until, self._next = book, until, BLOCK
         self._whole = 0
 

@@ -8,20 +8,23 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
 from fpid_pin import campaign, checks
-from fpid_pin.campaign import CampaignData, Study, dask_executor
+from fpid_pin.campaign import CampaignData, Replay, Study, dask_executor
 from fpid_pin.campaign.data import METRICS, OUTCOMES
 from fpid_pin.campaign.ledger import Ledger
+from fpid_pin.campaign.stopping import parse
 from fpid_pin.cli.campaign_plan import read_campaign
 from fpid_pin.cli.config import load
+from fpid_pin.cli.names import file_names
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.screen import print_table, say, screen
-from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import kind_of, require_file
+from fpid_pin.progress import Progress
 from fpid_pin.text import visible
 
 
@@ -79,7 +82,7 @@ def _carry_out(study: Study, ledger: Path, runs: int, means: Means, until: str |
     console = screen(error=True)
     if runs < 1:
         raise ArgumentError("--runs", "a whole number >= 1", runs)
-    rule = None if until is None else _rule(until)
+    rule = None if until is None else parse(until, study.names)
     many = f"{runs} plants, {len(study.names)} controllers"
     say(console, f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}")
     try:
@@ -92,13 +95,9 @@ def _carry_out(study: Study, ledger: Path, runs: int, means: Means, until: str |
         say(console, f"{ledger}: `fpid-pin campaign resume {ledger}` goes on from here")
         raise
     show(data, ledger)
-
-
-def _rule(text: str) -> Any:
-    made = getattr(campaign, "stopping_rule", None)
-    if made is None:
-        raise FpidError(f"--until: expected a version with stopping rules, got none ({text})")
-    return made(text)
+    if rule is not None:
+        known, line = rule.judge(data)
+        say(screen(), line if known else f"not known yet: {line}")
 
 
 def show(data: CampaignData, ledger: Path) -> None:
@@ -131,8 +130,6 @@ def export_campaign(ledger: Path, out: Path) -> None:
 
 def replay_campaign(ledger: Path, run: int, controller: str | None, html: Path) -> None:
     """Simulate a run again and write a page with it and its nominal twin."""
-    from fpid_pin.view import export_html
-
     require_file(html)
     again = campaign.replay(ledger, run, controller)
     console = screen()
@@ -146,8 +143,7 @@ def replay_campaign(ledger: Path, run: int, controller: str | None, html: Path) 
         say(console, f"  {name}: {now!r}, recorded {before!r}")
     told = "the same bits" if again.exact else "NOT the same bits: recorded by another machine?"
     say(console, f"as the ledger has it: {told}")
-    captions = [f"run {run}, {again.controller}", "nominal plant"]
-    path = export_html([again.run, again.nominal], html, captions=captions)
+    path = _write_replay(again, html)
     say(console, f"{path}: {path.stat().st_size / 1e6:.2f} MB, opens in any browser")
 
 
@@ -174,13 +170,34 @@ def attack_campaign(
         say(console, f'  fpid-pin campaign replay {out} --run {k} --controller "{name}"')
 
 
-def report_campaign(ledger: Path, html: Path) -> None:
-    """Write the report of a campaign."""
-    made = getattr(campaign, "report_html", None)
-    if made is None:
-        raise FpidError("campaign report: expected a version with reports, got none")
-    path = Path(made(campaign.load(ledger), html) or html)
+def report_campaign(ledger: Path, html: Path, replays: bool) -> None:
+    """Write the report of a campaign, and beside it replays of the runs that it lists as worst."""
+    require_file(html)
+    data = campaign.load(ledger)
+    folder = html.with_name(f"{html.stem}-replays")
+    stems = dict(zip(data.controllers, file_names([[c] for c in data.controllers]), strict=True))
+
+    def link(run: int, controller: str) -> str | None:
+        column = data.controllers.index(controller)
+        if not replays or data.outcome[run, column] == "failed":
+            return None
+        page = folder / f"run-{run}-{stems[controller]}.html"
+        _write_replay(campaign.replay(ledger, run, controller), page)
+        return quote(f"{folder.name}/{page.name}")
+
+    with progress_bar("report") as bar:
+        bar(Progress(0.0))
+        path = campaign.report_html(data, html, replay_link=link)
     say(screen(), f"{path}: {path.stat().st_size / 1e6:.2f} MB, opens in any browser")
+    if folder.is_dir():
+        say(screen(), f"{folder}: the replays that it leads to")
+
+
+def _write_replay(again: Replay, path: Path) -> Path:
+    from fpid_pin.view import export_html
+
+    captions = [f"run {again.number}, {again.controller}", "nominal plant"]
+    return export_html([again.run, again.nominal], path, captions=captions)
 
 
 def keep_cluster(workers: int) -> None:

@@ -102,11 +102,14 @@ def attack(
 def report(
     ledger: LedgerFile,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
+    no_replays: Annotated[
+        bool, typer.Option("--no-replays", help="Of the worst runs, none beside it.")
+    ] = False,
 ) -> None:
     """Write a page with success rates, distributions, sensitivities and the worst runs."""
     from fpid_pin.cli.campaign import report_campaign
 
-    report_campaign(ledger, html)
+    report_campaign(ledger, html, not no_replays)
 
 
 @app.command()
