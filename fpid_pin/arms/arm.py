@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms import change
 from fpid_pin.arms.chain import require_regular, require_serial
-from fpid_pin.arms.inertia import perturbed_rows, scaled_rows
+from fpid_pin.arms.inertia import perturbed_rows
 from fpid_pin.arms.making import Making
 from fpid_pin.arms.rigid_body import RigidBody
 from fpid_pin.arms.source import Parts, Source
@@ -142,9 +142,11 @@ class Arm(RigidBody, Making):
         `mass` scales a link's density, and with it its rotational inertia, which `inertia` scales
         further. Centres of mass stay; what is made is physically consistent if this arm is.
         """
-        mass = checks.per_joint("mass", mass, self.n, above=0.0)
-        inertia = checks.per_joint("inertia", inertia, self.n, above=0.0)
-        return self._changed(change.Inertias(scaled_rows(self.model, mass, inertia)))
+        return self._changed(change.ScaledLinks(mass, inertia))
+
+    def with_changes(self, *changes: change.Change) -> Arm:
+        """Return the arm with several changes of `fpid_pin.arms.change`, made at once, in order."""
+        return self._changed(*changes)
 
     def perturbed(
         self,
@@ -209,11 +211,12 @@ class Arm(RigidBody, Making):
     def _assembled(cls, source: Source) -> Arm:
         return assemble(source)
 
-    def _changed(self, item: change.Change) -> Arm:
+    def _changed(self, *items: change.Change) -> Arm:
         own = {name: getattr(self, name) for name in (*_ARRAYS, "home", "tool")}
         parts = Parts(self.model.copy(), self.name, **own)
-        item.apply(parts)
-        return _finish(parts, self._source, (*self._changes, item))
+        for item in items:
+            item.apply(parts)
+        return _finish(parts, self._source, (*self._changes, *items))
 
 
 def assemble(source: Source, changes: Sequence[change.Change] = ()) -> Arm:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from fpid_pin.arms.change import Change, Payload, ScaledLinks
 from fpid_pin.checks import FloatArray
 from fpid_pin.disturbances import Cosine
 from fpid_pin.exceptions import ArgumentError
@@ -118,13 +119,14 @@ def _plant(nominal: Experiment, value: Mapping[str, Any]) -> Plant:
     plant = nominal.plant or Plant()
     changed = _some(value, "viscous_friction", "dry_friction")
     arm = nominal.arm if plant.arm is None else plant.arm
+    carried: list[Change] = []
     scaled = _some(value, "mass", "inertia")
     if scaled:
-        arm = arm.with_scaled_links(**scaled)
+        carried.append(ScaledLinks(**scaled))
     if "payload" in value:
-        arm = arm.with_payload(float(value["payload"]))
-    if arm is not nominal.arm:
-        changed["arm"] = arm
+        carried.append(Payload(float(value["payload"])))
+    if carried:
+        changed["arm"] = arm.with_changes(*carried)
     pushed = _under(value, _DISTURBANCE)
     if pushed:
         disturbance: Any = plant.disturbance
