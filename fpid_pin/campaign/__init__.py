@@ -4,7 +4,7 @@ from fpid_pin.campaign.cluster import dask_executor
 from fpid_pin.campaign.data import CampaignData
 from fpid_pin.campaign.distributions import Choices, Distribution, LogUniform, Normal, Uniform
 from fpid_pin.campaign.driver import load, run
-from fpid_pin.campaign.local_cluster import local_cluster
+from fpid_pin.campaign.loopback import local_cluster
 from fpid_pin.campaign.replayed import Replay, replay
 from fpid_pin.campaign.report import report_html
 from fpid_pin.campaign.scenarios import Scenarios
