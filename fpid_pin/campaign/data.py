@@ -67,7 +67,7 @@ class CampaignData:
     def success(self) -> BoolArray:
         """Whether a run came to its end with finite errors, (runs, controllers)."""
         ended = (self.outcome == "completed") | (self.outcome == "saturated")
-        return ended & np.isfinite(self.metrics["rms"])
+        return np.asarray(ended & np.isfinite(self.metrics["rms"]))
 
     def to_dataframe(self) -> Any:
         """Return a pandas frame, one row a run and controller (extra ``pandas``)."""
