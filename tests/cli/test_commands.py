@@ -85,11 +85,14 @@ def test_the_demo_is_the_paper_s_comparison(tmp_path, monkeypatch, capsys):
 
 
 def test_results_are_replaced_whole_and_other_folders_are_left_alone(config, capsys):
-    assert main(["run", str(config), "--controller", "integer PID", "--out", "kept"]) == 0
-    stale = config.parent / "kept" / "stale.txt"
-    stale.write_text("old")
-    assert main(["run", str(config), "--controller", "integer PID", "--out", "kept"]) == 0
+    command = ["run", str(config), "--controller", "integer PID", "--out", "kept"]
+    assert main([*command, "--png"]) == 0
+    stale, notes = (config.parent / "kept" / name for name in ("error.png", "notes.txt"))
+    assert stale.exists()
+    notes.write_text("mine")
+    assert main(command) == 0
     assert not stale.exists()
+    assert notes.read_text() == "mine"
     own = config.parent / "own"
     own.mkdir()
     (own / "thesis.txt").write_text("mine")
