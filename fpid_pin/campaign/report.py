@@ -105,7 +105,7 @@ def report_html(
         heads = [as_text(figures.label(metric)) for metric in differences]
         add("Paired differences", _folded(heads, tables, 0, marks), "pairs")
     drawn = "".join(figure_html(_CAPTIONS[name], figure) for name, figure in _figures(data))
-    parts.append(section("Figures", f'<div class="figures">{drawn}</div>'))
+    parts.append(section("Figures", f'<div class="figures roomy">{drawn}</div>'))
     first, names = leader(data), [_marked(name, k) for k, name in enumerate(data.controllers)]
     if data.parameters:
         add("Sensitivity", _folded(names, _sensitivities(data), first), "sensitivity")

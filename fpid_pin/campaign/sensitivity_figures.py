@@ -152,7 +152,7 @@ def _numbered(data: CampaignData, k: int) -> str:
 
 
 def _panels(data: CampaignData, row: float, below: float) -> tuple[Figure, list[Axes], int]:
-    """Return a figure, a panel a controller, and columns; `row`, `below`: inches of a row, a key."""
+    """Return a figure, its panels and columns; `row`, `below`: inches of a row, and below."""
     count = len(data.controllers)
     # No more than three side by side, and none left by itself.
     columns = 2 if count in (2, 4) else min(count, 3)
