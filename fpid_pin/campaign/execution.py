@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
 from dataclasses import dataclass
 
 from fpid_pin.campaign.chunk import Done, Job, failed, run_chunk
@@ -12,6 +19,10 @@ from fpid_pin.exceptions import FpidError, WorkersDied
 
 #: Deaths of workers after which a chunk is taken apart, and its single run given up.
 MOST_DEATHS = 3
+_GONE = (
+    "executor: expected one that lasts, got tasks cancelled, as where a scheduler is lost; what "
+    "was recorded stays"
+)
 _BROKEN = (
     "executor: expected one that outlives its workers (fp.tuning.WorkerPool), got one that broke "
     "when a worker died; what was recorded stays"
@@ -84,9 +95,11 @@ def carry_out(
             except BrokenExecutor:
                 if not flying:
                     raise FpidError(_BROKEN) from None
-            for future in wait(flying, return_when=FIRST_COMPLETED).done:
+            done = wait(flying, return_when=FIRST_COMPLETED).done
+            # What there is comes before what was lost.
+            for future in sorted(done, key=Future.cancelled):
                 piece = flying.pop(future)
-                deaths = _deaths(future.exception())
+                deaths = _deaths(future)
                 if not deaths:
                     yield future.result()
                     continue
@@ -107,8 +120,13 @@ def _send(
     flying[future] = queue.popleft()
 
 
-def _deaths(error: BaseException | None) -> int:
+def _deaths(future: Future[Done]) -> int:
     """Return how many workers a task has cost."""
+    try:
+        error = future.exception()
+    except CancelledError:
+        # Nobody here cancels what is waited for.
+        raise FpidError(_GONE) from None
     if isinstance(error, (BrokenExecutor, WorkersDied)):
         return 1
     # Dask's scheduler tries again by itself before it says so. By name: it need not be there.

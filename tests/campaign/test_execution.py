@@ -208,6 +208,27 @@ def test_a_pool_that_breaks_for_good_is_refused_and_what_there_is_stays(tmp_path
     assert load(ledger).runs == 20
 
 
+def test_tasks_that_somebody_cancels_are_told(tmp_path):
+    class Losing(Executor):
+        count = 0
+
+        def submit(self, call, /, *arguments):
+            self.count += 1
+            future = Future()
+            if self.count > 3:
+                # As Dask's are when its scheduler is lost.
+                future.cancel()
+                future.set_running_or_notify_cancel()
+            else:
+                future.set_result(call(*arguments))
+            return future
+
+    ledger = tmp_path / "l.sqlite"
+    with pytest.raises(FpidError, match="where a scheduler is lost; what was recorded stays"):
+        run(study(), ledger, 60, executor=Losing(), chunk=10)
+    assert load(ledger).runs == 30
+
+
 def test_another_version_is_refused():
     with pytest.raises(FpidError, match=r"workers: expected fpid_pin 0\.0, as here, got"):
         run_chunk(Job(study(), version="0.0"), 0, 1)
