@@ -24,9 +24,10 @@ TIERS = [
     {"fractional", "arms"},
     {"control", "references"},
     {"simulation"},
-    {"tuning", "campaign"},
+    {"tuning"},
     {"export"},
     {"view"},
+    {"campaign"},
     {"cli"},
 ]
 HEAVY = (

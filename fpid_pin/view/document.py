@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from functools import cache
 from html import escape
 from importlib import resources
+from typing import NamedTuple
 
 from fpid_pin.text import cut, visible
 
@@ -51,6 +52,18 @@ def asset(name: str) -> str:
 def as_text(text: str, keep: str = "") -> str:
     """Return what HTML shows as this text, control characters but those to `keep` written out."""
     return escape(visible(text, keep))
+
+
+class Link(NamedTuple):
+    """Words of a page that lead elsewhere: to a file beside it, say."""
+
+    text: str
+    href: str
+
+    @property
+    def html(self) -> str:
+        """The link as an element."""
+        return f'<a href="{as_text(self.href)}">{as_text(self.text)}</a>'
 
 
 def document(

@@ -14,7 +14,7 @@ import numpy as np
 from fpid_pin.costs import Metrics
 from fpid_pin.files import replacing
 from fpid_pin.simulation.run import Run
-from fpid_pin.view.document import as_text, asset, document
+from fpid_pin.view.document import Link, as_text, asset, document
 from fpid_pin.view.export import as_runs, replay_html
 from fpid_pin.view.palette import colour
 from fpid_pin.view.panels import names_of
@@ -110,28 +110,29 @@ def report_html(
     drawn: Mapping[str, Figure | bytes]
     drawn = standard_figures(several) if figures is None else figures
     shown = {"Figures of merit": metrics_table(several, names)} if tables is None else tables
-    parts, replay = [_answer(answer) + _outcomes(several, names)], ""
-    cells = {name: _figure(name, figure) for name, figure in drawn.items()}
+    parts, replay = [answer_html(answer) + _outcomes(several, names)], ""
+    cells = {name: figure_html(name, figure) for name, figure in drawn.items()}
     if "ranking" in cells:
-        parts.append(_section("Ranking", f'<div class="figures">{cells.pop("ranking")}</div>'))
+        parts.append(section("Ranking", f'<div class="figures">{cells.pop("ranking")}</div>'))
     if embed_replay:
-        replay, section = _replay(several, names, title, groups or {"": range(len(several))})
-        parts.append(section)
+        replay, framed = _replay(several, names, title, groups or {"": range(len(several))})
+        parts.append(framed)
     marks = {run.name: colour(k) for k, run in reversed(list(enumerate(several)))}
-    parts += [_section(heading, _table(rows, marks)) for heading, rows in shown.items() if rows]
+    parts += [section(heading, table_html(rows, marks)) for heading, rows in shown.items() if rows]
     if cells:
-        parts.append(_section("Figures", f'<div class="figures">{"".join(cells.values())}</div>'))
+        parts.append(section("Figures", f'<div class="figures">{"".join(cells.values())}</div>'))
     if config_text:
-        parts.append(_section("Configuration", f"<pre>{as_text(config_text, keep=_LINES)}</pre>"))
-    parts.append(_section("Versions", _table(_versions(several, names))))
-    text = _page(title, parts, replay)
+        parts.append(section("Configuration", f"<pre>{as_text(config_text, keep=_LINES)}</pre>"))
+    parts.append(section("Versions", table_html(_versions(several, names))))
+    text = page_html(title, parts, replay)
     path = Path(path)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return path
 
 
-def _answer(lines: Sequence[str]) -> str:
+def answer_html(lines: Sequence[str]) -> str:
+    """Return what is to be read first, the most important line first."""
     return "".join(
         f'<p class="{"answer" if k == 0 else "about"}">{as_text(line)}</p>'
         for k, line in enumerate(lines)
@@ -157,7 +158,7 @@ def _replay(
         )
         menu = f'<p><label>Condition <select id="group">{options}</select></label></p>'
     frame = f'<iframe title="replay" sandbox="allow-scripts" srcdoc="{escape(page)}"></iframe>'
-    return page, _section(heading, menu + frame)
+    return page, section(heading, menu + frame)
 
 
 def metrics_table(runs: Sequence[Run], captions: Sequence[str]) -> Table:
@@ -183,6 +184,8 @@ def _versions(runs: Sequence[Run], captions: Sequence[str]) -> Table:
 
 
 def _cell(value: object) -> str:
+    if isinstance(value, Link):
+        return value.html
     if isinstance(value, (bool, np.bool_)):
         return "yes" if value else "no"
     if isinstance(value, (float, np.floating)):
@@ -202,7 +205,7 @@ def _rows(table: Table) -> list[list[object]]:
     return [list(heads), *filled]
 
 
-def _table(table: Table, marks: Mapping[str, str] | None = None) -> str:
+def table_html(table: Table, marks: Mapping[str, str] | None = None) -> str:
     """Return a table; cells that are a key of `marks` have its colour before them."""
     rows = _rows(table)
     if not rows:
@@ -232,7 +235,8 @@ def _table(table: Table, marks: Mapping[str, str] | None = None) -> str:
     return f'<div class="wide" tabindex="0">{element}</div>'
 
 
-def _figure(name: str, figure: Figure | bytes) -> str:
+def figure_html(name: str, figure: Figure | bytes) -> str:
+    """Return a figure under its caption, which is its name unless we know a better one."""
     what, _, of = name.partition("-")
     caption = _CAPTIONS.get(what, name)
     if of and what in _CAPTIONS:
@@ -270,11 +274,13 @@ def _anchor(heading: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", heading.lower()).strip("-") or "section"
 
 
-def _section(heading: str, content: str) -> str:
+def section(heading: str, content: str) -> str:
+    """Return a part of a page, of HTML, which `page_html` gives a link to."""
     return f'<section id="{_anchor(heading)}"><h2>{as_text(heading)}</h2>{content}</section>'
 
 
-def _page(title: str, parts: Sequence[str], replay: str) -> str:
+def page_html(title: str, parts: Sequence[str], replay: str = "") -> str:
+    """Return a page of parts: what stands above the links first, then sections."""
     links = "".join(
         f'<a href="#{anchor}">{heading}</a>'
         for part in parts

@@ -1,0 +1,255 @@
+"""What a campaign's runs say, and how surely: rates, paired differences, sensitivities.
+
+A run that was lost (diverged, failed) has no error; here it counts as one worse than any number,
+infinity, so that no controller gains by losing the plants that are hard. Intervals are of 95 %,
+each by itself, for a number of runs that was fixed beforehand; `stopping` has those that are valid
+however often one looks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from fpid_pin import checks
+from fpid_pin.campaign.data import CampaignData
+from fpid_pin.checks import FloatArray
+
+CONFIDENCE = 0.95
+#: Fewer differences have no bootstrap interval: resampled, so few say little about the rest.
+FEWEST = 20
+RESAMPLES = 999
+# Numbers drawn at once by the bootstrap.
+_BATCH = 2_000_000
+# Share of the runs at either end of a parameter that a tornado compares.
+_QUINTILE = 0.2
+
+
+class Interval(NamedTuple):
+    """An estimate and the ends of its interval; NaN where there are too few runs for one."""
+
+    estimate: float
+    low: float
+    high: float
+
+
+def wilson(successes: int, runs: int, confidence: float = CONFIDENCE) -> Interval:
+    """Return the share of successes with its score interval.
+
+    With z the normal quantile of (1 + confidence)/2, p the share and n the runs, its ends are
+
+        (p + z^2/(2 n) -+ z sqrt(p (1 - p)/n + z^2/(4 n^2))) / (1 + z^2/n)
+
+    which, unlike p -+ z sqrt(p (1 - p)/n), says something where all or none succeed.
+
+    Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
+
+    Raises
+    ------
+    ArgumentError
+        Not 0 <= successes <= runs.
+    """
+    from scipy.special import ndtri
+
+    runs = checks.integer("runs", runs, low=0)
+    successes = checks.integer("successes", successes, low=0, high=runs)
+    if runs == 0:
+        return Interval(float("nan"), 0.0, 1.0)
+    z2 = float(ndtri(0.5 + confidence / 2.0)) ** 2
+    share = successes / runs
+    middle = share + z2 / (2.0 * runs)
+    spread = np.sqrt(z2 * (share * (1.0 - share) / runs + z2 / (4.0 * runs**2)))
+    low, high = (middle - spread) / (1.0 + z2 / runs), (middle + spread) / (1.0 + z2 / runs)
+    # Exact there, but for rounding.
+    return Interval(share, low if successes else 0.0, high if successes < runs else 1.0)
+
+
+def success_rates(data: CampaignData) -> list[Interval]:
+    """Return the share of plants on which each controller succeeded."""
+    return [wilson(int(count), data.runs) for count in data.success.sum(axis=0)]
+
+
+def scored(data: CampaignData, metric: str = "rms") -> FloatArray:
+    """Return a metric with infinity where a run was lost, (runs, controllers)."""
+    checks.choice("metric", metric, data.metrics)
+    values = data.metrics[metric]
+    return np.where(data.success & ~np.isnan(values), values, np.inf)
+
+
+def ecdf(scores: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return values in order, and the share of all runs that are at most so large.
+
+    It ends at the share of runs that were not lost, not at one.
+    """
+    finite = np.sort(scores[np.isfinite(scores)])
+    return finite, np.arange(1, len(finite) + 1) / max(len(scores), 1)
+
+
+def quantile(scores: FloatArray, share: float) -> float:
+    """Return the least value that so large a share of the runs does not exceed; inf where lost."""
+    if len(scores) == 0:
+        return float("nan")
+    return float(np.quantile(scores, share, method="inverted_cdf"))
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One controller against another, on the same plants.
+
+    Attributes
+    ----------
+    first, second
+        Their columns.
+    runs
+        Plants on which both succeeded.
+    median
+        Of the first one's metric less the second one's over these, in the metric's unit, with its
+        bootstrap interval (percentiles of `RESAMPLES` resamples).
+    differing
+        Plants on which either was better: not the same to the last bit, and not both lost.
+    better
+        Share of those on which the first was, with its score interval.
+    """
+
+    first: int
+    second: int
+    runs: int
+    median: Interval
+    differing: int
+    better: Interval
+
+
+def paired_difference(
+    data: CampaignData, first: int, second: int, metric: str = "rms"
+) -> Difference:
+    """Return how two controllers, by column, differ on the same plants.
+
+    The median, as a few plants that are nearly lost would rule a mean. It knows nothing of plants
+    that either has lost; `Difference.better` does, where a plant that is lost is worse than any.
+    """
+    scores = scored(data, metric)
+    a, b = scores[:, first], scores[:, second]
+    both = np.isfinite(a) & np.isfinite(b)
+    wins, losses = int((a < b).sum()), int((a > b).sum())
+    median = bootstrap_median(a[both] - b[both], data.seed)
+    return Difference(
+        first, second, int(both.sum()), median, wins + losses, wilson(wins, wins + losses)
+    )
+
+
+def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
+    """Return a median with its bootstrap interval; the same seed, the same ends.
+
+    Source: B. Efron and R. Tibshirani, An Introduction to the Bootstrap (1993), section 13.3.
+    """
+    from scipy.stats import bootstrap
+
+    if len(values) == 0:
+        return Interval(float("nan"), float("nan"), float("nan"))
+    estimate = float(np.median(values))
+    if len(values) < FEWEST:
+        return Interval(estimate, float("nan"), float("nan"))
+    found = bootstrap(
+        (values,), np.median, confidence_level=CONFIDENCE, n_resamples=RESAMPLES,
+        method="percentile", batch=max(_BATCH // len(values), 1), vectorized=True,
+        random_state=np.random.default_rng(seed),
+    ).confidence_interval  # fmt: skip
+    return Interval(estimate, float(found.low), float(found.high))
+
+
+def spearman(data: CampaignData, metric: str = "rms") -> FloatArray:
+    """Return how a metric goes with each uncertain number: rank correlations and their intervals.
+
+    Returns
+    -------
+    FloatArray
+        (controllers, parameters, 3): rho of Spearman, and the ends of its interval by Fisher's z
+        with the variance (1 + rho^2/2)/(n - 3). Runs that were lost share the last rank. NaN where
+        a parameter or the metric is the same in all runs, or there are fewer than four.
+
+    Notes
+    -----
+    Source: D. G. Bonett and T. A. Wright, Psychometrika 65 (2000) 23.
+    """
+    from scipy.special import ndtri
+
+    scores = scored(data, metric)
+    rho = _rank_correlations(data.samples, scores).T
+    ends = np.full((*rho.shape, 2), np.nan)
+    if data.runs > 3:
+        width = ndtri(0.5 + CONFIDENCE / 2.0) * np.sqrt((1.0 + rho**2 / 2.0) / (data.runs - 3))
+        with np.errstate(divide="ignore"):  # arctanh(1) is infinite, and its tanh 1 again
+            z = np.arctanh(rho)
+        ends = np.tanh(np.stack([z - width, z + width], axis=-1))
+    return np.concatenate([rho[..., np.newaxis], ends], axis=-1)
+
+
+def _rank_correlations(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return Spearman's rho of every column of `x` and of `y`, (columns of x, columns of y)."""
+    from scipy.stats import rankdata
+
+    if len(x) < 4:
+        return np.full((x.shape[1], y.shape[1]), np.nan)
+    ranks = [rankdata(table, axis=0) - (len(x) + 1) / 2.0 for table in (x, y)]
+    lengths = [np.sqrt((table**2).sum(axis=0)) for table in ranks]
+    products = np.einsum("ri,rj->ij", *ranks)
+    with np.errstate(invalid="ignore"):  # 0/0 where all ranks are one
+        return np.asarray(np.clip(products / np.multiply.outer(*lengths), -1.0, 1.0))
+
+
+def tornado(data: CampaignData, metric: str = "rms") -> FloatArray:
+    """Return the median of a metric where each uncertain number is small and where it is large.
+
+    Returns
+    -------
+    FloatArray
+        (controllers, parameters, 2): medians over the runs in the number's lowest and highest
+        quintile, ties included; infinity where most of them were lost, NaN where the number is the
+        same in all runs. They take all else as it comes, other than a change of one number alone.
+    """
+    scores = scored(data, metric)
+    found = np.full((len(data.controllers), len(data.parameters), 2), np.nan)
+    for k, values in enumerate(data.samples.T):
+        if len(values) == 0 or values.min() == values.max():
+            continue
+        for end, rows in enumerate(_ends(values)):
+            found[:, k, end] = [quantile(column, 0.5) for column in scores[rows].T]
+    return found
+
+
+def _ends(values: FloatArray) -> tuple[np.ndarray, np.ndarray]:
+    low = np.quantile(values, _QUINTILE, method="inverted_cdf")
+    high = -np.quantile(-values, _QUINTILE, method="inverted_cdf")
+    if low < high:
+        return values <= low, values >= high
+    # One value fills both quintiles: it is compared with what lies beside it.
+    below, above = values < low, values > low
+    return (below if below.any() else ~above), (above if above.any() else ~below)
+
+
+def best_shares(data: CampaignData, metric: str = "rms") -> FloatArray:
+    """Return the share of the plants on which each controller has the least of a metric.
+
+    Those that are equal to the last bit divide a plant; nobody has one that all have lost, so that
+    the shares may sum to less than one. (controllers,)
+    """
+    scores = scored(data, metric)
+    least = scores.min(axis=1, keepdims=True)
+    winners = (scores == least) & np.isfinite(least)
+    return np.asarray((winners / np.maximum(winners.sum(axis=1, keepdims=True), 1)).sum(axis=0)
+                      / max(data.runs, 1))  # fmt: skip
+
+
+def leader(data: CampaignData) -> int:
+    """Return the controller with most successes; among equals, that of the least median error."""
+    scores, counts = scored(data), data.success.sum(axis=0)
+    keys = [(-int(n), quantile(s, 0.5)) for n, s in zip(counts, scores.T, strict=True)]
+    return min(range(len(keys)), key=lambda k: (keys[k], k))
+
+
+def worst_runs(data: CampaignData, controller: int, count: int = 10) -> list[int]:
+    """Return a controller's worst runs: first those that were lost, then by falling error."""
+    order = np.argsort(-scored(data)[:, controller], kind="stable")
+    return [int(run) for run in order[:count]]

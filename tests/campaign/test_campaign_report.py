@@ -1,0 +1,212 @@
+"""Figures and reports of campaigns, as files say and as a browser shows them."""
+
+import re
+from html.parser import HTMLParser
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+from made_campaigns import arms, campaign
+
+from fpid_pin.campaign import figures, sensitivity_figures
+from fpid_pin.campaign.report import report_html
+from fpid_pin.exceptions import ArgumentError, FileFormatError
+from fpid_pin.view.palette import colour
+from fpid_pin.view.style import figure_bytes
+
+NAMES = ("adaptive FPID", "<b>PD</b> & $gravity_", "computed torque")
+
+
+class Page(HTMLParser):
+    """Tags, texts by tag, and where links lead."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.tags, self.links, self.cells, self.lines = [""], [], [], []
+        self.text = path.read_text(encoding="utf-8")
+        self.feed(self.text)
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append(tag)
+        if tag == "a":
+            self.links.append(dict(attributes)["href"])
+        if tag in ("td", "th"):
+            self.cells.append("")
+        if tag == "p":
+            self.lines.append("")
+
+    def handle_data(self, data):
+        if self.tags[-1] in ("td", "th", "i", "span", "a") and self.cells:
+            self.cells[-1] += data
+        if self.tags[-1] == "p":
+            self.lines[-1] += data
+
+
+@pytest.fixture(scope="module")
+def data():
+    return arms(300, NAMES)
+
+
+@pytest.fixture(scope="module")
+def report(data, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("campaign")
+    return report_html(
+        data, folder / "report.html",
+        replay_link=lambda run, name: f"{quote(f'run {run} of {name}', safe='')}.html",
+    )  # fmt: skip
+
+
+# ---------------------------------------------------------------------- what it says
+
+
+def test_the_answer_comes_first_and_is_the_tables(data, report):
+    page = Page(report)
+    rate = 100.0 * data.success[:, 0].mean()
+    assert page.lines[0].startswith(f"adaptive FPID succeeded on {rate:.4g} % of 300 plants (95 %:")
+    assert page.lines[2].startswith("Against <b>PD</b> & $gravity_: the smaller error on ")
+    assert f"{rate:.4g}" in page.cells
+    heads = re.findall("<h2>(.*?)</h2>", page.text)
+    assert heads == [
+        "Success", "Errors and effort", "Paired differences", "Figures", "Sensitivity",
+        "The ten worst runs",
+    ]  # fmt: skip
+    assert page.tags.count("svg") == 4
+    assert page.tags.count("details") == 3 + 3 + 3
+
+
+def test_names_with_markup_stay_text(report):
+    page = Page(report)
+    assert "b" not in page.tags
+    assert page.tags.count("script") == 1  # that which sorts tables
+    assert "<b>PD</b> & $gravity_" in page.cells
+
+
+def test_every_one_of_the_worst_runs_has_its_replay(data, report):
+    links = [link for link in Page(report).links if not link.startswith("#")]
+    assert len(links) == 3 * 10
+    worst = int(np.argmax(~data.success[:, 0]))
+    assert links[0] == f"run%20{worst}%20of%20adaptive%20FPID.html"
+
+
+def test_a_link_cannot_leave_its_attribute(data, tmp_path):
+    evil = '"><script>alert(1)</script>'
+    page = Page(report_html(data, tmp_path / "r.html", replay_link=lambda run, name: evil))
+    assert page.links[-1] == evil
+    assert page.tags.count("script") == 1
+
+
+def test_the_same_campaign_makes_the_same_page(data, report, tmp_path):
+    again = [report_html(data, tmp_path / f"{k}.html").read_bytes() for k in range(2)]
+    assert again[0] == again[1]
+
+
+@pytest.mark.parametrize(
+    ("case", "answer"),
+    [
+        (campaign(np.full((40, 2), np.nan), np.random.default_rng(0).random((40, 2))),
+         "No controller succeeded on any of 40 plants (95 %: 0 to 8.762 %)."),
+        (arms(200, ("alone",)), "alone succeeded on "),
+        (campaign([[0.1, 0.2]], [[1.0, 2.0]]), "A succeeded on 100 % of 1 plant (95 %: 20.65 to "),
+        (campaign([[0.1, 0.1]] * 30, [[1.0]] * 30), "A succeeded on 100 % of 30 plants"),
+        (campaign([[0.1, np.nan], [np.nan, 0.2]] * 20), "A succeeded on 50 % of 40 plants"),
+        (campaign(np.zeros((30, 2)), np.arange(60.0).reshape(30, 2)), "A succeeded on 100 %"),
+    ],
+    ids=["all fail", "one controller", "one run", "ties and a constant", "never both", "no error"],
+)  # fmt: skip
+def test_a_campaign_that_says_little_says_so(tmp_path, case, answer):
+    page = Page(report_html(case, tmp_path / "r.html"))
+    assert page.lines[0].startswith(answer)
+    assert ("Paired differences" in page.text) == (len(case.controllers) > 1)
+
+
+def test_what_does_not_tell_two_apart_is_said(tmp_path):
+    page = Page(report_html(campaign([[1.0, 2.0], [2.0, 1.0]] * 20), tmp_path / "r.html"))
+    assert "on 50 % of 40 plants, which does not tell them apart; where both" in page.text
+    page = Page(report_html(campaign([[1.0, 1.0]] * 20), tmp_path / "r.html"))
+    assert "no plant on which either is better" in page.text
+
+
+def test_a_campaign_without_runs_and_a_place_that_cannot_be_written_are_refused(data, tmp_path):
+    with pytest.raises(ArgumentError, match="data: expected at least one run, got none"):
+        report_html(campaign(np.empty((0, 1))), tmp_path / "r.html")
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        report_html(data, tmp_path / "file" / "r.html")
+
+
+# ---------------------------------------------------------------------- figures
+
+
+def test_a_controller_has_one_colour_in_every_figure(data):
+    drawn = [
+        figures.distributions(data),
+        figures.violins(data),
+        sensitivity_figures.tornado_plot(data),
+    ]
+    for figure in drawn:
+        text = figure_bytes(figure, "svg").decode()
+        assert all(colour(k).lower() in text for k in range(3))
+
+
+def test_curves_end_at_the_success_rate(data):
+    panel = figures.distributions(data).axes[0]
+    for k, line in enumerate(panel.get_lines()):
+        assert line.get_ydata()[-1] == pytest.approx(100.0 * data.success[:, k].mean())
+
+
+def test_the_scatter_takes_the_parameters_that_matter(data):
+    assert sensitivity_figures.two_that_matter(data)[0] == 0  # the payload
+    assert sensitivity_figures.two_that_matter(campaign(np.ones((9, 1)), np.ones((9, 1)))) is None
+
+
+def test_a_scatter_of_many_plants_is_a_small_file():
+    many = arms(20_000, ("A", "B"))
+    assert len(figure_bytes(sensitivity_figures.scatter(many, 0, 1), "svg")) < 1_500_000
+
+
+# ---------------------------------------------------------------------- in a browser
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize(("width", "scheme"), [(400, "dark"), (1400, "light")])
+def test_a_report_is_readable_at_any_width(browser, report, width, scheme):
+    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+    asked, wrong = [], []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.on("console", lambda message: message.type == "error" and wrong.append(message.text))
+    page.goto(report.as_uri())
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    for figure in page.locator("figure").all():
+        box = figure.bounding_box()
+        assert 0 <= box["x"] < box["x"] + box["width"] <= width + 1
+        # Wider than the narrow page it scrolls in its frame: letters are to be read.
+        drawn = figure.locator("svg").bounding_box()
+        assert drawn["width"] >= 600
+        assert drawn["height"] > 100
+    folded = page.locator("details:not([open]) table").first
+    assert not folded.is_visible()
+    page.locator("details:not([open]) summary").first.click()
+    assert page.locator("details[open] table").nth(1).is_visible()
+    assert [url for url in asked if not url.startswith("data:")] == [report.as_uri()]
+    assert wrong == []
+    page.close()
+
+
+@pytest.mark.browser
+def test_a_click_sorts_a_table_and_another_opens_a_replay(browser, data, report):
+    page = browser.new_page(viewport={"width": 1400, "height": 900})
+    page.goto(report.as_uri())
+    column = page.locator("#success td:nth-child(2)")
+    page.locator("#success th:nth-child(2)").click()
+    shown = [float(text) for text in column.all_text_contents()]
+    assert shown == sorted(shown)
+    assert len(set(shown)) > 1
+    href = page.locator("#the-ten-worst-runs a").first.get_attribute("href")
+    worst = int(np.argmax(~data.success[:, 0]))
+    (report.parent / f"run {worst} of adaptive FPID.html").write_text("<title>the run</title>")
+    assert href is not None
+    page.locator("#the-ten-worst-runs a").first.click()
+    page.wait_for_load_state()
+    assert page.title() == "the run"
+    page.close()
