@@ -17,6 +17,7 @@ from fpid_pin._version import __version__
 if TYPE_CHECKING:
     from fpid_pin import (
         arms,
+        campaign,
         control,
         costs,
         disturbances,
@@ -61,8 +62,8 @@ if TYPE_CHECKING:
     from fpid_pin.tuning import pareto, tune
 
 _ROOMS = (
-    "arms", "control", "costs", "descriptions", "disturbances", "exceptions", "export",
-    "fractional", "progress", "references", "simulation", "tuning", "view",
+    "arms", "campaign", "control", "costs", "descriptions", "disturbances", "exceptions",
+    "export", "fractional", "progress", "references", "simulation", "tuning", "view",
 )  # fmt: skip
 # Where the names live. They are fetched when they are first asked for: a command that needs none
 # of them starts at once.
@@ -104,6 +105,7 @@ __all__ = [
     "Supervisor",
     "__version__",
     "arms",
+    "campaign",
     "control",
     "costs",
     "described",

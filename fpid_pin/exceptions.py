@@ -21,6 +21,7 @@ __all__ = [
     "FpidWarning",
     "SimulationError",
     "TuningError",
+    "WorkersDied",
 ]
 
 
@@ -97,6 +98,10 @@ class SimulationError(FpidError):
 
 class TuningError(FpidError):
     """A search cannot start, or cannot go on."""
+
+
+class WorkersDied(TuningError):
+    """Worker processes died over one task, as often as it was tried."""
 
 
 class FpidWarning(UserWarning):

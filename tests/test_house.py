@@ -114,6 +114,7 @@ FACE = {
 }  # fmt: skip
 ROOMS = {
     "arms": {"Arm", "DryFriction", "Fleet", "names"},
+    "campaign": {"CampaignData", "Scenarios", "Study", "Uniform", "load", "replay", "run"},
     "control": {
         "Controller", "EncoderRate", "Loop", "RobotLoop", "StabilityReport", "State",
         "gain_ceilings",

@@ -136,6 +136,18 @@ class Arm(RigidBody, Making):
         """Return the arm with other rotor inertias [kg m^2], seen at the joint."""
         return self._changed(change.Armature(armature))
 
+    def with_scaled_links(self, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0) -> Arm:
+        """Return the arm with heavier or lighter links, each by a factor > 0, a scalar or (n,).
+
+        `mass` scales a link's density, and with it its rotational inertia, which `inertia` scales
+        further. Centres of mass stay; what is made is physically consistent if this arm is.
+        """
+        return self._changed(change.ScaledLinks(mass, inertia))
+
+    def with_changes(self, *changes: change.Change) -> Arm:
+        """Return the arm with several changes of `fpid_pin.arms.change`, made at once, in order."""
+        return self._changed(*changes)
+
     def perturbed(
         self,
         rng: np.random.Generator,
@@ -199,11 +211,12 @@ class Arm(RigidBody, Making):
     def _assembled(cls, source: Source) -> Arm:
         return assemble(source)
 
-    def _changed(self, item: change.Change) -> Arm:
+    def _changed(self, *items: change.Change) -> Arm:
         own = {name: getattr(self, name) for name in (*_ARRAYS, "home", "tool")}
         parts = Parts(self.model.copy(), self.name, **own)
-        item.apply(parts)
-        return _finish(parts, self._source, (*self._changes, item))
+        for item in items:
+            item.apply(parts)
+        return _finish(parts, self._source, (*self._changes, *items))
 
 
 def assemble(source: Source, changes: Sequence[change.Change] = ()) -> Arm:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms.chain import last_frame
-from fpid_pin.arms.inertia import inertia_of
+from fpid_pin.arms.inertia import inertia_of, scaled_rows
 from fpid_pin.arms.source import Parts, given_or_inf, gravity_entry, gravity_vector
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
@@ -52,7 +52,7 @@ def from_table(table: Any, name: str = "changes") -> Change:
     ArgumentError
         An unknown change or field, or a value that it refuses.
     """
-    known = {cls.name: cls for cls in (Payload, Friction, Limits, Gravity, Armature, Inertias)}
+    known = {cls.name: cls for cls in _KINDS}
     if not isinstance(table, Mapping) or len(table) != 1:
         raise ArgumentError(name, "a table with one of " + ", ".join(known), shown(table))
     (key, fields) = next(iter(table.items()))
@@ -235,3 +235,31 @@ class Inertias(Change):
             raise ArgumentError("inertias", f"shape ({parts.model.nv}, 10)", f"shape {rows.shape}")
         for joint, row in enumerate(rows, start=1):
             parts.model.inertias[joint] = inertia_of(row)
+
+
+@dataclass(frozen=True, eq=False)
+class ScaledLinks(Change):
+    """Links' densities times `mass`, and their rotational inertias times `inertia` again.
+
+    Factors > 0, a scalar or (n,). Centres of mass stay, and so does physical consistency.
+    """
+
+    mass: ArrayLike = 1.0
+    inertia: ArrayLike = 1.0
+
+    name: ClassVar[str] = "scaled_links"
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "inertia"):
+            factor = checks.floats(name, getattr(self, name), above=0.0, max_ndim=1)
+            object.__setattr__(self, name, factor)
+
+    def apply(self, parts: Parts) -> None:
+        """Alter `parts` in place."""
+        n = parts.model.nv
+        mass, inertia = (checks.per_joint(k, getattr(self, k), n) for k in ("mass", "inertia"))
+        for joint, row in enumerate(scaled_rows(parts.model, mass, inertia), start=1):
+            parts.model.inertias[joint] = inertia_of(row)
+
+
+_KINDS = (Payload, Friction, Limits, Gravity, Armature, Inertias, ScaledLinks)

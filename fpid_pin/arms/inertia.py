@@ -24,6 +24,14 @@ def row_of(inertia: Any) -> list[float]:
     return [float(x) for x in (inertia.mass, *lever, *about)]
 
 
+def scaled_rows(model: Any, mass: FloatArray, inertia: FloatArray) -> FloatArray:
+    """Return the links' ten numbers with masses, and rotational inertias again, times (n,)."""
+    rows = np.array([row_of(body) for body in list(model.inertias)[1:]])
+    rows[:, 0] *= mass
+    rows[:, 4:] *= np.multiply(mass, inertia)[:, None]
+    return rows
+
+
 def perturbed_rows(
     model: Any, rng: np.random.Generator, mass: float, com: float, inertia: float
 ) -> FloatArray:
@@ -34,12 +42,10 @@ def perturbed_rows(
     U(1 - inertia, 1 + inertia), and the centre of mass moves by U(-com, com) [m] along each axis.
     Scaling and moving keep principal moments positive and within the triangle inequality.
     """
-    rows = np.array([row_of(body) for body in list(model.inertias)[1:]])
-    n = len(rows)
+    n = len(model.inertias) - 1
     scale = rng.uniform(1.0 - mass, 1.0 + mass, n)
     shift = rng.uniform(-com, com, (n, 3))
     size = rng.uniform(1.0 - inertia, 1.0 + inertia, n)
-    rows[:, 0] *= scale
+    rows = scaled_rows(model, scale, size)
     rows[:, 1:4] += shift
-    rows[:, 4:] *= np.multiply(scale, size)[:, None]
     return rows

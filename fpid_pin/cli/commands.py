@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from fpid_pin import own_code
 from fpid_pin._version import __version__
+from fpid_pin.cli import campaign_commands
+from fpid_pin.cli.options import AllowImport, ConfigFile
 
 app = typer.Typer(
     help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
@@ -35,18 +36,8 @@ def top(
     """Adaptive fractional-order PID control of robot arms on Pinocchio."""
 
 
-ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
+app.add_typer(campaign_commands.app, name="campaign")
 
-
-def _allow(given: bool) -> bool:
-    own_code.allowed.set(given)
-    return given
-
-
-AllowImport = Annotated[
-    bool,
-    typer.Option("--allow-import", callback=_allow, help="Run the Python files it imports."),
-]
 OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
 ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, or a robot's file.")]
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]

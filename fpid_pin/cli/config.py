@@ -11,6 +11,7 @@
     [[controller]]   kind, name and arguments of the controller
     [[condition]]    name, and plant, sensors, disturbance in place of those above
     [tune]           see fpid_pin.tuning
+    [campaign]       see fpid_pin.campaign
 
 Keys are the constructors' arguments. Every fault is reported at once, each with its key path.
 """
@@ -39,7 +40,7 @@ FORMAT = 1
 MOST_FAULTS = 40
 TABLES = (
     "format", "title", "import", "arm", "plant", "reference", "disturbance", "sensors",
-    "simulation", "controller", "condition", "tune",
+    "simulation", "controller", "condition", "tune", "campaign",
 )  # fmt: skip
 SIMULATION_KEYS = (
     "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
@@ -102,7 +103,7 @@ class _Reader:
         self._known("simulation", simulation, SIMULATION_KEYS)
         parts = self._surroundings(table, "", arm)
         conditions = self._conditions(arm, parts)
-        tune = self._section("tune", table.get("tune", {}))
+        tune, campaign = (self._section(key, table.get(key, {})) for key in ("tune", "campaign"))
         if faults or arm is None or reference is None:
             return None
         experiment = self._experiment(arm, reference, simulation, parts)
@@ -125,7 +126,7 @@ class _Reader:
         if faults:
             return None
         conditions_ = named or {"nominal": experiment}
-        return Config(name, text, title, experiment, controllers, conditions_, tune)
+        return Config(name, text, title, experiment, controllers, conditions_, tune, campaign)
 
     # ------------------------------------------------------------------ parts
 

@@ -26,8 +26,8 @@ class Config:
         By name, in the file's order.
     conditions
         Experiments by name; only the nominal one where the file has no ``[[condition]]``.
-    tune
-        The ``[tune]`` table as it stands.
+    tune, campaign
+        The tables of these names as they stand.
     """
 
     path: str
@@ -37,3 +37,4 @@ class Config:
     controllers: dict[str, Controller]
     conditions: dict[str, Experiment]
     tune: Mapping[str, Any]
+    campaign: Mapping[str, Any]

@@ -41,10 +41,15 @@ class FpidState(State):
         self.joints = np.zeros(self.torque.shape, law.JOINT)
         self.robots["h"], self.robots["threshold"] = self.step, np.inf
         self.joints["limit"] = arm.effort_limit
-        for robot, joints, controller in zip(self.robots, self.joints, controllers, strict=True):
-            _fill(robot, joints, controller, arm)
+        # One controller on many plants is written once.
+        places = {id(c): run for run, c in reversed(list(enumerate(controllers)))}
+        like = [places[id(c)] for c in controllers]
+        for run in places.values():
+            _fill(self.robots[run], self.joints[run], controllers[run], arm)
+        self.robots, self.joints = self.robots[like], self.joints[like]
         self._design, self._horizon = controllers[0].design, horizon
-        self.orders = np.array([c.orders(self.n) for c in controllers])
+        orders = {run: controllers[run].orders(self.n) for run in places.values()}
+        self.orders = np.array([orders[run] for run in like])
         modes = modes_of(self._design, self.orders, step=self.step, horizon=horizon)
         self._ops, self._poles, self._modes = modes.records(controllers[0].initialisation)
         self._left = round(horizon / self.step) + 2

@@ -24,7 +24,7 @@ from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from fpid_pin import checks, own_code
-from fpid_pin.exceptions import ArgumentError, TuningError
+from fpid_pin.exceptions import ArgumentError, TuningError, WorkersDied
 
 T = TypeVar("T")
 
@@ -203,7 +203,7 @@ class WorkerPool(Executor):
             task.future.set_exception(error)
         elif task.lives == 0:
             task.future.set_exception(
-                TuningError(
+                WorkersDied(
                     f"worker processes died over the same task ({self._retries + 1} tried): out of "
                     "memory, or a script that starts its work outside "
                     '`if __name__ == "__main__":`'

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpid_pin import descriptions
-from fpid_pin.arms import Arm, Fleet
+from fpid_pin.arms import Arm, Fleet, change
 from fpid_pin.exceptions import ArgumentError
 
 ARMS = {
@@ -323,3 +323,33 @@ def test_single_arm_and_fleet_agree_to_the_last_bit():
     out = np.empty((1, arm.n))
     Fleet([arm], 1).forward_dynamics(q[None], v[None], tau[None], out)
     assert np.array_equal(out[0], arm.forward_dynamics(q, v, tau))
+
+
+@pytest.mark.parametrize("arm", [Arm.two_link(), Arm.planar((1.0, 0.5), (2.0, 1.0), rods=True)])
+def test_scaled_links_have_factors_of_mass_and_shape_and_go_through_a_table(arm):
+    scaled = arm.with_scaled_links(mass=(1.5, 0.5), inertia=2.0)
+    for j, factor in enumerate((1.5, 0.5)):
+        before, after = (a.model.inertias[j + 1] for a in (arm, scaled))
+        assert after.mass == factor * before.mass
+        assert np.array_equal(after.lever, before.lever)
+        assert np.allclose(after.inertia, 2.0 * factor * before.inertia, rtol=1e-15)
+    # Twice the density is twice the forces, whatever the motion.
+    q, v, a = np.random.default_rng(3).uniform(-1.0, 1.0, (3, 2))
+    heavy = arm.with_scaled_links(2.0)
+    assert np.allclose(
+        heavy.inverse_dynamics(q, v, a), 2.0 * arm.inverse_dynamics(q, v, a), rtol=1e-12
+    )
+    assert descriptions.from_dict(scaled.to_dict(), Arm) == scaled
+    for name in ("mass", "inertia"):
+        for wrong in (0.0, -1.0, (1.0, 2.0, 3.0)):
+            with pytest.raises(ArgumentError, match=name):
+                arm.with_scaled_links(**{name: wrong})
+
+
+def test_changes_at_once_are_those_one_by_one():
+    arm = Arm.from_example("ur5")
+    items = change.ScaledLinks(mass=1.2), change.Payload(0.7), change.Friction(viscous=0.3)
+    together = arm.with_changes(*items)
+    one_by_one = arm.with_scaled_links(1.2).with_payload(0.7).with_friction(0.3)
+    assert together == one_by_one
+    assert together.to_dict() == one_by_one.to_dict()

@@ -140,10 +140,10 @@ class Nameless(fp.Controller):
 
 def test_a_law_without_a_name_keeps_its_own_row(tmp_path):
     path, out = tmp_path / "study.toml", tmp_path / "out"
-    path.write_text(HEAD + '[[controller]]\nkind = "nameless"\nkp = 30.0\n' + TUNE)
+    path.write_text(HEAD + '[[controller]]\nkind = "nameless"\nkp = 1.0\n' + TUNE)
     assert main(["tune", str(path), "--out", str(out)]) == 0
     with open(out / "summary.csv", newline="") as table:
         rows = [(row["controller"], row["file"]) for row in csv.DictReader(table)]
     assert rows == [("tuned", "tuned.npz"), ("nameless", "nameless.npz")]
-    assert fp.Run.load(out / "nameless.npz").controller.kp == 30.0
-    assert np.all(np.asarray(fp.Run.load(out / "tuned.npz").controller.kp) != 30.0)
+    assert fp.Run.load(out / "nameless.npz").controller.kp == 1.0
+    assert np.all(np.asarray(fp.Run.load(out / "tuned.npz").controller.kp) != 1.0)

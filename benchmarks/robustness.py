@@ -1,0 +1,197 @@
+"""Time campaigns: what recording thousands of plants costs beside the engine alone, and scaling.
+
+    python benchmarks/robustness.py [--plants 10000] [--duration 10] [--arm two_link|ur5] [--dask]
+
+Engine: the fused loop on plants that are there already, in batches of 64, nothing recorded.
+Campaign: from the call to the last row in the ledger, processes started in it. Both by the clock
+and by the processors' time (of the driver and its workers), which others on the machine do not
+lengthen as much. Asked: at most 1.35 times the engine's time for as many run-steps with two
+workers, memory under 1 GB, efficiency from 1 to 2 workers at least 0.85.
+
+Scaling beyond this machine is simulated, from the times that chunks took here: each worker takes
+the next chunk when it is free, one driver sends and records them one after the other, and nothing
+else is shared. It has no network and no stragglers but those that were measured here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import heapq
+import os
+import resource
+import tempfile
+import threading
+import time
+from contextlib import nullcontext
+from pathlib import Path
+
+import numpy as np
+import psutil
+
+import fpid_pin as fp
+from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
+from fpid_pin.campaign.chunk import Job, run_chunk
+from fpid_pin.campaign.driver import CHUNK
+from fpid_pin.campaign.ledger import Ledger
+from fpid_pin.simulation.recorders import BLOCK_ROWS
+from fpid_pin.simulation.simulator import Simulator
+
+UNCERTAIN = {
+    "mass": Uniform(low=0.8, high=1.2),
+    "inertia": Uniform(low=0.8, high=1.2),
+    "payload": Uniform(low=0.0, high=1.0),
+    "viscous_friction": Uniform(low=0.0, high=0.2),
+    "disturbance_amplitude": LogUniform(low=0.1, high=2.0),
+    "disturbance_frequency": Uniform(low=1.0, high=20.0, shared=True),
+}
+WORKERS = (1, 2, 10, 100, 1000)
+
+
+def study(arm: str, duration: float) -> Study:
+    """Return the campaign: the paper's law, or one with suggested gains on a UR5."""
+    if arm == "two_link":
+        experiment, law = (
+            fp.paper_experiment(duration=duration),
+            fp.paper_controller(supervised=False),
+        )
+    else:
+        robot = fp.Arm.from_example(arm)
+        motion = fp.references.Sinusoid(amplitude=0.3, offset=robot.home)
+        push = fp.disturbances.Cosine(amplitude=np.ones(robot.n))
+        experiment = fp.Experiment(
+            robot, motion, plant=fp.Plant(disturbance=push), duration=duration
+        )
+        law = fp.suggest_gains(robot, bandwidth=10.0, step=1e-3).controller
+    experiment = dataclasses.replace(experiment, dynamics="compiled")
+    return Study(experiment, {"fractional": law}, Scenarios(UNCERTAIN), arm)
+
+
+def engine(made: Study, batches: int) -> float:
+    """Return the processor's time of the engine alone for one run [s]."""
+    (law,) = made.controllers.values()
+    times = []
+    for batch in range(batches):
+        first = batch * CHUNK
+        samples = enumerate(made.bound.samples(first, first + CHUNK), start=first)
+        experiments = [made.bound.experiment(run, sample) for run, sample in samples]
+        simulator = Simulator(experiments, [law] * CHUNK, keep=[])
+        rows, began = experiments[0].rows, time.process_time()
+        for row in range(0, rows, BLOCK_ROWS):
+            simulator.tick(min(BLOCK_ROWS, rows - row))
+        times.append((time.process_time() - began) / CHUNK)
+    return float(np.median(times))
+
+
+class Memory:
+    """Most memory of a process and its children at once [bytes]: pages of their own."""
+
+    def __enter__(self) -> Memory:
+        self.most, self._over = 0, threading.Event()
+        self._thread = threading.Thread(target=self._watch, daemon=True)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._over.set()
+        self._thread.join()
+
+    def _watch(self) -> None:
+        me = psutil.Process()
+        while not self._over.wait(3.0):
+            total = 0
+            for process in (me, *me.children(recursive=True)):
+                try:
+                    total += process.memory_full_info().uss
+                except psutil.Error:
+                    continue
+            self.most = max(self.most, total)
+
+
+def campaign(
+    made: Study, plants: int, workers: int, dask: bool = False
+) -> tuple[float, float, float]:
+    """Return clock's and processors' time [s] and most memory [bytes] of a whole campaign."""
+    with tempfile.TemporaryDirectory() as folder, Memory() as memory:
+        kept = fp.campaign.local_cluster(workers) if dask else nullcontext()
+        with kept as cluster:
+            before, began = processors(), time.perf_counter()
+            if dask:
+                with fp.campaign.dask_executor(cluster.address, patience=60.0) as executor:
+                    fp.campaign.run(made, Path(folder, "l"), plants, executor=executor)
+            else:
+                fp.campaign.run(made, Path(folder, "l"), plants, workers=workers)
+            clock = time.perf_counter() - began
+            return clock, processors() - before, memory.most
+
+
+def processors() -> float:
+    """Return the processors' time of this process and of its children that have ended [s]."""
+    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + ended.ru_utime + ended.ru_stime
+
+
+def chunk_times(made: Study, chunks: int) -> tuple[list[float], float]:
+    """Return what chunks take, one by one, and what recording one takes the driver [s]."""
+    times, recording = [], []
+    with tempfile.TemporaryDirectory() as folder, Ledger(Path(folder, "l"), made) as book:
+        for k in range(chunks):
+            began = time.perf_counter()
+            done = run_chunk(Job(made), k * CHUNK, (k + 1) * CHUNK)
+            times.append(time.perf_counter() - began)
+            began = time.perf_counter()
+            book.record(done)
+            recording.append(time.perf_counter() - began)
+    return times, float(np.median(recording))
+
+
+def simulated(times: list[float], driver: float, workers: int, chunks: int, seed: int = 0) -> float:
+    """Return how long so many chunks take with so many workers [s]: see the top of this file."""
+    drawn = np.random.default_rng(seed).choice(times, chunks)
+    free, idle = 0.0, [0.0] * workers  # when the driver, and each worker, is free
+    for duration in drawn:
+        # Sent when a worker is free, recorded when the driver is.
+        end = heapq.heappop(idle) + duration
+        free = max(free, end) + driver
+        heapq.heappush(idle, end + driver)
+    return free
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--plants", type=int, default=10_000)
+    parser.add_argument("--duration", type=float, default=10.0)
+    parser.add_argument("--arm", default="two_link")
+    parser.add_argument("--dask", action="store_true")
+    options = parser.parse_args()
+    made = study(options.arm, options.duration)
+    fp.campaign.run(made, Path(tempfile.mkdtemp(), "warm"), 1)
+    before = engine(made, 4)
+    ways = [(1, False), (2, False), *([(2, True)] if options.dask else [])]
+    found = {way: campaign(made, options.plants, *way) for way in ways}
+    alone = 0.5 * (before + engine(made, 4))
+    steps = made.experiment.rows - 1
+    print(f"{options.arm}, {options.plants} plants x {options.duration:g} s, {steps} steps each; "
+          f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")  # fmt: skip
+    print(f"engine alone: {1e9 * alone / steps:.0f} ns a run-step")
+    print("| workers | clock [s] | over engine | processors [s] | over engine | memory [MB] |")
+    print("| --- | ---: | ---: | ---: | ---: | ---: |")
+    for (workers, dask), (clock, spent, memory) in found.items():
+        total = alone * options.plants
+        shown = "- | -" if dask else f"{spent:.1f} | {spent / total:.2f}"
+        print(f"| {workers}{' (Dask)' if dask else ''} | {clock:.1f} | "
+              f"{clock * workers / total:.2f} | {shown} | {memory / 1e6:.0f} |")  # fmt: skip
+    print(f"efficiency from 1 to 2 workers: {found[1, False][0] / 2 / found[2, False][0]:.2f}")
+    times, driver = chunk_times(made, min(20, max(options.plants // CHUNK, 2)))
+    chunks = max(options.plants // CHUNK, 1)
+    each = f"{chunks} chunks of {np.median(times):.2f} s, {1e3 * driver:.1f} ms of the driver"
+    print(f"\nsimulated, {each}")
+    one = simulated(times, driver, 1, chunks)
+    for workers in WORKERS:
+        clock = simulated(times, driver, workers, chunks)
+        print(f"{workers:5d} workers: {clock:8.2f} s, efficiency {one / workers / clock:.2f}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,155 @@
+"""How an uncertain number is spread: what a point of [0, 1] stands for."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.descriptions import described
+from fpid_pin.exceptions import ArgumentError
+
+#: Half a cell of the grid that Sobol points lie on: a normal quantile of 0 is -inf.
+_EDGE = 2.0**-31
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution(ABC):
+    """The spread of one quantity; its numbers are those of all joints, or (n,), one a joint.
+
+    Parameters
+    ----------
+    shared
+        Whether all joints have the same number; else each has its own, independently.
+    """
+
+    shared: bool = False
+
+    @abstractmethod
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """Return the values at `u` in [0, 1], (runs, numbers), none beyond [`low`, `high`]."""
+
+    @abstractmethod
+    def numbers(self) -> dict[str, FloatArray]:
+        """Return by field the numbers that have to be possible values themselves."""
+
+
+def _ordered(low: FloatArray, high: FloatArray) -> None:
+    try:
+        wrong = ~(np.broadcast_arrays(low, high)[0] < high)
+    except ValueError:
+        raise ArgumentError("high", f"shape {low.shape}, as low", f"shape {high.shape}") from None
+    if wrong.any():
+        raise ArgumentError("high", f"more than low ({low.tolist()})", high.tolist())
+
+
+def _set(thing: Distribution, **values: FloatArray) -> None:
+    for name, value in values.items():
+        object.__setattr__(thing, name, value)
+
+
+@described("uniform")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Uniform(Distribution):
+    """Equally likely from `low` to `high`."""
+
+    low: ArrayLike
+    high: ArrayLike
+
+    def __post_init__(self) -> None:
+        low, high = (checks.floats(k, getattr(self, k), max_ndim=1) for k in ("low", "high"))
+        _ordered(low, high)
+        _set(self, low=low, high=high)
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        a, b = np.asarray(self.low), np.asarray(self.high)
+        return np.asarray(a + (b - a) * u)
+
+    def numbers(self) -> dict[str, FloatArray]:
+        """See `Distribution.numbers`."""
+        return {"low": np.asarray(self.low), "high": np.asarray(self.high)}
+
+
+@described("log_uniform")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LogUniform(Distribution):
+    """Its logarithm is equally likely from that of `low` to that of `high`, both positive."""
+
+    low: ArrayLike
+    high: ArrayLike
+
+    def __post_init__(self) -> None:
+        low, high = (
+            checks.floats(k, getattr(self, k), above=0.0, max_ndim=1) for k in ("low", "high")
+        )
+        _ordered(low, high)
+        _set(self, low=low, high=high)
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        a, b = np.asarray(self.low), np.asarray(self.high)
+        return np.asarray(np.clip(a * (b / a) ** u, a, b))
+
+    def numbers(self) -> dict[str, FloatArray]:
+        """See `Distribution.numbers`."""
+        return {"low": np.asarray(self.low), "high": np.asarray(self.high)}
+
+
+@described("normal")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Normal(Distribution):
+    """A normal distribution; where the quantity has limits it is cut there, and what is left is 1.
+
+    Parameters
+    ----------
+    mean, std
+        Of the distribution before it is cut.
+    """
+
+    mean: ArrayLike
+    std: ArrayLike
+
+    def __post_init__(self) -> None:
+        mean = checks.floats("mean", self.mean, max_ndim=1)
+        std = checks.floats("std", self.std, above=0.0, max_ndim=1)
+        _set(self, mean=mean, std=std)
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        # Imported late: scipy is heavy.
+        from scipy.special import ndtr, ndtri
+
+        mean, std = np.asarray(self.mean), np.asarray(self.std)
+        first, last = ndtr((low - mean) / std), ndtr((high - mean) / std)
+        part = first + np.clip(u, _EDGE, 1.0 - _EDGE) * (last - first)
+        return np.asarray(np.clip(mean + std * ndtri(part), low, high))
+
+    def numbers(self) -> dict[str, FloatArray]:
+        """See `Distribution.numbers`."""
+        return {"mean": np.asarray(self.mean)}
+
+
+@described("choices")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Choices(Distribution):
+    """One of several `values`, equally likely; the same list for every joint."""
+
+    values: ArrayLike
+
+    def __post_init__(self) -> None:
+        _set(self, values=checks.floats("values", self.values, max_ndim=1))
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        values = np.atleast_1d(np.asarray(self.values))
+        place = np.minimum((u * len(values)).astype(np.int64), len(values) - 1)
+        return np.asarray(values[place])
+
+    def numbers(self) -> dict[str, FloatArray]:
+        """See `Distribution.numbers`."""
+        return {"values": np.asarray(self.values)}

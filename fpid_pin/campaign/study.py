@@ -1,0 +1,140 @@
+"""A campaign's description: one experiment, several controllers, what is uncertain."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from fpid_pin import checks, descriptions
+from fpid_pin.campaign.scenarios import BoundScenarios, Scenarios
+from fpid_pin.control import Controller
+from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.simulation import Experiment
+from fpid_pin.simulation.run_table import to_json
+from fpid_pin.text import shown
+
+#: Of a study's table.
+FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What a campaign simulates: every run's plant under every controller.
+
+    Parameters
+    ----------
+    experiment
+        The nominal one. Its dynamics are what it says: ``"compiled"`` is two to three times faster.
+    controllers
+        By name.
+    scenarios
+        What of the experiment is uncertain.
+    title
+        For reports.
+
+    Raises
+    ------
+    ArgumentError
+        No controller; a quantity that the experiment does not have.
+    """
+
+    experiment: Experiment
+    controllers: Mapping[str, Controller]
+    scenarios: Scenarios
+    title: str = ""
+
+    def __post_init__(self) -> None:
+        checks.instance("experiment", self.experiment, Experiment, "an Experiment")
+        checks.instance("scenarios", self.scenarios, Scenarios, "Scenarios")
+        if not isinstance(self.controllers, Mapping) or not self.controllers:
+            raise ArgumentError("controllers", "at least one, by name", "none")
+        for name, controller in self.controllers.items():
+            checks.instance(f"controllers.{name}", controller, Controller, "a Controller")
+        object.__setattr__(self, "controllers", dict(self.controllers))
+        self.scenarios.bind(self.experiment)
+
+    @cached_property
+    def bound(self) -> BoundScenarios:
+        """The scenarios of its experiment."""
+        return self.scenarios.bind(self.experiment)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the controllers, in order."""
+        return tuple(self.controllers)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the table that `from_dict` rebuilds the study from."""
+        return {
+            "format": FORMAT,
+            "title": self.title,
+            "experiment": descriptions.to_dict(self.experiment),
+            "controllers": {k: descriptions.to_dict(c) for k, c in self.controllers.items()},
+            "scenarios": self.scenarios.to_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, table: Any, name: str = "campaign") -> Study:
+        """Return the study that a table holds.
+
+        Raises
+        ------
+        FileFormatError
+            Another format, or a description that cannot be rebuilt: one of a class of the user's
+            own whose file has not been imported.
+        """
+        if not isinstance(table, Mapping) or table.get("format") != FORMAT:
+            raise FileFormatError(f"{name}: expected a campaign of format {FORMAT}, got another")
+        faults: list[FpidError] = []
+        try:
+            experiment = descriptions.build(table["experiment"], Experiment, "experiment", faults)
+            controllers = {
+                key: descriptions.build(value, Controller, f"controller {key}", faults)
+                for key, value in table["controllers"].items()
+            }
+            scenarios = Scenarios.from_table(table["scenarios"], "scenarios", faults)
+            if faults:
+                raise faults[0]
+            return cls(experiment, controllers, scenarios, str(table["title"]))
+        except (KeyError, AttributeError, TypeError) as error:
+            raise FileFormatError(f"{name}: expected a campaign's table, got {error!r}") from None
+        except FpidError as error:
+            raise FileFormatError(f"{name}: {error}") from None
+
+    @property
+    def text(self) -> str:
+        """The table as JSON, every digit of every number."""
+        return to_json(self.to_dict())
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of what decides the results: two studies of one digest are one campaign."""
+        table = self.to_dict()
+        del table["title"]
+        return hashlib.sha256(to_json(table).encode()).hexdigest()
+
+    def compiled(self) -> Study:
+        """Return the study with compiled dynamics."""
+        return dataclasses.replace(
+            self, experiment=dataclasses.replace(self.experiment, dynamics="compiled")
+        )
+
+
+def difference(here: Mapping[str, Any], there: Mapping[str, Any], path: str = "") -> str:
+    """Return the first key at which two tables differ, and both values; empty where none does."""
+    for key in sorted({*here, *there}):
+        one, other = here.get(key), there.get(key)
+        where = f"{path}.{key}" if path else str(key)
+        if isinstance(one, Mapping) and isinstance(other, Mapping):
+            found = difference(one, other, where)
+            if found:
+                return found
+        elif one != other:
+            return f"{where} is {shown(other)} there and {shown(one)} here"
+    if list(here) != list(there):
+        return f"{path} are in another order" if path else "its keys are in another order"
+    return ""

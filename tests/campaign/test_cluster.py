@@ -1,0 +1,98 @@
+"""A real scheduler and two real workers on loopback."""
+
+import os
+import signal
+import sqlite3
+import time
+from contextlib import closing
+
+import psutil
+import pytest
+from studies import bits, study
+
+from fpid_pin.campaign import cluster, dask_executor, local_cluster, run
+from fpid_pin.exceptions import ArgumentError, FpidError
+
+pytest.importorskip("distributed")
+RUNS = 60
+
+
+@pytest.fixture(scope="module")
+def scheduler():
+    with local_cluster(2) as made:
+        with dask_executor(made.address, patience=60.0) as executor:
+            end = time.monotonic() + 60.0
+            while executor._max_workers < 2 and time.monotonic() < end:
+                time.sleep(0.2)
+                executor._max_workers = sum(executor._client.nthreads().values())
+        yield made
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    return run(study(), tmp_path_factory.mktemp("alone") / "ledger.sqlite", RUNS)
+
+
+def workers_of(made):
+    """Return the processes that simulate: the children of the keepers."""
+    return [
+        child
+        for keeper in made.processes[1:]
+        for child in psutil.Process(keeper).children(recursive=True)
+        if "spawn_main" in " ".join(child.cmdline())
+    ]
+
+
+def test_a_cluster_changes_no_bit(scheduler, alone, tmp_path):
+    with dask_executor(scheduler.address) as executor:
+        data = run(study(), tmp_path / "l.sqlite", RUNS, executor=executor, chunk=7)
+    assert bits(data) == bits(alone)
+
+
+def test_a_worker_killed_in_mid_run_leaves_every_run_recorded_once(scheduler, alone, tmp_path):
+    killed = []
+
+    def kill(progress):
+        if progress.part > 0.2 and not killed:
+            killed.append(workers_of(scheduler)[0].pid)
+            os.kill(killed[0], signal.SIGKILL)
+
+    ledger = tmp_path / "l.sqlite"
+    with dask_executor(scheduler.address) as executor:
+        data = run(study(), ledger, RUNS, executor=executor, chunk=2, progress=kill)
+    assert killed
+    assert bits(data) == bits(alone)
+    with closing(sqlite3.connect(ledger)) as file:
+        assert file.execute("SELECT count(*) FROM results").fetchone() == (2 * RUNS,)
+
+
+def test_it_listens_on_loopback_only(scheduler):
+    for process in (psutil.Process(scheduler.processes[0]), *workers_of(scheduler)):
+        open_ = [c for c in process.net_connections("inet") if c.status == psutil.CONN_LISTEN]
+        assert open_
+        assert {c.laddr.ip for c in open_} == {"127.0.0.1"}
+
+
+def test_workers_of_another_version_are_refused_by_name(scheduler, monkeypatch):
+    here = cluster.__version__
+    monkeypatch.setattr(cluster, "__version__", "99.1")
+    words = rf"dask worker tcp://127\.0\.0\.1:\d+: expected fpid_pin 99\.1, as here, got {here}"
+    with pytest.raises(FpidError, match=words), dask_executor(scheduler.address):
+        pass
+
+
+def test_a_scheduler_that_is_not_there_is_told_within_ten_seconds():
+    began = time.monotonic()
+    words = r"dask tcp://127\.0\.0\.1:1: expected a Dask scheduler that answers within 8 s, got"
+    with pytest.raises(ArgumentError, match=words), dask_executor("tcp://127.0.0.1:1"):
+        pass
+    assert time.monotonic() - began < 10.0
+
+
+@pytest.mark.parametrize("address", ["nonsense://x", "127.0.0.1", ""])
+def test_addresses_that_are_none_are_refused(address):
+    with (
+        pytest.raises(ArgumentError, match="expected a Dask scheduler"),
+        dask_executor(address, patience=0.5),
+    ):
+        pass

@@ -1,0 +1,223 @@
+import dataclasses
+import os
+import signal
+import sqlite3
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+
+import numpy as np
+import pytest
+from deadly import Deadly, Faulty
+from studies import bits, study
+
+import fpid_pin as fp
+from fpid_pin.campaign import Uniform, load, run
+from fpid_pin.campaign.chunk import Job, run_chunk
+from fpid_pin.campaign.execution import carry_out, pieces
+from fpid_pin.exceptions import ArgumentError, FpidError
+
+RUNS = 50
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """Return what a campaign finds in this process, in chunks of 64."""
+    return run(study(), tmp_path_factory.mktemp("alone") / "ledger.sqlite", RUNS)
+
+
+@pytest.fixture(scope="module")
+def pool():
+    with fp.tuning.WorkerPool(2, retries=0) as made:
+        yield made
+
+
+def pushed(disturbance):
+    """Return a study whose disturbance is of another kind, and only its amplitude uncertain."""
+    made = study(uncertain={"disturbance_amplitude": Uniform(low=0.1, high=1.1, shared=True)})
+    plant = fp.Plant(disturbance=disturbance)
+    return dataclasses.replace(made, experiment=dataclasses.replace(made.experiment, plant=plant))
+
+
+def test_a_run_is_what_simulate_says(alone):
+    made = study()
+    bound = made.bound
+    for number in (0, 17, 49):
+        experiment = bound.experiment(number, bound.samples(number, number + 1)[0])
+        for column, law in enumerate(made.controllers.values()):
+            metrics = fp.simulate(experiment, law).metrics
+            figures = {name: values[number, column] for name, values in alone.metrics.items()}
+            assert figures["peak_torque"] == metrics.peak_torque.max()
+            assert figures["rms"] == pytest.approx(np.sqrt(np.mean(metrics.rms**2)), rel=1e-14)
+            assert figures["rms_tail"] == pytest.approx(
+                np.sqrt(np.mean(metrics.rms_tail**2)), rel=1e-14
+            )
+            assert figures["energy"] == pytest.approx(metrics.energy.sum(), rel=1e-14)
+            variation = metrics.total_variation.sum()
+            assert figures["total_variation"] == pytest.approx(variation, rel=1e-14)
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 1000])
+def test_chunks_change_no_bit(alone, tmp_path, chunk):
+    assert bits(run(study(), tmp_path / "l.sqlite", RUNS, chunk=chunk)) == bits(alone)
+
+
+def test_threads_and_processes_change_no_bit(alone, pool, tmp_path):
+    with ThreadPoolExecutor(3) as threads:
+        data = run(study(), tmp_path / "threads.sqlite", RUNS, executor=threads, chunk=5)
+    assert bits(data) == bits(alone)
+    data = run(study(), tmp_path / "processes.sqlite", RUNS, executor=pool, chunk=11)
+    assert bits(data) == bits(alone)
+
+
+def test_going_on_to_more_runs_keeps_the_first(alone, tmp_path):
+    ledger = tmp_path / "l.sqlite"
+    run(study(), ledger, 13)
+    first = load(ledger)
+    assert first.runs == 13
+    assert bits(run(study(), ledger, RUNS, chunk=8)) == bits(alone)
+    # Fewer than there are: they stay.
+    assert bits(run(study(), ledger, 3)) == bits(alone)
+    assert first.samples.tobytes() == alone.samples[:13].tobytes()
+
+
+def test_the_window_is_bounded_and_no_result_is_kept():
+    class Counting(Executor):
+        under_way = most = 0
+
+        def submit(self, call, /, *arguments):
+            self.under_way += 1
+            self.most = max(self.most, self.under_way)
+            future = Future()
+            future.set_result(call(*arguments))
+            return future
+
+    executor = Counting()
+    for _ in carry_out(Job(study()), pieces(range(40), 2), executor, 3):
+        executor.under_way -= 1
+    assert executor.most == 3
+
+
+def test_a_worker_killed_in_mid_run_costs_nothing(alone, pool, tmp_path):
+    killed = []
+
+    def kill(progress):
+        if progress.part > 0.3 and not killed:
+            killed.append(pool.processes[0])
+            os.kill(killed[0], signal.SIGKILL)
+
+    ledger = tmp_path / "l.sqlite"
+    data = run(study(), ledger, RUNS, executor=pool, chunk=3, progress=kill)
+    assert killed
+    assert bits(data) == bits(alone)
+    with sqlite3.connect(ledger) as file:
+        assert file.execute("SELECT count(*) FROM results").fetchone() == (2 * RUNS,)
+    file.close()
+
+
+def test_the_run_that_kills_its_workers_is_found_and_no_other_is_blamed(tmp_path, monkeypatch):
+    made = pushed(Deadly(amplitude=0.5))
+    amplitudes = made.bound.samples(0, 16)[:, 0]
+    worst = int(np.argmax(amplitudes))
+    deaths = tmp_path / "deaths"
+    deaths.mkdir()
+    monkeypatch.setenv("DEADLY", str(np.sort(amplitudes)[-2]))
+    monkeypatch.setenv("DEATHS", str(deaths))
+    made = dataclasses.replace(made, controllers={"one": fp.PdGravity(kp=50.0, kd=10.0)})
+    data = run(made, tmp_path / "l.sqlite", 16, workers=2, chunk=8)
+    assert np.flatnonzero(data.outcome[:, 0] == "failed").tolist() == [worst]
+    assert (data.outcome == "completed").sum() == 15
+    assert "3 workers died" in data.cause[worst, 0]
+    assert np.isnan(data.metrics["rms"][worst, 0])
+    # Once in company, three times as a chunk, once a half: 4 and 2, three times by itself.
+    assert len(list(deaths.iterdir())) == 1 + 3 + 2 + 3
+    monkeypatch.setenv("DEADLY", "inf")
+    sound = run(made, tmp_path / "sound.sqlite", 16)
+    others = np.arange(16) != worst
+    assert np.array_equal(sound.metrics["rms"][others], data.metrics["rms"][others])
+
+
+def test_a_run_that_fails_is_recorded_with_its_cause(tmp_path):
+    made = pushed(Faulty(amplitude=0.5))
+    data = run(made, tmp_path / "l.sqlite", 32)
+    bad = data.samples[:, 0] > 1.0
+    assert 0 < bad.sum() < 32
+    assert (data.outcome[bad] == "failed").all()
+    assert (data.cause[bad] == "ZeroDivisionError: a fault of its own").all()
+    assert (data.outcome[~bad] == "completed").all()
+    assert not data.success[bad].any()
+    assert data.success[~bad].all()
+
+
+def test_outcomes_say_how_runs_ended(tmp_path):
+    made = study(uncertain={"payload": Uniform(low=0.0, high=5.0)})
+    arm = fp.Arm.two_link().with_limits(effort=(25.0, np.inf))
+    # Far beyond what a step of 5 ms can hold.
+    wild = fp.PdGravity(kp=1e6, kd=0.0)
+    laws = {"calm": fp.PdGravity(kp=50.0, kd=10.0), "wild": wild}
+    experiment = dataclasses.replace(made.experiment, arm=arm, duration=2.0, runaway_speed=30.0)
+    data = run(dataclasses.replace(made, experiment=experiment, controllers=laws),
+               tmp_path / "l.sqlite", 8)  # fmt: skip
+    assert (data.outcome[:, 0] == "saturated").any()
+    cause = data.cause[data.outcome[:, 0] == "saturated", 0][0]
+    assert "at its effort limit" in cause
+    assert "% of the time" in cause
+    assert (data.outcome[:, 1] == "diverged").all()
+    assert "beyond 30 rad/s" in data.cause[0, 1]
+    assert np.isnan(data.metrics["rms"][:, 1]).all()
+    assert data.success[:, 0].all()
+    assert not data.success[:, 1].any()
+
+
+def test_a_rule_ends_a_campaign_at_the_same_run_whatever_was_under_way(pool, tmp_path):
+    made = study(duration=0.05)
+    seen = []
+
+    def enough(data):
+        seen.append(data.runs)
+        return data.runs >= 512
+
+    first = run(made, tmp_path / "a.sqlite", 2000, until=enough, chunk=100)
+    assert seen == [256, 512]
+    other = run(made, tmp_path / "b.sqlite", 2000, until=enough, executor=pool, chunk=30)
+    assert first.runs == other.runs == 512
+    assert bits(first) == bits(other)
+    # It has ended: asked again it looks at what it has.
+    assert run(made, tmp_path / "a.sqlite", 2000, until=enough).runs == 512
+
+
+def test_pieces_end_where_they_did_before():
+    cut = [(p.first, p.last) for p in pieces([0, 1, 2, 5, 6, 7, 8, 9, 12], 4)]
+    assert cut == [(0, 3), (5, 8), (8, 10), (12, 13)]
+    assert pieces([], 4) == []
+
+
+def test_a_pool_that_breaks_for_good_is_refused_and_what_there_is_stays(tmp_path):
+    class Broken(Executor):
+        count = 0
+
+        def submit(self, call, /, *arguments):
+            self.count += 1
+            if self.count > 2:
+                raise BrokenExecutor("gone")
+            future = Future()
+            future.set_result(call(*arguments))
+            return future
+
+    ledger = tmp_path / "l.sqlite"
+    with pytest.raises(FpidError, match=r"expected one that outlives its workers \(fp\.tuning"):
+        run(study(), ledger, 40, executor=Broken(), chunk=10)
+    assert load(ledger).runs == 20
+
+
+def test_another_version_is_refused():
+    with pytest.raises(FpidError, match=r"workers: expected fpid_pin 0\.0, as here, got"):
+        run_chunk(Job(study(), version="0.0"), 0, 1)
+
+
+def test_bad_arguments_are_refused(tmp_path):
+    ledger = tmp_path / "l.sqlite"
+    for options in ({"runs": 0}, {"runs": 3, "chunk": 0}, {"runs": 3, "workers": 0}):
+        with pytest.raises(ArgumentError):
+            run(study(), ledger, **options)
+    with pytest.raises(ArgumentError, match=r"runs: expected at most 1 \(the points given\)"):
+        run(study(points=[[0.5] * 12]), ledger, 2)
+    assert not ledger.exists()

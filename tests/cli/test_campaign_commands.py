@@ -1,0 +1,166 @@
+"""`fpid-pin campaign` as a person uses it."""
+
+import csv
+import json
+
+import pytest
+
+import fpid_pin as fp
+from fpid_pin.campaign.ledger import Ledger
+from fpid_pin.cli.campaign_plan import read_campaign
+from fpid_pin.cli.config import load, parse
+from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
+from fpid_pin.exceptions import ConfigError
+
+SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.2").replace("1e-3", "5e-3", 1)
+CAMPAIGN = """
+[campaign]
+runs = 20
+seed = 4
+controllers = ["FPID, published orders", "integer PID"]
+[campaign.uncertain]
+mass = { kind = "uniform", low = 0.8, high = 1.2 }
+payload = { kind = "normal", mean = 0.5, std = 0.3 }
+delay = { kind = "choices", values = [0, 1, 2] }
+disturbance_amplitude = { kind = "log_uniform", low = 0.1, high = 2.0, shared = true }
+"""
+
+
+@pytest.fixture
+def config(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT + CAMPAIGN)
+    return path
+
+
+def test_run_resume_and_export(config, capsys):
+    assert main(["campaign", "run", str(config), "--runs", "7"]) == 0
+    said = capsys.readouterr()
+    assert "7 plants" in said.out
+    assert "integer PID" in said.out
+    assert "rms [rad]" in said.out
+    assert "dynamics compiled" in said.err
+    ledger = "runs/short-campaign.sqlite"
+    assert main(["campaign", "resume", ledger, "--runs", "20", "--chunk", "3"]) == 0
+    assert main(["campaign", "run", str(config), "--workers", "2", "--out", "other.sqlite"]) == 0
+    assert main(["campaign", "export", ledger, "--out", "a.csv"]) == 0
+    assert main(["campaign", "export", "other.sqlite", "--out", "b.csv"]) == 0
+    written = (config.parent / "a.csv").read_bytes()
+    assert written == (config.parent / "b.csv").read_bytes()
+    rows = list(csv.DictReader(written.decode().splitlines()))
+    assert len(rows) == 40
+    assert rows[0]["controller"] == "FPID, published orders"
+
+
+def test_replay_shows_a_run_beside_its_nominal_twin(config, capsys):
+    assert main(["campaign", "run", str(config), "--runs", "5", "--out", "l.sqlite"]) == 0
+    arguments = ["replay", "l.sqlite", "--run", "3", "--controller", "integer PID"]
+    assert main(["campaign", *arguments, "--html", "page.html"]) == 0
+    said = capsys.readouterr().out
+    assert "the same bits" in said
+    assert "payload:" in said
+    page = (config.parent / "page.html").read_text("utf-8")
+    assert "run 3, integer PID" in page
+    assert "nominal plant" in page
+    assert main(["campaign", "replay", "l.sqlite", "--run", "5"]) == 2
+    assert capsys.readouterr().err == "fpid-pin: run: expected one that is recorded, got 5\n"
+
+
+def test_attack_ends_with_the_command_that_shows_it(config, capsys):
+    arguments = ["attack", str(config), "--population", "5", "--generations", "1"]
+    assert main(["campaign", *arguments, "--out", "a.sqlite"]) == 0
+    said = capsys.readouterr().out
+    assert 'fpid-pin campaign replay a.sqlite --run 1 --controller "integer PID"' in said
+    assert main(["campaign", "replay", "a.sqlite", "--run", "1"]) == 0
+    assert main(["campaign", *arguments, "--out", "a.sqlite"]) == 2
+    assert "a new file" in capsys.readouterr().err
+
+
+def test_the_table_is_the_study(config):
+    plan = read_campaign(load(config))
+    assert plan.runs == 20
+    assert plan.study.names == ("FPID, published orders", "integer PID")
+    assert plan.study.experiment.dynamics == "compiled"
+    assert plan.study.scenarios.seed == 4
+    text = SHORT + CAMPAIGN.replace("runs = 20", 'dynamics = "pinocchio"')
+    slow = parse(text, "x", config.parent)
+    assert read_campaign(slow).study.experiment.dynamics == "pinocchio"
+    assert read_campaign(slow).runs == 1000
+
+
+def test_every_fault_of_the_table_is_a_line_with_its_key(tmp_path):
+    wrong = """
+[campaign]
+runs = 0
+sead = 4
+dynamics = "fast"
+controllers = ["nobody"]
+[campaign.uncertain]
+mass = { kind = "uniform", low = -0.8, high = 1.2 }
+paylod = { kind = "uniform", low = 0.0, high = 1.0 }
+delay = { kind = "choises", values = [0] }
+q0 = { kind = "uniform", low = 0.0 }
+"""
+    with pytest.raises(ConfigError) as caught:
+        read_campaign(parse(SHORT + wrong, "bad.toml", tmp_path))
+    lines = str(caught.value).splitlines()
+    for words in (
+        "campaign.runs: expected a whole number >= 1, got 0",
+        "campaign.sead: expected one of",
+        "campaign.dynamics: expected one of",
+        "campaign.controllers.0: expected one of",
+        "campaign.uncertain.mass.low: expected a number > 0, got -0.8",
+        "(did you mean payload?)",
+        "campaign.uncertain.delay.kind",
+        "campaign.uncertain.q0.high: expected a value, got none",
+    ):
+        assert sum(words in line for line in lines) == 1, words
+    assert all(line.startswith("bad.toml: campaign.") for line in lines)
+    with pytest.raises(ConfigError, match=r"campaign\.uncertain: expected a table of quantities"):
+        read_campaign(parse(SHORT, "bad.toml", tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "short.toml", "--workers", "2", "--dask", "tcp://127.0.0.1:1"], "not both"),
+        (["run", "short.toml", "--runs", "0"], "--runs: expected a whole number >= 1, got 0"),
+        (["run", "short.toml", "--workers", "0"], "--workers: expected a whole number >= 1"),
+        (["run", "short.toml", "--chunk", "0"], "--chunk: expected a whole number >= 1"),
+        (["run", "short.toml", "--out", "short.toml"], "a file that is no SQLite"),
+        (["resume", "none.sqlite"], "got no file"),
+        (["export", "short.toml", "--out", "a.csv"], "a file that is no SQLite"),
+    ],
+)
+def test_bad_input_is_one_line(config, capsys, arguments, words):
+    assert main(["campaign", *arguments]) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if "plants, " not in line]
+    assert len(lines) == 1
+    assert words in lines[0]
+    assert config.read_text() == SHORT + CAMPAIGN
+
+
+def test_a_changed_configuration_is_another_campaign(config, capsys):
+    assert main(["campaign", "run", str(config), "--runs", "2", "--out", "l.sqlite"]) == 0
+    config.write_text((SHORT + CAMPAIGN).replace("high = 1.2", "high = 1.3"))
+    capsys.readouterr()
+    assert main(["campaign", "run", str(config), "--runs", "2", "--out", "l.sqlite"]) == 2
+    assert "scenarios.uncertain.mass.high is 1.2 there and 1.3 here" in capsys.readouterr().err
+
+
+def test_a_ledger_rebuilds_an_arm_from_a_file(tmp_path):
+    from fpid_pin.campaign import Scenarios, Study, Uniform
+
+    arm = fp.Arm.from_example("ur5")
+    experiment = fp.Experiment(
+        arm, fp.references.Hold(tuple(arm.home)), duration=0.05, dynamics="compiled"
+    )
+    scenarios = Scenarios({"mass": Uniform(low=0.9, high=1.1)})
+    made = Study(experiment, {"pd": fp.PdGravity(kp=100.0, kd=20.0)}, scenarios)
+    data = fp.campaign.run(made, tmp_path / "l.sqlite", 3)
+    assert data.parameters[-1] == "mass.5"
+    assert fp.campaign.replay(tmp_path / "l.sqlite", 2).exact
+    with Ledger(tmp_path / "l.sqlite") as book:
+        assert json.dumps(book.study().to_dict()) == json.dumps(made.to_dict())
