@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -13,12 +12,13 @@ from urllib.parse import quote
 import numpy as np
 
 from fpid_pin import campaign, checks
-from fpid_pin.campaign import CampaignData, Replay, Study, dask_executor
+from fpid_pin.campaign import CampaignData, Replay, Study
 from fpid_pin.campaign.data import METRICS, OUTCOMES
 from fpid_pin.campaign.ledger import Ledger
 from fpid_pin.campaign.stopping import parse
 from fpid_pin.cli.campaign_plan import read_campaign
 from fpid_pin.cli.config import load
+from fpid_pin.cli.executors import check_means, executor_for
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.screen import print_table, say, screen
@@ -47,20 +47,12 @@ class Means:
     chunk: int = 64
 
     def __post_init__(self) -> None:
-        if self.workers is not None:
-            checks.integer("--workers", self.workers, low=1)
+        check_means(self.workers, self.dask)
         checks.integer("--chunk", self.chunk, low=1)
-        if None not in (self.workers, self.dask):
-            raise ArgumentError("--dask", "--workers or --dask, not both", "both")
 
-    @contextmanager
-    def executor(self) -> Iterator[Executor | None]:
-        """Give the scheduler's executor, None for what `campaign.run` makes itself."""
-        if self.dask is None:
-            yield None
-        else:
-            with dask_executor(self.dask) as executor:
-                yield executor
+    def executor(self) -> AbstractContextManager[Executor | None]:
+        """Return what gives the executor; a chunk whose worker dies is looked after by `run`."""
+        return executor_for(self.workers, self.dask, retries=0)
 
 
 def run_campaign(
@@ -88,8 +80,8 @@ def _carry_out(study: Study, ledger: Path, runs: int, means: Means, until: str |
     try:
         with means.executor() as executor, progress_bar("campaign") as bar:
             data = campaign.run(
-                study, ledger, runs, executor=executor, workers=means.workers,
-                chunk=means.chunk, until=rule, progress=bar,
+                study, ledger, runs, executor=executor, chunk=means.chunk, until=rule,
+                progress=bar,
             )  # fmt: skip
     except KeyboardInterrupt:
         say(console, f"{ledger}: `fpid-pin campaign resume {ledger}` goes on from here")
@@ -157,7 +149,7 @@ def attack_campaign(
     with means.executor() as executor, progress_bar("attack") as bar:
         data = campaign.attack(
             plan.study, out, population=population, generations=generations,
-            executor=executor, workers=means.workers, progress=bar,
+            executor=executor, progress=bar,
         )  # fmt: skip
     console = screen()
     for k, name in enumerate(data.controllers):

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from fpid_pin.cli.options import AllowImport, ConfigFile
+from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
 
 app = typer.Typer(
     help="The same controllers on thousands of other plants, recorded and resumable.",
@@ -17,8 +17,6 @@ app = typer.Typer(
 
 LedgerFile = Annotated[Path, typer.Argument(metavar="LEDGER", help="Of a campaign.")]
 Runs = Annotated[int | None, typer.Option(help="Plants; those that are there are kept.")]
-Workers = Annotated[int | None, typer.Option(help="Processes; none: this one.")]
-Dask = Annotated[str | None, typer.Option(help="Or a scheduler: tcp://127.0.0.1:8786.")]
 Chunk = Annotated[int, typer.Option(help="Plants of a task.")]
 Until = Annotated[str | None, typer.Option(help='Stop when known: "success +- 0.01".')]
 NewLedger = Annotated[Path | None, typer.Option("--out", help="The ledger.")]

@@ -9,7 +9,7 @@ import typer
 
 from fpid_pin._version import __version__
 from fpid_pin.cli import campaign_commands
-from fpid_pin.cli.options import AllowImport, ConfigFile
+from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
 
 app = typer.Typer(
     help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
@@ -102,7 +102,8 @@ def tune(
     config: ConfigFile,
     out: OutputPath = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
-    workers: Annotated[int | None, typer.Option(help="Processes; none: this one.")] = None,
+    workers: Workers = None,
+    dask: Dask = None,
     png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
@@ -110,7 +111,8 @@ def tune(
     from fpid_pin.cli.keep import Keep
     from fpid_pin.cli.tune import run_tuning
 
-    run_tuning(config, out or Path("runs") / f"{config.stem}-tuned", resume, workers, Keep(png=png))
+    folder = out or Path("runs") / f"{config.stem}-tuned"
+    run_tuning(config, folder, resume, workers, Keep(png=png), dask)
 
 
 @app.command()

@@ -14,6 +14,7 @@ import numpy as np
 
 from fpid_pin.cli import summary
 from fpid_pin.cli.config import load
+from fpid_pin.cli.executors import executor_for
 from fpid_pin.cli.keep import ALL, Keep
 from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.screen import print_table, say, screen
@@ -24,14 +25,19 @@ from fpid_pin.cli.tune_plan import Plan, read_plan
 from fpid_pin.cli.tune_results import compare, draw, write
 from fpid_pin.exceptions import FpidError
 from fpid_pin.files import discard, replacing
-from fpid_pin.tuning import TuningResult, WorkerPool, tune
+from fpid_pin.tuning import TuningResult, tune
 
 #: The checkpoint within the folder of results.
 KEPT = "checkpoint.npz"
 
 
 def run_tuning(
-    path: Path, out: Path, resume: bool = False, workers: int | None = None, keep: Keep = ALL
+    path: Path,
+    out: Path,
+    resume: bool = False,
+    workers: int | None = None,
+    keep: Keep = ALL,
+    dask: str | None = None,
 ) -> TuningResult:
     """Search as a configuration says, and write the folder `out`.
 
@@ -49,7 +55,7 @@ def run_tuning(
     with output_folder(out) as folder:
         _take_up(checkpoint, out / KEPT, resume)
         with ExitStack() as stack:
-            pool = None if workers is None else stack.enter_context(WorkerPool(workers))
+            pool = stack.enter_context(executor_for(workers, dask))
             try:
                 result = _search(plan, pool, checkpoint, resume)
             except KeyboardInterrupt:

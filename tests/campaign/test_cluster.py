@@ -3,6 +3,8 @@
 import os
 import signal
 import sqlite3
+import subprocess
+import sys
 import time
 from contextlib import closing
 
@@ -10,7 +12,9 @@ import psutil
 import pytest
 from studies import bits, study
 
-from fpid_pin.campaign import cluster, dask_executor, local_cluster, run
+from fpid_pin.campaign import cluster, dask_executor, load, local_cluster, run
+from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError, FpidError
 
 pytest.importorskip("distributed")
@@ -64,6 +68,52 @@ def test_a_worker_killed_in_mid_run_leaves_every_run_recorded_once(scheduler, al
     assert bits(data) == bits(alone)
     with closing(sqlite3.connect(ledger)) as file:
         assert file.execute("SELECT count(*) FROM results").fetchone() == (2 * RUNS,)
+
+
+def test_a_search_takes_the_same_executor(scheduler, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    tuned = """
+[tune]
+population = 6
+generations = 2
+seeds = 1
+map_points = 0
+profile_points = 0
+[tune.space]
+kp = [1, 100, "log"]
+"""
+    text = demo_config().text.replace("duration = 20.0", "duration = 0.1")
+    (tmp_path / "study.toml").write_text(text + tuned)
+    assert main(["tune", "study.toml", "--out", "shared", "--dask", scheduler.address]) == 0
+    assert main(["tune", "study.toml", "--out", "alone"]) == 0
+    both = [(tmp_path / name / "history.csv").read_bytes() for name in ("shared", "alone")]
+    assert both[0] == both[1]
+
+
+def test_the_command_line_reaches_a_scheduler(scheduler, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = demo_config().text.replace("duration = 20.0", "duration = 0.1")
+    uncertain = '[campaign.uncertain]\nmass = { kind = "uniform", low = 0.8, high = 1.2 }\n'
+    (tmp_path / "study.toml").write_text(text + uncertain)
+    shared = ["run", "study.toml", "--runs", "9", "--out", "shared"]
+    assert main(["campaign", *shared, "--chunk", "2", "--dask", scheduler.address]) == 0
+    assert main(["campaign", "run", "study.toml", "--runs", "9", "--out", "alone"]) == 0
+    assert bits(load(tmp_path / "shared")) == bits(load(tmp_path / "alone"))
+
+
+def test_a_cluster_of_the_command_ends_with_it():
+    child = subprocess.Popen(
+        [sys.executable, "-m", "fpid_pin.cli.main", "campaign", "cluster", "--workers", "1"],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert child.stdout.readline().startswith("--dask tcp://127.0.0.1:")
+    family = psutil.Process(child.pid).children(recursive=True)
+    assert family
+    child.send_signal(signal.SIGINT)
+    assert child.communicate(timeout=60)[1] == "fpid-pin: stopped\n"
+    assert child.returncode == 130
+    _, alive = psutil.wait_procs(family, timeout=30)
+    assert not alive
 
 
 def test_it_listens_on_loopback_only(scheduler):
