@@ -91,7 +91,7 @@ def report_html(
     """
     if data.runs == 0:
         raise ArgumentError("data", "at least one run", "none")
-    marks = {name: colour(k) for k, name in reversed(list(enumerate(data.controllers)))}
+    marks = {name: colour(k) for k, name in enumerate(data.controllers)}
     differences = _differences(data)
     parts = [answer_html(answer(data, differences.get("rms", [])))]
 

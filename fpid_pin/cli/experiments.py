@@ -18,7 +18,7 @@ from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.screen import print_table, say, screen
 from fpid_pin.cli.summary import Entry
-from fpid_pin.cli.verdict import MEASURES, Ranking, answer, rank
+from fpid_pin.cli.verdict import LEGEND, MEASURES, Ranking, answer, rank
 from fpid_pin.simulation import Run, simulate
 
 if TYPE_CHECKING:
@@ -148,10 +148,10 @@ def write(
             text = summary.comma_separated(tables[head])
             (folder / f"{name}.csv").write_text(text, encoding="utf-8")
     told = answer(entries, ranking)
-    lines = "".join(f"- {summary.in_markdown(line)}\n" for line in told)
+    lines = "".join(f"- {summary.in_markdown(line)}\n" for line in (*told, LEGEND))
     sections = [
         f"# {summary.in_markdown(config.title or config.path)}\n",
-        *([lines] if lines else []),
+        lines,
         *(summary.markdown(rows) for rows in tables.values() if rows),
     ]
     (folder / "summary.md").write_text("\n".join(sections), encoding="utf-8")
@@ -167,7 +167,7 @@ def write(
         figures=drawn,
         config_text=config.text,
         captions=[entry.controller for entry in entries],
-        answer=told,
+        answer=[*told, LEGEND],
         groups={c: [k for k, e in enumerate(entries) if e.condition == c] for c in order},
     )
 
@@ -179,4 +179,5 @@ def show(entries: Sequence[Entry], ranking: Ranking, title: str, out: Path) -> N
         say(console, line)
     rows = summary.drop_constant(summary.run_rows(entries, ranking), "condition")
     print_table(console, summary.rich_table(rows, title or "Result"))
+    say(console, f"{LEGEND}; *: best")
     say(console, f"Written to {out}: report.html (open it in a browser), figures, tables, runs")

@@ -57,6 +57,10 @@ MEASURES = {
 }
 
 
+#: What the heads of the tables mean.
+LEGEND = f"tail: RMS error of the last half; cost: (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}"
+
+
 @dataclass(frozen=True, eq=False)
 class Ranking:
     """Every controller's figure under every condition.

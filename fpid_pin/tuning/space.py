@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 from typing import Any, cast, get_args, get_type_hints
 
 import numpy as np
@@ -230,15 +231,21 @@ def _bounds(name: str, value: ArrayLike, count: int, n: int) -> FloatArray:
     return checks.per_joint(name, array, count if array.ndim == 0 else n)
 
 
+@cache
+def _left_open(cls: type) -> frozenset[str]:
+    """Return the arguments that may be a number, or None."""
+    hints = get_type_hints(cls)
+    return frozenset(name for name, hint in hints.items() if float in get_args(hint))
+
+
 def _numeric_parameters(controller: Controller) -> list[str]:
     """Return the names of the arguments that hold numbers."""
     if not dataclasses.is_dataclass(controller):
         raise ArgumentError("controller", "a dataclass", type(controller).__name__)
     names = []
-    hints = get_type_hints(type(controller))
     for field in dataclasses.fields(controller):
         value = getattr(controller, field.name)
-        if value is None and float in get_args(hints[field.name]):
+        if value is None and field.name in _left_open(type(controller)):
             value = 0.0  # a number that was left to the controller
         if isinstance(value, bool) or not isinstance(value, (int, float, np.ndarray, tuple, list)):
             continue

@@ -9,7 +9,9 @@ import pytest
 from made_campaigns import arms, campaign
 
 from fpid_pin.campaign import figures, sensitivity_figures
+from fpid_pin.campaign.answers import answer
 from fpid_pin.campaign.report import report_html
+from fpid_pin.campaign.statistics import paired_difference
 from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.view.palette import colour
 from fpid_pin.view.style import figure_bytes
@@ -124,6 +126,17 @@ def test_what_does_not_tell_two_apart_is_said(tmp_path):
     assert "on 50 % of 40 plants, which does not tell them apart; where both" in page.text
     page = Page(report_html(campaign([[1.0, 1.0]] * 20), tmp_path / "r.html"))
     assert "no plant on which either is better" in page.text
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_the_answer_is_told_from_the_leaders_side(order):
+    errors = np.array([[1.0, 3.0]] * 30 + [[2.0, 1.5]] * 10)[:, order]
+    data = campaign(errors, names=tuple(np.array(["good", "bad"])[list(order)]))
+    line = answer(data, [paired_difference(data, 0, 1)])[2]
+    assert line == (
+        "Against bad: the smaller error on 75 % of 40 plants; where both succeed, -2 rad in the "
+        "median (95 %: -2 to -2)."
+    )
 
 
 def test_a_campaign_without_runs_and_a_place_that_cannot_be_written_are_refused(data, tmp_path):

@@ -58,6 +58,13 @@ def test_saturated_is_a_success_and_an_error_without_end_is_none():
     assert np.isinf(statistics.scored(data)[2:]).all()
 
 
+def test_a_metric_that_is_not_a_number_is_the_worst_also_of_a_run_that_succeeded():
+    data = campaign([[1.0], [2.0]])
+    data.metrics["energy"][0] = np.nan
+    assert statistics.scored(data, "energy")[:, 0].tolist() == [np.inf, 6.0]
+    assert statistics.scored(data)[:, 0].tolist() == [1.0, 2.0]
+
+
 # ---------------------------------------------------------------------- distributions
 
 
