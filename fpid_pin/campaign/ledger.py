@@ -56,6 +56,8 @@ class Ledger:
         with told(self.path):
             self._file = self._open(writable=study is not None)
             try:
+                # A stranger's views and triggers call no functions.
+                self._file.execute("PRAGMA trusted_schema = OFF")
                 if self._tables() or study is None:
                     # Before anything of a stranger's file is touched.
                     self._require_ours()
@@ -103,9 +105,10 @@ class Ledger:
         return Study.from_dict(self.study_table, str(self.path))
 
     def recorded(self) -> set[int]:
-        """Return the numbers of the runs that are recorded."""
+        """Return the numbers of the runs that are recorded, under every controller."""
+        query = "SELECT run FROM results GROUP BY run HAVING count(*) = ?"
         with told(self.path):
-            return {run for (run,) in self._file.execute("SELECT DISTINCT run FROM results")}
+            return {run for (run,) in self._file.execute(query, (len(self.controllers),))}
 
     def data(self, runs: int | None = None) -> CampaignData:
         """Return the first runs, up to the first that is not recorded yet, or `runs` of them."""
@@ -113,20 +116,20 @@ class Ledger:
         limit = -1 if runs is None else runs * columns
         names = ", ".join(map(quoted, self.parameters))
         query = (
-            f"SELECT run, outcome, cause, {_FIGURES}, {names} FROM results "
+            f"SELECT run, controller, outcome, cause, {_FIGURES}, {names} FROM results "
             "ORDER BY run, controller LIMIT ?"
         )
+        size = len(METRICS)
         with told(self.path):
             rows = self._file.execute(query, (limit,)).fetchall()
-        # Chunks are recorded whole, so that the first gap is where numbers part.
-        numbers = np.array([row[0] for row in rows[::columns]], dtype=np.int64)
-        gaps = np.flatnonzero(numbers != np.arange(len(numbers)))
-        count = int(gaps[0]) if len(gaps) else len(numbers)
-        rows = rows[: count * columns]
-        shape = (count, columns)
-        size = len(METRICS)
-        table = np.array([row[3:] for row in rows], dtype=np.float64)
-        table = table.reshape(*shape, size + len(self.parameters))
+            # Chunks are recorded whole, so that the first gap is where numbers part.
+            places = np.array([run * columns + column for run, column, *_ in rows], dtype=np.int64)
+            gaps = np.flatnonzero(places != np.arange(len(places)))
+            count = (int(gaps[0]) if len(gaps) else len(places)) // columns
+            rows = rows[: count * columns]
+            shape = (count, columns)
+            table = np.array([row[4:] for row in rows], dtype=np.float64)
+            table = table.reshape(*shape, size + len(self.parameters))
         return CampaignData(
             title=str(self.study_table["title"]),
             seed=int(self.study_table["scenarios"]["seed"]),
@@ -134,8 +137,8 @@ class Ledger:
             parameters=self.parameters,
             units=self.units,
             samples=table[:, 0, size:].copy(),
-            outcome=np.array([row[1] for row in rows], dtype=np.str_).reshape(shape),
-            cause=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
+            outcome=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
+            cause=np.array([row[3] for row in rows], dtype=np.str_).reshape(shape),
             metrics={name: table[:, :, k].copy() for k, name in enumerate(METRICS)},
         )
 

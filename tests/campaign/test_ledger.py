@@ -203,6 +203,23 @@ def test_runs_beyond_a_gap_wait_for_it(made, tmp_path):
     assert bits(run(study(duration=0.1), path, 12)) == bits(whole)
 
 
+def test_a_ledger_that_somebody_has_altered_is_refused_or_mended(made, tmp_path):
+    path = tmp_path / "l.sqlite"
+    whole = run(study(duration=0.1), path, 12)
+
+    def alter(command):
+        with closing(sqlite3.connect(path)) as file:
+            file.execute(command)
+            file.commit()
+
+    alter("DELETE FROM results WHERE run = 5 AND controller = 1")
+    assert load(path).runs == 5
+    assert bits(run(study(duration=0.1), path, 12)) == bits(whole)
+    alter("UPDATE results SET rms = 'much' WHERE run = 3")
+    with pytest.raises(FileFormatError, match="expected a sound ledger"):
+        load(path)
+
+
 def test_two_drivers_at_once_are_refused(tmp_path):
     path, found = tmp_path / "l.sqlite", []
 
