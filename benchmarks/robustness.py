@@ -62,7 +62,7 @@ def study(arm: str, duration: float) -> Study:
         experiment = fp.Experiment(
             robot, motion, plant=fp.Plant(disturbance=push), duration=duration
         )
-        law = fp.suggest_gains(robot, bandwidth=10.0, step=1e-3).controller
+        law = fp.suggest_gains(robot, bandwidth=10.0, step=1e-3)
     experiment = dataclasses.replace(experiment, dynamics="compiled")
     return Study(experiment, {"fractional": law}, Scenarios(UNCERTAIN), arm)
 
