@@ -233,6 +233,6 @@ def test_play_shows_a_run_and_ends_with_it(browser, make_run, two_link):
         until(page, "window.fpidPin !== undefined && fpidPin.frames() > 3")
         thread.join(15.0)
         assert not thread.is_alive()
-        until(page, "document.getElementById('time').textContent === 't = 1.00 s'", 5.0)
+        until(page, "document.getElementById('time').textContent === 't = 1.00 s'", 30.0)
         assert visit.errors == [] or all("WebSocket" in text for text in visit.errors)
     assert np.median(sent) < 3e-3
