@@ -127,9 +127,8 @@ def importing(repeats: int) -> None:
         float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
         for _ in range(repeats)
     ]
-    print(
-        f"\nimport fpid_pin, all but views: {min(times):.2f} s at best, {np.median(times):.2f} s median"
-    )
+    best, middle = min(times), np.median(times)
+    print(f"\nimport fpid_pin, all but views: {best:.2f} s at best, {middle:.2f} s median")
 
 
 def joints(repeats: int, runs: int = 60) -> None:
