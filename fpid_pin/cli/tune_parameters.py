@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from concurrent.futures import Executor
-from typing import cast
 
 import numpy as np
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.summary import Row
 from fpid_pin.cli.tune_plan import Plan
-from fpid_pin.control import Controller
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning import Profile, TuningResult, profile
 from fpid_pin.tuning.space import BoundSpace
@@ -42,7 +38,7 @@ def parameter_rows(plan: Plan, result: TuningResult, along: Profile | None) -> l
     """Return one row a parameter: at the start, tuned, its range, what it matters."""
     bound = _bound(plan)
     rows: list[Row] = []
-    start, tuned = (_values(bound, c) for c in (plan.controller, result.controller))
+    start, tuned = (bound.settings(c) for c in (plan.controller, result.controller))
     for k, label in enumerate(bound.labels):
         row: Row = {
             "parameter": label,
@@ -80,14 +76,3 @@ def what_mattered(along: Profile | None) -> list[str]:
 
 def _bound(plan: Plan) -> BoundSpace:
     return plan.space.bind(plan.controller, next(iter(plan.experiments.values())).arm.n)
-
-
-def _values(bound: BoundSpace, controller: Controller) -> FloatArray:
-    """Return a controller's parameters in the order of the labels; the first joint's if shared."""
-    found = []
-    for name, gene in bound.space.genes.items():
-        value = getattr(controller, name)
-        left = np.full(bound.n, np.nan)  # to the controller
-        given = left if value is None else checks.per_joint(name, value, bound.n)
-        found.append(given[:1] if gene.shared else given)
-    return cast("FloatArray", np.concatenate(found))

@@ -78,7 +78,7 @@ def tune(
         cost=cost_found,
         start_cost=search.start_cost,
         parameters=bound.parameters(found),
-        at_bounds=bound.at_bounds(bound.point(found, bound.n, nearest=True)),
+        at_bounds=bound.at_bounds(bound.nearest(found)),
         controllers=tuple(
             bound.controller(point, f"tuned, seed {seed}")
             for point, seed in zip(points, settings.seeds, strict=True)

@@ -63,7 +63,7 @@ def searched(
     points = [bound.point(start, n) for start in settings.initial]
     if len(points) < settings.population:
         # Where the search starts from takes part in it, moved into the space where it is outside.
-        points.append(bound.point(controller, n, nearest=True))
+        points.append(bound.nearest(controller))
     first = np.array(points).reshape(-1, bound.size)
     with executor_of(settings.executor, settings.workers) as pool:
         search = Search(

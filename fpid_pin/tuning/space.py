@@ -183,11 +183,31 @@ class BoundSpace:
     def _naming(self, name: str | None) -> dict[str, Any]:
         return {} if name is None or not hasattr(self.base, "name") else {"name": name}
 
-    def point(self, controller: Controller, n: int, *, nearest: bool = False) -> FloatArray:
-        """Return the point at which `controller` lies, (size,).
+    def settings(self, controller: Controller) -> FloatArray:
+        """Return what a controller has of the numbers sought, (size,).
 
-        With `nearest` one that lies outside is moved to the bound, and where the space shares, the
-        mean of the joints counts.
+        The mean of those that the space has one for; NaN: left to the controller.
+        """
+        out = np.empty(self.size)
+        for name, place in self._places.items():
+            value = getattr(controller, name)
+            given = np.asarray(np.nan if value is None else value, dtype=np.float64)
+            # Learning rates may be a row for each of Kp, Ki, Kd.
+            rows = np.broadcast_to(given.mean(axis=0) if given.ndim > 1 else given, (self.n,))
+            out[place] = rows.mean() if self.space.genes[name].shared else rows
+        return out
+
+    def nearest(self, controller: Controller) -> FloatArray:
+        """Return the point at which a controller lies, (size,), moved into the space.
+
+        What is left to the controller is in the middle of its range, for want of another place.
+        """
+        values = self.settings(controller)
+        point = self._coordinates(np.clip(values, self.low, self.high))
+        return np.where(np.isnan(values), 0.5, point)
+
+    def point(self, controller: Controller, n: int) -> FloatArray:
+        """Return the point at which `controller` lies, (size,).
 
         Raises
         ------
@@ -195,32 +215,28 @@ class BoundSpace:
             It lies outside, differs between joints where the space shares, or has no such
             parameters.
         """
-        out = np.empty(self.size)
+        values = np.empty(self.size)
         for name, place in self._places.items():
             if not hasattr(controller, name):
                 kind = type(controller).__name__
                 raise ArgumentError(f"initial.{name}", f"a controller with {name}", f"a {kind}")
-            value = getattr(controller, name)
-            if value is None and nearest:
-                # Left to the controller: in the middle of the range for want of another place.
-                out[place] = 0.5
-                continue
-            given = checks.per_joint(f"initial.{name}", value, n)
+            given = checks.per_joint(f"initial.{name}", getattr(controller, name), n)
             low, high = self.low[place], self.high[place]
-            if nearest:
-                given = np.clip(given.mean() if self.space.genes[name].shared else given, low, high)
-            elif self.space.genes[name].shared:
+            if self.space.genes[name].shared:
                 if (given != given[0]).any():
                     raise ArgumentError(f"initial.{name}", "one value for all joints", given)
                 given = given[:1]
             if (given < low).any() or (given > high).any():
                 raise ArgumentError(f"initial.{name}", f"within {low} and {high}", given)
-            for k, value in zip(range(place.start, place.stop), given.tolist(), strict=True):
-                a, b = float(self.low[k]), float(self.high[k])
-                part = (
-                    math.log(value / a) / math.log(b / a) if self._log[k] else (value - a) / (b - a)
-                )
-                out[k] = min(max(part, 0.0), 1.0)
+            values[place] = given
+        return self._coordinates(values)
+
+    def _coordinates(self, values: FloatArray) -> FloatArray:
+        out = np.empty(self.size)
+        for k, value in enumerate(values.tolist()):
+            a, b = float(self.low[k]), float(self.high[k])
+            part = math.log(value / a) / math.log(b / a) if self._log[k] else (value - a) / (b - a)
+            out[k] = min(max(part, 0.0), 1.0)
         return out
 
 

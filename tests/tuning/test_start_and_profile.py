@@ -56,6 +56,20 @@ def test_a_start_that_diverges_is_no_rival():
     assert "a run that diverges" in result.advice[0]
 
 
+def test_a_start_whose_rates_are_a_row_for_each_gain_takes_part():
+    suggested = fp.suggest_gains(fp.Arm.two_link(), 8.0)
+    assert np.shape(suggested.learning_rate) == (3, 2)
+    space = Space(learning_rate=(1e-3, 30, "log", "shared"), kp=(20, 200, "log"))
+    result = searched(suggested, space, generations=2)
+    assert result.cost <= result.start_cost
+    bound = space.bind(suggested, 2)
+    assert bound.settings(suggested)[0] == pytest.approx(np.mean(suggested.learning_rate))
+    left = fp.SuggestedFpid()
+    half = Space(derivative_order=(0.6, 1.0, "shared")).bind(left, 2)
+    assert np.isnan(half.settings(left)).all()
+    assert half.nearest(left) == pytest.approx([0.5])
+
+
 def test_what_lies_at_a_bound_is_named():
     # More is better here, up to where the space ends.
     result = searched(CONTROLLER, Space(kp=(1, 12, "shared"), kd=(1, 200)), population=24,
