@@ -56,13 +56,13 @@ def uncertain(name: str) -> dict[str, Any]:
     """Return how the plants differ."""
     payload, push, friction = LOADS[name]
     return {
-        "mass": Normal(1.0, 0.15),
-        "payload": Uniform(0.0, payload),
-        "viscous_friction": Uniform(0.0, friction),
-        "disturbance_amplitude": Uniform(0.0, push),
-        "disturbance_frequency": LogUniform(1.0, 20.0, shared=True),
-        "velocity_noise": Uniform(0.0, 0.03, shared=True),
-        "delay": Choices((0, 1, 2)),
+        "mass": Normal(mean=1.0, std=0.15),
+        "payload": Uniform(low=0.0, high=payload),
+        "viscous_friction": Uniform(low=0.0, high=friction),
+        "disturbance_amplitude": Uniform(low=0.0, high=push),
+        "disturbance_frequency": LogUniform(low=1.0, high=20.0, shared=True),
+        "velocity_noise": Uniform(low=0.0, high=0.03, shared=True),
+        "delay": Choices(values=(0, 1, 2)),
     }
 
 

@@ -99,7 +99,13 @@ class _Finder(pickle.Pickler):
 def _refuse_homeless(task: Any) -> None:
     """Refuse what a worker could not import: it would die over it, and not say why."""
     script = getattr(sys.modules["__main__"], "__file__", None)
-    if script is not None and os.path.isfile(script):
+    if script is not None:
+        if not os.path.isfile(script):
+            # Each would die over it, whatever it was to do.
+            raise TuningError(
+                f"workers: expected a script in a file, got {script}: worker processes begin by "
+                "importing it"
+            )
         return
     finder = _Finder(io.BytesIO())
     finder.dump(task)

@@ -169,8 +169,13 @@ def test_workers_cannot_have_what_a_session_defines():
                 settings=SearchSettings(population=4, generations=1, workers=2))
     """)
     done = subprocess.run(
-        [sys.executable, "-"], input=code, capture_output=True, text=True, timeout=120, check=False
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
     )
     last = done.stderr.strip().splitlines()[-1]
     assert "TuningError: workers: expected classes and functions of a module, got Mine" in last
     assert "out of memory" not in done.stderr
+    # A script that is read from standard input cannot even begin in a worker.
+    done = subprocess.run(
+        [sys.executable, "-"], input=code, capture_output=True, text=True, timeout=120, check=False
+    )
+    assert "workers: expected a script in a file, got <stdin>" in done.stderr
