@@ -1,12 +1,18 @@
-"""A browser, for whatever is to be seen in one."""
+"""One thread of BLAS, and a browser for whatever is to be seen in one."""
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
+
+# NumPy is not loaded yet. Threads of BLAS that wait for one another, on cores that other tests use,
+# take twenty times as long over small matrices.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 
 FLAGS = [
     "--no-sandbox",
