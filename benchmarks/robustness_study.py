@@ -27,7 +27,7 @@ from fpid_pin.tuning import RobustCost, SearchSettings, Space, tune
 #: Of each arm: payload and push [kg], [N m]; friction [N m s/rad].
 LOADS: dict[str, tuple[float, Any, Any]] = {
     "two_link": (1.0, (4.0, 2.0), (1.0, 1.0)),
-    "ur5": (3.0, (10.0, 10.0, 5.0, 2.0, 2.0, 1.0), (4.0, 4.0, 2.0, 0.5, 0.5, 0.1)),
+    "ur5": (3.0, (10.0, 10.0, 5.0, 0.5, 0.5, 0.05), (4.0, 4.0, 2.0, 0.5, 0.5, 0.02)),
 }
 BUDGET = SearchSettings(population=40, generations=25)
 GAINS: dict[str, Any] = {
