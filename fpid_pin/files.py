@@ -78,6 +78,14 @@ def replacing(path: str | Path) -> Iterator[Path]:
 # ---------------------------------------------------------------------- what may be replaced
 
 
+def put_text(path: str | Path, text: str) -> Path:
+    """Write a text that appears whole or not at all, and return its path; see `replacing`."""
+    path = Path(path)
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+    return path
+
+
 def kind_of(path: Path) -> str | None:
     """Return what is at `path` ("a file", "a symlink", ...), not followed; None: nothing."""
     try:

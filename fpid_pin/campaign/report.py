@@ -25,7 +25,7 @@ from fpid_pin.campaign.statistics import (
 )
 from fpid_pin.campaign.stopping import rate_interval
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.files import replacing
+from fpid_pin.files import put_text
 from fpid_pin.view.document import Link, as_text
 from fpid_pin.view.palette import colour
 from fpid_pin.view.report import Table, answer_html, figure_html, page_html, section, table_html
@@ -115,9 +115,7 @@ def report_html(
     ]
     tables = [_worst(data, k, replay_link) for k in range(len(names))]
     add("The ten worst runs", _folded(heads, tables, first), "worst")
-    with replacing(Path(path)) as temporary:
-        temporary.write_text(page_html(data.title or "Campaign", parts), encoding="utf-8")
-    return Path(path)
+    return put_text(path, page_html(data.title or "Campaign", parts))
 
 
 def _differences(data: CampaignData) -> dict[str, list[Difference]]:

@@ -12,7 +12,6 @@ from fpid_pin.cli import campaign_commands
 from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
 
 app = typer.Typer(
-    help="Adaptive fractional-order PID control of robot arms on Pinocchio.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,

@@ -15,6 +15,7 @@ from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.keep import ALL, Keep
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.output import output_folder
+from fpid_pin.cli.pairs import simulate_pairs
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.screen import print_table, say, screen
 from fpid_pin.cli.summary import Entry
@@ -106,17 +107,8 @@ def _comparisons(config: Config, entries: Sequence[Entry], ranking: Ranking) -> 
 
 
 def simulate_all(config: Config) -> list[Entry]:
-    """Simulate every pair of condition and controller in as few lockstep calls as may be."""
-    keys = [(c, k) for c in config.conditions for k in config.controllers]
-    many = len(config.conditions) > 1
-    files = file_names([key if many else key[1:] for key in keys])
-    experiments = [config.conditions[condition] for condition, _ in keys]
-    controllers = [config.controllers[controller] for _, controller in keys]
-    with progress_bar(f"simulating {len(keys)} runs") as progress:
-        runs = simulate(experiments, controllers, progress=progress)
-    return [
-        Entry(*key, run, f"{file}.npz") for key, run, file in zip(keys, runs, files, strict=True)
-    ]
+    """Simulate every controller of a configuration under every condition."""
+    return simulate_pairs(config.conditions, config.controllers)
 
 
 def write(

@@ -16,7 +16,7 @@ from fpid_pin.cli.arm_argument import arm_table
 from fpid_pin.cli.screen import say, screen
 from fpid_pin.descriptions import from_dict
 from fpid_pin.exceptions import FileFormatError
-from fpid_pin.files import kind_of, replacing
+from fpid_pin.files import kind_of, put_text
 
 #: The reference: so far to both sides at most [rad], [m], and this part of what position and speed
 #: limits allow.
@@ -107,8 +107,7 @@ def run_init(text: str, locks: Sequence[str], out: Path) -> None:
     table = arm_table(text, locks)
     arm = from_dict(table, Arm)
     written = configuration(arm, _relative(table, out), asked=text, file=out)
-    with replacing(out) as temporary:
-        temporary.write_text(written, encoding="utf-8")
+    put_text(out, written)
     say(screen(), f"Written: {out} (fpid-pin compare {out})")
 
 

@@ -7,12 +7,14 @@ import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from fpid_pin.cli.verdict import COST, Ranking, over_joints
 from fpid_pin.simulation import Run, limit_report
+from fpid_pin.simulation.limits import Exceedance
 from fpid_pin.text import visible
 
 
@@ -24,6 +26,11 @@ class Entry:
     controller: str
     run: Run
     file: str
+
+    @cached_property
+    def limits(self) -> list[Exceedance]:
+        """What its run went beyond: tables and sentences ask for it, and it is looked for once."""
+        return limit_report(self.run)
 
 
 Row = dict[str, Any]
@@ -121,7 +128,7 @@ def limit_rows(entries: Sequence[Entry]) -> list[Row]:
             "part [%]": 100.0 * e.part,
         }
         for entry in entries
-        for e in limit_report(entry.run)
+        for e in entry.limits
     ]
 
 

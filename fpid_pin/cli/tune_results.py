@@ -18,12 +18,13 @@ from fpid_pin.cli import summary
 from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.keep import Keep
 from fpid_pin.cli.names import file_names
+from fpid_pin.cli.pairs import simulate_pairs
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.summary import Entry, Row
 from fpid_pin.cli.tune_parameters import parameter_rows, what_mattered
 from fpid_pin.cli.tune_plan import Plan
 from fpid_pin.control import AdaptiveFpid, Controller
-from fpid_pin.simulation import cost_of, simulate
+from fpid_pin.simulation import cost_of
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
 from fpid_pin.tuning import Profile, TuningResult, cost_map
 from fpid_pin.tuning.robust import over_scenarios
@@ -71,19 +72,7 @@ def _rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
 
 def compare(plan: Plan, result: TuningResult) -> list[Entry]:
     """Simulate the tuned controller and its rivals under every condition."""
-    rivals = _rivals(plan, result)
-    keys = [(condition, label) for condition in plan.experiments for label in rivals]
-    many = len(plan.experiments) > 1
-    files = file_names([key if many else key[1:] for key in keys], taken=TAKEN)
-    with progress_bar(f"simulating {len(keys)} runs") as progress:
-        runs = simulate(
-            [plan.experiments[condition] for condition, _ in keys],
-            [rivals[label] for _, label in keys],
-            progress=progress,
-        )
-    return [
-        Entry(*key, run, f"{file}.npz") for key, run, file in zip(keys, runs, files, strict=True)
-    ]
+    return simulate_pairs(plan.experiments, _rivals(plan, result), TAKEN)
 
 
 def draw(

@@ -10,7 +10,6 @@ import numpy as np
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.costs import Metrics, QuadraticCost
-from fpid_pin.simulation import limit_report
 
 if TYPE_CHECKING:
     from fpid_pin.cli.summary import Entry
@@ -166,7 +165,7 @@ def limit_lines(entries: Sequence[Entry]) -> list[str]:
             if not outcome.completed:
                 told.append(f"{where}{outcome}")
             joints: dict[str, list[str]] = {}
-            for e in limit_report(entry.run):
+            for e in entry.limits:
                 joints.setdefault(e.quantity, []).append(f"{e.joint} {100.0 * e.part:.2g} %")
             told += [
                 f"{where}{quantity} limit of {_listed(which)} of the time"

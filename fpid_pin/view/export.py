@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from fpid_pin.files import replacing
+from fpid_pin.files import put_text
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.page import render
 from fpid_pin.view.scene import captions_of, replay_scene
@@ -67,8 +67,4 @@ def export_html(
     FileFormatError
         The file cannot be written.
     """
-    text = replay_html(runs, captions=captions, fps=fps, title=title)
-    path = Path(path)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return path
+    return put_text(path, replay_html(runs, captions=captions, fps=fps, title=title))

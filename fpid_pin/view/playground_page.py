@@ -15,7 +15,7 @@ from fpid_pin import checks
 from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.exceptions import ArgumentError, FpidWarning
-from fpid_pin.files import replacing
+from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import plant_of
@@ -94,10 +94,7 @@ def playground(
     text = playground_html(experiment, controllers, title=title)
     if path is None:
         return Playground(text, None)
-    path = Path(path)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return Playground(text, path)
+    return Playground(text, put_text(path, text))
 
 
 def playground_html(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fpid_pin.costs import Metrics
-from fpid_pin.files import replacing
+from fpid_pin.files import put_text
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.document import Link, as_text, asset, document
 from fpid_pin.view.export import as_runs, replay_html
@@ -124,11 +124,7 @@ def report_html(
     if config_text:
         parts.append(section("Configuration", f"<pre>{as_text(config_text, keep=_LINES)}</pre>"))
     parts.append(section("Versions", table_html(_versions(several, names))))
-    text = page_html(title, parts, replay)
-    path = Path(path)
-    with replacing(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-    return path
+    return put_text(path, page_html(title, parts, replay))
 
 
 def answer_html(lines: Sequence[str]) -> str:

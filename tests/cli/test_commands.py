@@ -151,9 +151,9 @@ def test_the_installed_command_ends_with_the_status(config):
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_any_work(config, capsys, monkeypatch):
-    from fpid_pin.cli import experiments
+    from fpid_pin.cli import pairs
 
-    monkeypatch.setattr(experiments, "simulate", None)  # Any work would fail otherwise.
+    monkeypatch.setattr(pairs, "simulate", None)  # Any work would fail otherwise.
     (config.parent / "file").write_text("not a folder")
     for out in ("file", "file/x"):
         assert main(["compare", str(config), "--out", out]) == 2
@@ -196,12 +196,12 @@ def test_paths_with_spaces_work(config):
 
 
 def test_ctrl_c_is_status_130(config, monkeypatch):
-    from fpid_pin.cli import experiments
+    from fpid_pin.cli import pairs
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(experiments, "simulate", interrupted)
+    monkeypatch.setattr(pairs, "simulate", interrupted)
     assert main(["compare", str(config)]) == 130
     assert [path.name for path in config.parent.rglob("*.toml")] == ["short.toml"]
 
