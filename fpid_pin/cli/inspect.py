@@ -33,7 +33,8 @@ def run_inspect(
 
         # First: a name that no picture can have is told before a page of numbers.
         plots.save_figure(portrait(arm), picture)
-    for line in described(arm, bandwidth, step):
+    # All of it before the first line: what is refused leaves no half of a page.
+    for line in list(described(arm, bandwidth, step)):
         say(console, line)
     if picture is not None:
         say(console, f"Written: {picture}")

@@ -209,3 +209,11 @@ def test_both_commands_are_there():
     ).stdout  # fmt: skip
     assert "inspect" in help_
     assert "init" in help_
+
+
+@pytest.mark.parametrize("option", ["--step", "--bandwidth"])
+def test_what_is_refused_leaves_no_half_of_a_page(option, capsys):
+    assert main(["inspect", "two_link", option, "nan"]) == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert len(told.err.splitlines()) == 1
