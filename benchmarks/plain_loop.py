@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 import fpid_pin as fp
-from fpid_pin.simulation.simulator import horizon_of
+from fpid_pin.simulation.engine import horizon_of
 
 Array = NDArray[np.float64]
 

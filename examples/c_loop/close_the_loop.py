@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import fpid_pin as fp
-from fpid_pin.simulation.simulator import horizon_of
+from fpid_pin.simulation.engine import horizon_of
 
 experiment = fp.paper_experiment(duration=5.0)
 controller = fp.paper_controller()

@@ -19,7 +19,7 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.locks import locked
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.entry import warm
-from fpid_pin.tuning.workers import WorkerPool, check_workers
+from fpid_pin.simulation.workers import WorkerPool, check_workers
 
 #: Runs of a task, and pieces that wait for each worker: none is idle while its last is recorded.
 CHUNK, AHEAD = 64, 2

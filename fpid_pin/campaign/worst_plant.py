@@ -18,7 +18,7 @@ from fpid_pin.campaign.execution import carry_out, pieces
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
 from fpid_pin.progress import Progress, ProgressCallback
-from fpid_pin.tuning.workers import executor_of
+from fpid_pin.simulation.workers import executor_of
 
 #: Worse than any error of a run that came to its end [rad].
 _LOST = 1e6

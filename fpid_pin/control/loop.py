@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.record import ROWS, Record
-from fpid_pin.control.state import State
 from fpid_pin.exceptions import SimulationError
+
+if TYPE_CHECKING:
+    from fpid_pin.control.state import State
 
 _NAMES = ("q", "v", "q_ref", "v_ref", "a_ref")
 
@@ -23,7 +25,7 @@ class Loop:
     Parameters
     ----------
     state
-        A state with one run.
+        Of one robot.
     restart
         Makes a state as it was at the start, for `reset`.
     controller
@@ -41,11 +43,9 @@ class Loop:
         self._record: Record | None = None
         self._finite: Any = finite
         self._shape = (state.n,)
-        self._inputs = np.zeros((5, 1, state.n))
-        self._flat = self._inputs.reshape(-1)
-        self._rows = tuple(self._inputs[:, 0])
         self._rest = np.zeros(state.n)
-        self._torque = state.torque[0]
+        self._ticks = 0
+        state.prepare()
 
     def torque(
         self,
@@ -72,19 +72,22 @@ class Loop:
             A law of one's own that raises, or returns something of another shape.
         """
         given = (q, v, q_ref, v_ref, self._rest if a_ref is None else a_ref)
-        for row, value in zip(self._rows, given, strict=True):
+        state = self.state
+        for row, value in zip(state.inputs, given, strict=True):
             # The checks of a well-made array take longer than the law; they are for the others.
             if type(value) is np.ndarray and value.shape == self._shape and value.dtype == float:
                 row[:] = value
             else:
                 self._take(given)
                 break
-        if not self._finite(self._flat):
-            self._take(self._rows)
-        self.state.tick(self._inputs)
-        torque: FloatArray = self._torque.copy()
+        if not self._finite(state.flat_inputs):
+            self._take(tuple(state.inputs))
+        self._ticks += 1
+        state.warn_beyond_horizon(self._ticks)
+        state.tick()
+        torque: FloatArray = state.torque.copy()
         if self._record is not None:
-            self._record.take(self._inputs[:, 0], torque)
+            self._record.take(state.inputs, torque)
         return torque
 
     def _take(self, given: tuple[ArrayLike, ...]) -> None:
@@ -93,12 +96,12 @@ class Loop:
             checks.vector(name, value, self.state.n)
             for name, value in zip(_NAMES, given, strict=True)
         ]
-        for row, array in zip(self._rows, arrays, strict=True):
+        for row, array in zip(self.state.inputs, arrays, strict=True):
             row[:] = array
 
     def signals(self) -> dict[str, FloatArray]:
         """Return copies of the law's inner signals at the last tick, (n,) or scalars."""
-        return {name: value[0].copy() for name, value in self.state.signals().items()}
+        return {name: np.array(value) for name, value in self.state.signals().items()}
 
     def record(self, rows: int = ROWS) -> Record:
         """Keep every tick from now on, until the next `record` or `reset`.
@@ -132,5 +135,4 @@ class Loop:
         if self._restart is None:
             raise SimulationError("reset: expected a loop by controller.start, got a state's")
         self.state = self._restart()
-        self._torque = self.state.torque[0]
-        self._record = None
+        self._record, self._ticks = None, 0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.disturbance import observer_gains
+from fpid_pin.control.observer_gains import observer_gains
 from fpid_pin.control.sampled import LinearSystem, gravity_stiffness
 
 if TYPE_CHECKING:

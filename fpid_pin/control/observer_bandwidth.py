@@ -10,10 +10,10 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.disturbance import FASTEST, observer_gains
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.frozen import gain_table, terms_of
 from fpid_pin.control.observed import beside, observer_system
+from fpid_pin.control.observer_gains import FASTEST, observer_gains
 from fpid_pin.control.poses import seeded_poses
 from fpid_pin.control.sampled import LinearSystem, gravity_stiffness
 from fpid_pin.exceptions import FpidWarning

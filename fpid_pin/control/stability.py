@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.baselines import Pid
 from fpid_pin.control.ceilings import gain_ceilings
-from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.frozen import gain_table, linearised, terms_of
+from fpid_pin.control.law import Controller
 from fpid_pin.control.observed import beside, observer_system
+from fpid_pin.control.pid import Pid
 from fpid_pin.control.sampled import (
     ComplexArray,
     LinearSystem,

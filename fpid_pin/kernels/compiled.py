@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast, overload
 
 import numba
@@ -74,6 +75,8 @@ def is_cold() -> bool:
 def kernel(function: F) -> F: ...
 @overload
 def kernel(*, inline: bool) -> Callable[[F], F]: ...
+@overload
+def kernel(function: F, *, inline: bool) -> F: ...
 
 
 def kernel(function: F | None = None, *, inline: bool = False) -> F | Callable[[F], F]:
@@ -94,9 +97,39 @@ def kernel(function: F | None = None, *, inline: bool = False) -> F | Callable[[
     return _compile(function, inline=inline)
 
 
+def compile_plain(function: F, *, cache: bool = True) -> F:
+    """Compile a function in plain Python, and the functions in plain Python that it calls.
+
+    Parameters
+    ----------
+    function
+        Of the subset; not one that is compiled already.
+    cache
+        Whether to keep it for other processes, which do not see edits outside this room.
+    """
+    plain: Any = function
+    names = dict(plain.__globals__)
+    for name in names_in(plain.__code__):
+        if isinstance(names.get(name), FunctionType):
+            names[name] = compile_plain(names[name], cache=cache)
+    rebuilt = FunctionType(
+        plain.__code__, names, plain.__name__, plain.__defaults__, plain.__closure__
+    )
+    rebuilt.__qualname__, rebuilt.__module__ = plain.__qualname__, plain.__module__
+    if cache:
+        return cast("F", _compile(rebuilt, inline=False))
+    return cast("F", _numba.njit(rebuilt, error_model="numpy", nogil=True))
+
+
+def names_in(code: CodeType) -> set[str]:
+    """Return the global names that some code uses, also in functions within it."""
+    inner = [part for part in code.co_consts if isinstance(part, CodeType)]
+    return set(code.co_names).union(*(names_in(part) for part in inner))
+
+
 def _compile(function: F, *, inline: bool) -> F:
     options = {
-        "error_model": "numpy", "nogil": True, "inline": "always" if inline else "never",
+        "error_model": "numpy", "nogil": True, "_nrt": False, "inline": "always" if inline else "never",
     }  # fmt: skip
     if CACHE is None:
         return cast("F", _numba.njit(function, **options))

@@ -11,6 +11,7 @@ which joints stick, solve, exchange those at fault, repeat.
 from __future__ import annotations
 
 from fpid_pin.kernels.compiled import kernel
+from fpid_pin.kernels.limits import sign
 from fpid_pin.kernels.rigid_body import solve_tree
 
 #: Relative slack of the conditions on friction and speed, well above rounding.
@@ -19,69 +20,7 @@ SLACK = 1e-12
 BLOCK_ROUNDS = 8
 
 
-@kernel(inline=True)
-def sign(x):
-    """Return -1, 0 or 1."""
-    s = 0.0
-    if x > 0.0:
-        s = 1.0
-    elif x < 0.0:
-        s = -1.0
-    return s
-
-
 @kernel
-def slide(alive, dry, v_free, force):
-    """Write the friction of joints that all go on as they do, F_d sgn(v_free), (runs, n)."""
-    for r in range(alive.size):
-        for j in range(dry.shape[1]):
-            force[r, j] = dry[r, j] * sign(v_free[r, j]) if alive[r] else 0.0
-
-
-@kernel
-def keeps_sliding(dry, v_free, speed, stuck, h, turns):
-    """Turn `speed` from M^-1 l into v+; note the joints and the runs in which one would turn round.
-
-    Returns whether there is such a run.
-    """
-    any_turns = False
-    for r in range(dry.shape[0]):
-        turns[r] = False
-        for j in range(dry.shape[1]):
-            speed[r, j] = v_free[r, j] - h * speed[r, j]
-            against = dry[r, j] > 0.0 and not sign(v_free[r, j]) * speed[r, j] > 0.0
-            turns[r] = turns[r] or against
-        for j in range(dry.shape[1]):
-            against = dry[r, j] > 0.0 and not sign(v_free[r, j]) * speed[r, j] > 0.0
-            # A joint that stuck is taken to stick until it is found to slide.
-            stuck[r, j] = turns[r] and (against or stuck[r, j])
-        any_turns = any_turns or turns[r]
-    return any_turns
-
-
-@kernel
-def rests(dry, hold, stuck, force, speed, turns, h):
-    """Settle runs in which all joints stay where they stick; `hold` is M v_free.
-
-    Friction then takes up the whole momentum, l = M v_free/h. Returns whether a run is left.
-    """
-    left = False
-    for r in range(dry.shape[0]):
-        if not turns[r]:
-            continue
-        stays = True
-        for j in range(dry.shape[1]):
-            stays = stays and stuck[r, j] and abs(hold[r, j] / h) <= dry[r, j]
-        if stays:
-            turns[r] = False
-            for j in range(dry.shape[1]):
-                force[r, j] = hold[r, j] / h
-                speed[r, j] = 0.0
-        left = left or turns[r]
-    return left
-
-
-@kernel(inline=True)
 def solve(matrix, right, chosen):
     """Solve the rows and columns that are `chosen` of a symmetric positive definite system.
 
@@ -106,16 +45,32 @@ def solve(matrix, right, chosen):
             right[i] /= matrix[i, i]
 
 
-@kernel(inline=True)
-def rub(bodies, factored, dry, stuck, force, v, room, response, matrix, h):
+@kernel
+def apply_dry_friction(bodies, factored, dry, stuck, force, v, work, response, matrix, h):
     """Turn the free speeds v of one robot into those that dry friction leaves, in place.
 
-    `factored` is M as the forward dynamics left it. First every joint is taken to slide on as it
-    does; only where one would turn round is the box problem solved. The rest, (3, n) and twice
-    (n, n), is room to work in.
+    First every joint is taken to slide on as it does; only where one would turn round is the box
+    problem solved.
+
+    Parameters
+    ----------
+    bodies, factored
+        Of the plant; M + h F_v as `factor_tree` left it.
+    dry
+        F_d, (n,) [N m].
+    stuck
+        Which joints stick, (n,): a guess from the last step, then the answer.
+    force
+        The friction torques, (n,) [N m].
+    v
+        Joint speeds, (n,) [rad/s].
+    work, response, matrix
+        Room to work in, (3, n) and twice (n, n).
+    h
+        Step [s].
     """
     n = v.size
-    speed = room[0]
+    speed = work[0]
     for j in range(n):
         force[j] = dry[j] * sign(v[j])
         speed[j] = force[j]
@@ -131,7 +86,7 @@ def rub(bodies, factored, dry, stuck, force, v, room, response, matrix, h):
             for j in range(n):
                 response[i, j] = h if i == j else 0.0
             solve_tree(bodies, factored, response[i])
-        stick_slip(response, dry, v, stuck, force, speed, room[1], room[2], matrix)
+        stick_slip(response, dry, v, stuck, force, speed, work[1], work[2], matrix)
     for j in range(n):
         stuck[j] = turns and stuck[j]
         v[j] = speed[j]
@@ -141,7 +96,8 @@ def rub(bodies, factored, dry, stuck, force, v, room, response, matrix, h):
 def stick_slip(response, dry, v_free, stuck, force, speed, side, fault, matrix):
     """Solve the box problem of one robot, (n,); `stuck` holds a guess and then the answer.
 
-    `response` is W; `side`, `fault` and `matrix` are room to work in.
+    `response` is W; `side`, `fault` and `matrix` are room to work in (`side` the direction of
+    sliding, `fault` which joints have to change).
     """
     n = dry.size
     for j in range(n):

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.recorders import Outcome
+from fpid_pin.simulation.blocks import Outcome
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.run_meta import meta_of
 

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.control.record import Record
 from fpid_pin.costs import Metrics, tool_distance
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.simulation import run_file, run_shown, run_tables
+from fpid_pin.simulation.blocks import Outcome
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.metrics import metrics_of
-from fpid_pin.simulation.recorders import Outcome
 
 T = TypeVar("T")
 

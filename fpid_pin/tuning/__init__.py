@@ -11,7 +11,7 @@ from fpid_pin.tuning.robust import RobustCost, scenarios
 from fpid_pin.tuning.search_progress import SearchProgress
 from fpid_pin.tuning.settings import SearchSettings
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.workers import WorkerPool
+from fpid_pin.simulation.workers import WorkerPool
 
 __all__ = [
     "CostMap",

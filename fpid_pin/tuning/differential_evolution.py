@@ -10,7 +10,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.exceptions import ArgumentError, TuningError
 from fpid_pin.progress import Progress
@@ -20,7 +20,7 @@ from fpid_pin.tuning.problem import one_cost, problem_of
 from fpid_pin.tuning.search_progress import Narrator, SearchCallback
 from fpid_pin.tuning.settings import SearchSettings, checked
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.workers import executor_of
+from fpid_pin.simulation.workers import executor_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from concurrent.futures import BrokenExecutor, Executor
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.progress import ProgressCallback

@@ -10,7 +10,7 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.budget import require_memory, require_time
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import Experiment
@@ -19,7 +19,7 @@ from fpid_pin.tuning.search import Search
 from fpid_pin.tuning.search_progress import SearchCallback
 from fpid_pin.tuning.settings import SearchSettings
 from fpid_pin.tuning.space import BoundSpace, Space
-from fpid_pin.tuning.workers import executor_of
+from fpid_pin.simulation.workers import executor_of
 
 #: What a candidate takes in its generation, measured for two joints.
 _RUN_BYTES = 6e3

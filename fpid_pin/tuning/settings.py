@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from fpid_pin import checks
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.tuning.workers import check_workers
+from fpid_pin.simulation.workers import check_workers
 
 
 @dataclass(frozen=True)

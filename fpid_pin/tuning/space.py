@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning.gene import Gene, gene_of, plain
 

@@ -11,7 +11,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.simulation.entry import warm
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.simulator import Simulator

@@ -16,7 +16,7 @@ import numpy as np
 
 from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.fpid_state import NODES, FpidState
 from fpid_pin.exceptions import ArgumentError, DesignError
@@ -30,7 +30,7 @@ from fpid_pin.simulation.integrators import CompiledEuler
 from fpid_pin.simulation.plant import plant_of
 from fpid_pin.simulation.recorders import BLOCK_ROWS
 from fpid_pin.simulation.sensors import SensorState
-from fpid_pin.simulation.simulator import horizon_of
+from fpid_pin.simulation.engine import horizon_of
 
 #: Orders between which the page interpolates what depends on them, by a polynomial through all:
 #: Chebyshev's points, ends included. With 48 the weights of 24 modes come out within rounding.

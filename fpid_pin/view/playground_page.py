@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.files import put_text

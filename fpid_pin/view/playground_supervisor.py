@@ -11,7 +11,7 @@ from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.fpid_state import FpidState
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.simulator import horizon_of
+from fpid_pin.simulation.engine import horizon_of
 
 
 def supervisor_of(e: Experiment, controller: AdaptiveFpid) -> Supervisor:

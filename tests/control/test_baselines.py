@@ -9,7 +9,7 @@ import pytest
 import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.control import Controller
-from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
+from fpid_pin.control import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.baselines.regressor import FRICTION_SPEED, Regressor, parameter_spread
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold, Sinusoid

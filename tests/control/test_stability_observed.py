@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.control.baselines import PdGravity, Pid, SlidingMode
+from fpid_pin.control import PdGravity, Pid, SlidingMode
 from fpid_pin.control.frozen import linearised
 from fpid_pin.control.observed import beside, observer_system
 from fpid_pin.control.sampled import linear_arm

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from numpy.typing import ArrayLike
 
-from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
-from fpid_pin.control.parameters import check_gains, check_scale
-from fpid_pin.control.state import LawState
+from fpid_pin.control.law import Controller
+from fpid_pin.control.parameters import check_gains
 from fpid_pin.descriptions import described
 
 
@@ -26,26 +24,20 @@ class Pid(Controller):
     ----------
     kp, ki, kd
         Scalar or (n,) [N m/rad], [N m/(rad s)], [N m s/rad], over the scale's unit if any.
-    scale
-        Factor s: ``"none"`` (1), ``"inertia"`` (M_jj at home), or (n,).
-    name
-        What tables and figures call it.
+    scale, feedforward, observer, supervisor, name
+        See `Controller`.
     """
 
     kp: ArrayLike
     ki: ArrayLike
     kd: ArrayLike
-    scale: str | ArrayLike = "none"
-    name: str = "PID"
+    name: str = field(default="PID", kw_only=True)
+
+    @staticmethod
+    def torque(c: Any) -> Any:
+        """Return u over the scale."""
+        return c.kp * c.e + c.ki * c.int_e + c.kd * c.e_dot
 
     def __post_init__(self) -> None:
+        self.check_options()
         check_gains(self, "kp", "ki", "kd")
-        check_scale(self)
-
-    def torque(
-        self: Any, state: LawState, q: FloatArray, v: FloatArray,
-        q_ref: FloatArray, v_ref: FloatArray, a_ref: FloatArray,
-    ) -> Any:  # fmt: skip
-        """See `Controller.torque`."""
-        e, e_dot = q_ref - q, v_ref - v
-        return self.scale * (self.kp * e + self.ki * state.integral(e, e_dot) + self.kd * e_dot)

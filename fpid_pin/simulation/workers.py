@@ -18,7 +18,7 @@ from concurrent.futures import (
     Future,
     ProcessPoolExecutor,
 )
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
@@ -254,13 +254,3 @@ def check_workers(executor: Executor | None, workers: int | None) -> None:
             raise ArgumentError("workers", "workers or executor, not both", workers)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise ArgumentError("executor", "an Executor", type(executor).__name__)
-
-
-def executor_of(
-    executor: Executor | None, workers: int | None
-) -> AbstractContextManager[Executor | None]:
-    """Return the caller's executor, which stays open, or a pool of our own, which is closed."""
-    check_workers(executor, workers)
-    if executor is not None:
-        return nullcontext(executor)
-    return nullcontext(None) if workers is None else WorkerPool(workers)
