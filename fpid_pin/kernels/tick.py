@@ -231,7 +231,6 @@ def torques(c, torque):
         call_law(robot.torque, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
     for j in range(n):
         g = c.joints[j]
-        g.u_law *= g.scale
         g.u_model = terms[LAW_TERM, j] if robot.declares else 0.0
         if robot.feedforward:
             g.u_model += terms[FEEDFORWARD, j] + g.viscous * g.v_ref
