@@ -85,8 +85,6 @@ class AdaptiveFpid(Controller):
     integral_order_bounds: Sequence[float] = (0.02, 1.0)
     derivative_order_bounds: Sequence[float] = (0.3, 1.0)
 
-    memory = ("s",)
-
     # ------------------------------------------------------------------------ the law
 
     @staticmethod

@@ -111,17 +111,22 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
     memory
         Numbers that a joint remembers from tick to tick, 0 at first unless `numbers` has them.
     shown
-        Numbers for the record, by the name that a run has for them; more than one joint's worth
-        is not possible. By default what is remembered.
+        Numbers for the record, by the name that a run has for them. By default what is
+        remembered.
     uses_model
         Whether the law has a model's part of its own, ``M c.a + C(q, v) c.w + G``, with a and w as
         `surface` writes them: 0 at first.
+    estimates_model
+        Whether that part is made of the law's own estimates of the bodies' inertia, m_hat, h0_hat
+        to j22_hat, a joint's record having those of the body that it carries. ``adapt(c)`` then
+        finds the derivatives of S . tau by them in ``c.by_m`` and so on.
     """
 
     operators: ClassVar[Mapping[str, Operator]] = {}
     memory: ClassVar[tuple[str, ...]] = ()
     shown: ClassVar[Mapping[str, str] | None] = None
     uses_model: ClassVar[bool] = False
+    estimates_model: ClassVar[bool] = False
     own_columns: ClassVar[int] = 0
     surface: ClassVar[Any] = None
     torque: ClassVar[Any] = None

@@ -41,7 +41,7 @@ class SlidingMode(Controller):
     name: str = field(default="sliding mode", kw_only=True)
 
     uses_model = True
-    memory = ("s",)
+    shown = {"s": "s"}
 
     @staticmethod
     def surface(c: Any) -> None:

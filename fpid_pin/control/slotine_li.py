@@ -17,7 +17,7 @@ from fpid_pin.control.law import Controller
 from fpid_pin.control.parameters import check_gains
 from fpid_pin.descriptions import described
 from fpid_pin.kernels.functions import winds_up
-from fpid_pin.kernels.newton_euler import gradient, inverse_dynamics, velocities
+from fpid_pin.kernels.records import ESTIMATES
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -25,13 +25,6 @@ if TYPE_CHECKING:
 #: Reference speed below which dry friction counts as smooth, rad/s: a few times what an encoder
 #: resolves, so that the estimate's torque does not chatter where v_r crosses zero.
 FRICTION_SPEED = 0.05
-#: Columns of the law's own array, a row a body: the estimates (ten inertial numbers, F_v, F_d),
-#: where they began, how fast they move, the gradient of the ten; what inverse dynamics is asked.
-ESTIMATE, START, RATE, GRADIENT = 0, 12, 24, 36
-ANGLE, SPEED, REFERENCE_SPEED, REFERENCE_ACCELERATION, SURFACE, TORQUE = range(46, 52)
-COLUMNS = 52
-#: Which of the twelve numbers are friction's.
-VISCOUS, DRY = 10, 11
 
 
 @described("slotine_li")
@@ -76,64 +69,55 @@ class SlotineLi(Controller):
     name: str = field(default="Slotine-Li", kw_only=True)
 
     uses_model = True
-    memory = ("s",)
-    own_columns = COLUMNS
+    estimates_model = True
+    memory = ("viscous_hat", "dry_hat")
+    shown = {"s": "s"}
 
     @staticmethod
-    def torques(joints: Any, own: Any, model: Any) -> None:
-        """Write the torque, Y theta - s_j K_D S."""
-        q, v, tau = own[:, ANGLE], own[:, SPEED], own[:, TORQUE]
-        v_r, a_r = own[:, REFERENCE_SPEED], own[:, REFERENCE_ACCELERATION]
-        for j in range(joints.size):
-            c = joints[j]
-            q[j] = c.q
-            v[j] = c.v
-            v_r[j] = c.v_ref + c.slope * c.e
-            a_r[j] = c.a_ref + c.slope * c.e_dot
-            c.s = c.v - v_r[j]
-        inverse_dynamics(
-            model.bodies, own, model.links, model.motions, model.gravity, q, v, v_r, a_r, tau
-        )
-        for j in range(joints.size):
-            c = joints[j]
-            friction = own[j, VISCOUS] * v_r[j] + own[j, DRY] * math.tanh(v_r[j] / FRICTION_SPEED)
-            c.u_law = tau[j] + friction - c.scale * c.damping * c.s
+    def surface(c: Any) -> None:
+        """Write v_r, its rate, and S: the model's part is M a + C(q, q') w + G as estimated."""
+        c.w = c.v_ref + c.slope * c.e
+        c.a = c.a_ref + c.slope * c.e_dot
+        c.s = c.v - c.w
 
     @staticmethod
-    def adapts(joints: Any, own: Any, model: Any) -> None:
+    def torque(c: Any) -> Any:
+        """Return the friction that is estimated, and the damping, over the scale."""
+        friction = c.viscous_hat * c.w + c.dry_hat * math.tanh(c.w / FRICTION_SPEED)
+        return friction / c.scale - c.damping * c.s
+
+    @staticmethod
+    def adapt(c: Any) -> None:
         """Move the estimates: theta' = -Gamma Y^T S - leakage (theta - theta(0)).
 
         A joint whose torque was cut tells nothing about the parameters while adapting to it would
         ask for more torque yet.
         """
-        s = own[:, SURFACE]
-        for j in range(joints.size):
-            c = joints[j]
-            s[j] = 0.0 if winds_up(c.cut, -c.s) else c.s
-        velocities(model.bodies, model.links, s, model.motions[2])
-        gradient(model.links, model.motions, own[:, GRADIENT:ANGLE])
-        for j in range(joints.size):
-            c = joints[j]
-            v_r = own[j, REFERENCE_SPEED]
-            for k in range(START):
-                slope = own[j, GRADIENT + k] if k < VISCOUS else v_r * s[j]
-                if k == DRY:
-                    slope = math.tanh(v_r / FRICTION_SPEED) * s[j]
-                pull = c.leakage * (own[j, k] - own[j, START + k])
-                own[j, k] -= c.h * (own[j, RATE + k] * slope + pull)
+        s = 0.0 if winds_up(c.cut, -c.s) else c.s
+        moment, inertia = c.m_rate * c.reach * c.reach, c.m_rate * c.reach**4
+        c.m_hat = moved(c, c.m_hat, c.m, c.m_rate * c.by_m)
+        c.h0_hat = moved(c, c.h0_hat, c.h0, moment * c.by_h0)
+        c.h1_hat = moved(c, c.h1_hat, c.h1, moment * c.by_h1)
+        c.h2_hat = moved(c, c.h2_hat, c.h2, moment * c.by_h2)
+        c.j00_hat = moved(c, c.j00_hat, c.j00, inertia * c.by_j00)
+        c.j01_hat = moved(c, c.j01_hat, c.j01, inertia * c.by_j01)
+        c.j02_hat = moved(c, c.j02_hat, c.j02, inertia * c.by_j02)
+        c.j11_hat = moved(c, c.j11_hat, c.j11, inertia * c.by_j11)
+        c.j12_hat = moved(c, c.j12_hat, c.j12, inertia * c.by_j12)
+        c.j22_hat = moved(c, c.j22_hat, c.j22, inertia * c.by_j22)
+        c.viscous_hat = moved(c, c.viscous_hat, 0.0, c.friction_rate * c.w * s)
+        smooth = math.tanh(c.w / FRICTION_SPEED)
+        c.dry_hat = moved(c, c.dry_hat, 0.0, c.friction_rate * smooth * s)
 
     def numbers(self, arm: Arm, step: float, horizon: float) -> Mapping[str, ArrayLike]:
-        """Return what each joint's record has: see `Controller.numbers`."""
-        return {name: getattr(self, name) for name in ("slope", "damping", "leakage")}
-
-    def arrays(self, arm: Arm, step: float, horizon: float) -> FloatArray:
-        """Return estimates and rates at the start: see `Controller.arrays`."""
-        own: FloatArray = np.zeros((arm.n, COLUMNS))
-        own[:, :VISCOUS] = self.initial * inertial_numbers(bodies_of(arm))
-        own[:, START:RATE] = own[:, :START]
-        own[:, RATE:GRADIENT] = self.adaptation_rate * parameter_size(arm) ** 2
-        own[:, RATE + VISCOUS : GRADIENT] *= self.friction
-        return own
+        """Return estimates, rates and gains on an arm: see `Controller.numbers`."""
+        mass, reach, friction = natural_sizes(arm)
+        known = self.initial * inertial_numbers(bodies_of(arm))
+        return dict(zip(ESTIMATES, known.T, strict=True)) | {
+            "slope": self.slope, "damping": self.damping, "leakage": self.leakage,
+            "initial": self.initial, "reach": reach, "m_rate": self.adaptation_rate * mass**2,
+            "friction_rate": self.friction * self.adaptation_rate * friction**2,
+        }  # fmt: skip
 
     def __post_init__(self) -> None:
         self.check_options()
@@ -144,8 +128,13 @@ class SlotineLi(Controller):
         checks.instance("friction", self.friction, bool, "true or false")
 
 
-def parameter_size(arm: Arm) -> FloatArray:
-    """Return the natural size of each estimated number, (n, 12): what "unknown" may mean for it.
+def moved(c: Any, value: float, nominal: float, rate: float) -> Any:
+    """Return an estimate one step later, pulled towards where it began."""
+    return value - c.h * (rate + c.leakage * (value - c.initial * nominal))
+
+
+def natural_sizes(arm: Arm) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mass, reach and friction of each link, (n,): what "unknown" may mean for them.
 
     A link of mass m whose matter lies about r from its joint has numbers of the size m, m r and
     m r^2. Friction's size is the arm's own, or at least the torque that turns M_jj at 1 rad/s^2.
@@ -163,5 +152,4 @@ def parameter_size(arm: Arm) -> FloatArray:
     radius = np.where(radius > 0.0, radius, radius.mean())
     inertia = np.diag(arm.mass_matrix(arm.home))
     friction = np.maximum(inertia, np.maximum(arm.viscous_friction, arm.dry_friction))
-    columns = [mass, *[mass * radius] * 3, *[mass * radius**2] * 6, friction, friction]
-    return np.stack(columns, axis=1)
+    return mass, radius, friction

@@ -23,8 +23,10 @@ from fpid_pin.kernels import records
 from fpid_pin.kernels.layout import record_type
 from fpid_pin.kernels.records import (
     DERIVATIVE,
+    ESTIMATES,
     FRAME,
     GIVEN,
+    INERTIA,
     INTEGRAL,
     INTEGRAL_OF_ERROR,
     LINK,
@@ -32,6 +34,7 @@ from fpid_pin.kernels.records import (
     OPERATOR,
     POLE,
     ROBOT,
+    SLOPES,
     TERMS,
 )
 from fpid_pin.kernels.rollout import step_tick
@@ -144,10 +147,13 @@ class State:
             for output, operator in operators.items()
             for name in ([output, f"{output}_by_order"] if operator.adapts else [output])
         ]
-        names = dict.fromkeys([*given, *controller.memory, *outputs])
+        estimated = [*ESTIMATES, *SLOPES] if controller.estimates_model else []
+        names = dict.fromkeys([*estimated, *given, *controller.memory, *outputs])
         self.record = _record(tuple(name for name in names if name not in GIVEN.names))  # type: ignore[operator]
         numbers = np.zeros((n, len(self.record.names)))
         self.joints = numbers.view(self.record)[:, 0]
+        inertia = inertial_numbers(bodies_of(arm))
+        numbers[:, INERTIA : INERTIA + 10] = inertia
         for name, value in given.items():
             try:
                 self.joints[name] = value
@@ -170,7 +176,6 @@ class State:
             modes=np.zeros((n, 0, 0), MODE),
             table=np.zeros((0, 4)),
             bodies=bodies,
-            inertias=inertial_numbers(bodies),
             links=np.zeros(n, LINK),
             motions=np.zeros((3, n, 6)),
             frames=np.zeros(n + 1, FRAME),
@@ -202,6 +207,9 @@ class State:
         robot["h"], robot["threshold"] = self.step, np.inf
         robot["feedforward"] = law.feedforward
         robot["declares"] = law.uses_model and law.torques is None
+        robot["inertia"], robot["estimates"] = INERTIA, law.estimates_model
+        if law.estimates_model:
+            robot["inertia"] = self._columns[ESTIMATES[0]]
         robot["observes"], robot["compensates"] = law.bandwidth > 0.0, law.observer > 0.0
         if law.bandwidth:
             robot["l1"], robot["l2"] = observer_gains(law.bandwidth, self.step)

@@ -63,6 +63,7 @@ GIVEN = record_type(
         "limit": "[N m] effort limit",
         "cut": "[N m] by how much the last torque was cut by the limit",
         "scale": "factor of the law's own torque",
+        "s": "sliding surface S, (22), of a law that has one",
         "a": "[rad/s^2] acceleration that a law asks the model about",
         "w": "[rad/s] velocity that it asks about",
         "u_law": "[N m] the law's own torque, scaled",
@@ -74,8 +75,16 @@ GIVEN = record_type(
         "xi": "[rad/s^2] acceleration of unknown cause",
         "predicted": "[rad/s] speed that the next sample should find",
         "lyapunov": "V of (14), the same for all joints",
+        # The ten inertial numbers of the body that the joint carries, in this order: see BODY.
+        **_named("m h0 h1 h2 j00 j01 j02 j11 j12 j22", "inertia of the nominal arm"),
     }
 )
+#: Where these ten begin.
+INERTIA = GIVEN.names.index("m")  # type: ignore[union-attr]
+#: What a law that estimates the model has beside them: its estimates, and the derivatives of S . tau
+#: by each of them.
+ESTIMATES = tuple(f"{name}_hat" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
+SLOPES = tuple(f"by_{name}" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
 ROBOT = record_type(
     {
         "h": "[s] sampling period",
@@ -101,6 +110,8 @@ ROBOT = record_type(
         "pushing": "whether the sampled supervisor does",
         "first_operators": "operators of given signals; the others follow the law's surface",
         "declares": "whether the law has a part of the model of its own",
+        "inertia": "column of the inertial numbers of that part",
+        "estimates": "whether the law estimates them: derivatives are wanted",
         "feedforward": "whether the reference's torque is added",
         "observes": "whether an observer runs",
         "compensates": "whether what it finds is cancelled",
@@ -177,9 +188,9 @@ class Controller(NamedTuple):
     ops, poles, modes, table
         Its operators: OPERATOR (n, operators), POLE (rows, modes), MODE (n, operators, modes), and
         the table of `operator.variable_order_derivative`.
-    bodies, inertias, links, motions, frames, gravity
-        The nominal arm: BODY (n,), its inertial numbers (n, 10), LINK (n,) and room (3, n, 6) for
-        inverse dynamics, FRAME (n + 1,) for M, and g (3,).
+    bodies, links, motions, frames, gravity
+        The nominal arm: BODY (n,), LINK (n,) and room (3, n, 6) for inverse dynamics, FRAME
+        (n + 1,) for M, and g (3,).
     mass, factored
         M, its lower half, and its factors, (n, n).
     terms
@@ -195,7 +206,6 @@ class Controller(NamedTuple):
     modes: Any
     table: Any
     bodies: Any
-    inertias: Any
     links: Any
     motions: Any
     frames: Any

@@ -78,8 +78,8 @@ def rollout(c, plant, sensing, rows, inputs, torque, counts):
 
 @kernel
 def step_tick(
-    robot, joints, numbers, own, ops, poles, modes, table, bodies, inertias, links, motions, frames,
-    gravity, mass, factored, terms, inputs, torque, parts,
+    robot, joints, numbers, own, ops, poles, modes, table, bodies, links, motions, frames, gravity,
+    mass, factored, terms, inputs, torque, parts,
 ):  # fmt: skip
     """Make parts of a tick for a caller in Python: its arrays one by one, which costs least.
 
@@ -87,8 +87,8 @@ def step_tick(
     the torques.
     """
     c = Controller(
-        robot, joints, numbers, own, ops, poles, modes, table, bodies, inertias, links, motions,
-        frames, gravity, mass, factored, terms,
+        robot, joints, numbers, own, ops, poles, modes, table, bodies, links, motions, frames,
+        gravity, mass, factored, terms,
     )  # fmt: skip
     if parts & 8:
         adapt(c)

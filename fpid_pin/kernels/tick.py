@@ -25,6 +25,7 @@ from fpid_pin.kernels.records import (
     CORIOLIS,
     FEEDFORWARD,
     GRAVITY,
+    INERTIA,
     LAW_TERM,
     WORK,
     WORK_2,
@@ -45,6 +46,8 @@ from fpid_pin.kernels.supervisor import (
 )
 
 inverse_dynamics = compile_plain(newton_euler.inverse_dynamics)
+velocities = compile_plain(newton_euler.velocities)
+gradient = compile_plain(newton_euler.gradient)
 
 
 @kernel
@@ -127,14 +130,15 @@ def ask_model(c, inputs):
         for j in range(n):
             w[j] = c.joints[j].w
             a[j] = c.joints[j].a
+        inertias = c.numbers[:, robot.inertia : robot.inertia + 10]
         inverse_dynamics(
-            c.bodies, c.inertias, c.links, c.motions, c.gravity, inputs[0], inputs[1], w, a,
+            c.bodies, inertias, c.links, c.motions, c.gravity, inputs[0], inputs[1], w, a,
             terms[LAW_TERM],
         )  # fmt: skip
     if robot.feedforward:
         inverse_dynamics(
-            c.bodies, c.inertias, c.links, c.motions, c.gravity, inputs[2], inputs[3], inputs[3],
-            inputs[4], terms[FEEDFORWARD],
+            c.bodies, c.numbers[:, INERTIA : INERTIA + 10], c.links, c.motions, c.gravity,
+            inputs[2], inputs[3], inputs[3], inputs[4], terms[FEEDFORWARD],
         )  # fmt: skip
     if robot.paper and robot.acting:
         speed = terms[WORK]
@@ -261,10 +265,28 @@ def torques(c, torque):
 
 
 @kernel(inline=True)
+def derivatives_by_inertia(c):
+    """Write the derivatives of S . tau by the inertial numbers that the law estimates.
+
+    A joint whose torque was cut tells nothing about them while adapting to it would ask for more
+    torque yet: its S counts as 0.
+    """
+    surface = c.terms[WORK]
+    for j in range(c.joints.size):
+        g = c.joints[j]
+        surface[j] = 0.0 if winds_up(g.cut, -g.s) else g.s
+    velocities(c.bodies, c.links, surface, c.motions[2])
+    first = c.robot[0].inertia + 10
+    gradient(c.links, c.motions, c.numbers[:, first : first + 10])
+
+
+@kernel(inline=True)
 def adapt(c):
     """Let the law adapt by the signals of this tick, unless the paper's supervisor holds it."""
     robot = c.robot[0]
     if robot.adapt != 0 and not robot.acting:
+        if robot.estimates:
+            derivatives_by_inertia(c)
         call_law(robot.adapt, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
     robot.ticks += 1
 

@@ -197,7 +197,9 @@ class Robot:
         """
         state, plant, h = self.state, self._arrays, self.experiment.step
         pinocchio = self._pinocchio
-        model = None if pinocchio is None else pinocchio.write_terms
+        # Estimates need not be those of a body, which Pinocchio's would have to be.
+        estimates = state.controller.estimates_model
+        model = None if pinocchio is None or estimates else pinocchio.write_terms
         for k in range(count):
             number, row = self.row + k, start + k
             _load_sample(plant, sensing, rows, row, number, state.inputs)

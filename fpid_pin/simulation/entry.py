@@ -27,7 +27,6 @@ from fpid_pin.simulation.workers import WorkerPool, check_workers
 _NUMBERS = 11
 
 
-
 def pair(
     experiments: Experiment | Sequence[Experiment], controllers: Controller | Sequence[Controller]
 ) -> tuple[list[Experiment], list[Controller]]:
