@@ -25,7 +25,8 @@ BLOCK_ROUNDS = 8
 def solve(matrix, right, joints):
     """Solve the rows and columns of joints that stick, of a symmetric positive definite system.
 
-    Both `matrix` and `right` are overwritten; `right` is then the solution, 0 for joints that slide.
+    Both `matrix` and `right` are overwritten; `right` is then the solution, 0 for joints that
+    slide.
     """
     n = right.size
     for i in range(n):
@@ -133,11 +134,11 @@ def stick_slip(response, joints, v_free, speed, side, force, matrix):
             for j in range(n):
                 c = joints[j]
                 # After a while only the last joint at fault: Murty's rule, which always ends.
-                if rounds < BLOCK_ROUNDS or j == at_fault:
-                    if is_at_fault(c, speed[j], side[j], force[j], response[j, j]):
-                        if c.stuck:
-                            side[j] = sign(force[j])
-                        c.stuck = 0 if c.stuck else 1
+                turn = rounds < BLOCK_ROUNDS or j == at_fault
+                if turn and is_at_fault(c, speed[j], side[j], force[j], response[j, j]):
+                    if c.stuck:
+                        side[j] = sign(force[j])
+                    c.stuck = 0 if c.stuck else 1
         rounds += 1
     for j in range(n):
         c = joints[j]

@@ -1,4 +1,4 @@
-"""What a law, a robot and its plant are in memory: records, and the arrays of one robot together."""
+"""What a controller and its plant are in memory: records, and all arrays of one robot."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ GIVEN = record_type(
 )
 #: Where these ten begin.
 INERTIA = GIVEN.names.index("m")  # type: ignore[union-attr]
-#: What a law that estimates the model has beside them: its estimates, and the derivatives of S . tau
-#: by each of them.
+#: What a law that estimates the model has beside them: its estimates, and the derivatives of
+#: S . tau by each of them.
 ESTIMATES = tuple(f"{name}_hat" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
 SLOPES = tuple(f"by_{name}" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
 ROBOT = record_type(

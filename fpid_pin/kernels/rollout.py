@@ -51,9 +51,7 @@ def rollout(c, plant, sensing, rows, inputs, torque, counts):
     while k < counts[1] and ended < 0:
         number = counts[0] + k
         row = counts[2] + k
-        measure(
-            sensing.joints, sensing.history, sensing.noise, plant.q, plant.v, number, inputs
-        )
+        measure(sensing.joints, sensing.history, sensing.noise, plant.q, plant.v, number, inputs)
         load_reference(rows.reference, row, inputs)
         tick_parts(c, inputs, torque, 7 if number == 0 else 15)
         if apply_actuators(

@@ -19,8 +19,8 @@ from fpid_pin.control.state import State, start_all
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import plant as plant_kernels
 from fpid_pin.kernels import records
-from fpid_pin.kernels.records import FRAME, MEASURE, PLANT
 from fpid_pin.kernels.metrics import measure_joints
+from fpid_pin.kernels.records import FRAME, MEASURE, PLANT
 from fpid_pin.kernels.rollout import keep_signals, load_reference, rollout
 from fpid_pin.kernels.sensors import measure
 from fpid_pin.simulation.blocks import BLOCK_ROWS, Block, Outcome
@@ -110,7 +110,8 @@ class Robot:
     ) -> None:
         n, h = experiment.arm.n, experiment.step
         self.experiment, self.state = experiment, state
-        self.row, self.outcome = 0, None
+        self.row = 0
+        self.outcome: Outcome | None = None
         plant = self.plant = plant_of(experiment)
         euler = experiment.integrator != "rk4"
         if not euler:
