@@ -45,10 +45,7 @@ def _bodies(model: Any) -> Any:
     if model.njoints != n + 1 or model.nq != n:
         wrong = next(k for k in range(1, model.njoints) if model.joints[k].nq != 1)
         kind = model.joints[wrong].shortname().removeprefix("JointModel")
-        raise ArmError(
-            f"expected revolute and prismatic joints, got {model.names[wrong]} "
-            f"({kind})"
-        )
+        raise ArmError(f"expected revolute and prismatic joints, got {model.names[wrong]} ({kind})")
     bodies = np.zeros(n, BODY)
     data, turned = model.createData(), [np.eye(3)]
     pin.computeJointJacobians(model, data, pin.neutral(model))

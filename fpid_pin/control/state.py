@@ -384,8 +384,7 @@ class State:
 
     def shown_names(self) -> Mapping[str, str]:
         """Return the names of signals for the record, and the numbers that they are."""
-        shown = self.controller.shown
-        return {name: name for name in self.controller.memory} if shown is None else shown
+        return self.controller.shown
 
     def columns(self, names: Sequence[str]) -> Any:
         """Return which columns of the numbers hold some signals, (names,)."""

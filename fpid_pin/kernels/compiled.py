@@ -110,7 +110,7 @@ def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
     return cast("Callable[..., Any]", function.overloads[types].entry_point)
 
 
-def compile_plain(function: F, *, cache: bool = True) -> F:
+def compile_plain(function: F, *, cache: bool = True, inline: bool = False) -> F:
     """Compile a function in plain Python, and the functions in plain Python that it calls.
 
     Parameters
@@ -119,19 +119,22 @@ def compile_plain(function: F, *, cache: bool = True) -> F:
         Of the subset; not one that is compiled already.
     cache
         Whether to keep it for other processes, which do not see edits outside this room.
+    inline
+        Whether it becomes part of what calls it; what it calls itself becomes part of it.
     """
     plain: Any = function
     names = dict(plain.__globals__)
     for name in names_in(plain.__code__):
         if isinstance(names.get(name), FunctionType):
-            names[name] = compile_plain(names[name], cache=cache)
+            names[name] = compile_plain(names[name], cache=cache, inline=True)
     rebuilt = FunctionType(
         plain.__code__, names, plain.__name__, plain.__defaults__, plain.__closure__
     )
     rebuilt.__qualname__, rebuilt.__module__ = plain.__qualname__, plain.__module__
     if cache:
-        return cast("F", _compile(rebuilt, inline=False))
-    return cast("F", _numba.njit(rebuilt, error_model="numpy", nogil=True))
+        return cast("F", _compile(rebuilt, inline=inline))
+    options = {"error_model": "numpy", "nogil": True, "inline": "always" if inline else "never"}
+    return cast("F", _numba.njit(rebuilt, **options))
 
 
 def names_in(code: CodeType) -> set[str]:
