@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -46,8 +46,8 @@ class Experiment:
         ``"semi_implicit_euler"`` or ``"rk4"``; the torque is held over the step in both.
     dynamics
         ``"pinocchio"``: Pinocchio's own functions, one robot and one call at a time; or
-        ``"compiled"``: the package's rigid-body kernels, whole stretches of a run in one call. None:
-        Pinocchio's where runs are recorded (`simulate`), compiled where thousands are compared
+        ``"compiled"``: the package's rigid-body kernels, whole stretches of a run in one call.
+        None: Pinocchio's where runs are recorded (`simulate`), compiled where thousands are compared
         (`evaluate`, `tune`, campaigns). The two agree within rounding, not to the bit.
     seed
         Of the sensors' noise.
@@ -102,6 +102,10 @@ class Experiment:
     def rows(self) -> int:
         """Number of samples of a run, both ends included."""
         return checks.sample_count(self.duration, self.step)
+
+    def with_dynamics(self, dynamics: str) -> Experiment:
+        """Return the experiment with its dynamics written out: these where it does not say."""
+        return self if self.dynamics is not None else replace(self, dynamics=dynamics)
 
     def motion(self, t: FloatArray) -> Motion:
         """Sample the reference at `t`, (K,), as three (K, n) arrays, checked.
