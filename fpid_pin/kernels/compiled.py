@@ -12,7 +12,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import CodeType, FunctionType
 from typing import Any, TypeVar, cast, overload
@@ -27,6 +27,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 _HERE = Path(__file__).parent
 
 
+@cache
 def source_stamp() -> str:
     """Return a name for the contents of all files of this room."""
     digest = hashlib.sha256()

@@ -193,18 +193,20 @@ def executor_of(
     workers: int | None,
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
+    *,
+    retries: int = 3,
 ) -> AbstractContextManager[Executor | None]:
     """Return the caller's executor, which stays open, or workers of our own, which are closed.
 
     Compiled work lets go of the interpreter's lock, so that threads share it out; a law in Python,
-    or Pinocchio's dynamics, needs processes.
+    or Pinocchio's dynamics, needs processes. A task may lose its process `retries` times.
     """
     check_workers(executor, workers)
     if executor is not None or workers is None:
         return nullcontext(executor)
     holds = any(c.control is not None for c in controllers)
     holds = holds or any(e.dynamics == "pinocchio" for e in experiments)
-    return WorkerPool(workers) if holds else ThreadPoolExecutor(workers)
+    return WorkerPool(workers, retries=retries) if holds else ThreadPoolExecutor(workers)
 
 
 def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:

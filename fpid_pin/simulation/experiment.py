@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -102,6 +102,10 @@ class Experiment:
     def rows(self) -> int:
         """Number of samples of a run, both ends included."""
         return checks.sample_count(self.duration, self.step)
+
+    def with_dynamics(self, dynamics: str) -> Experiment:
+        """Return the experiment with its dynamics written out: these where it does not say."""
+        return self if self.dynamics is not None else replace(self, dynamics=dynamics)
 
     def motion(self, t: FloatArray) -> Motion:
         """Sample the reference at `t`, (K,), as three (K, n) arrays, checked.

@@ -33,10 +33,10 @@ class SearchSettings:
         Take over the cost of a candidate that equals, to the last bit, one of the present
         population, in place of simulating it again. The result is the same.
     workers
-        Number of worker processes; None: this process alone. The result is the same to the last
-        bit whichever is chosen.
+        Number of workers: threads for compiled laws and dynamics, else processes; None: one run
+        after another. The result is the same to the last bit whichever is chosen.
     executor
-        Any `concurrent.futures.Executor` of processes, in place of `workers`; it stays open.
+        Any `concurrent.futures.Executor`, in place of `workers`; it stays open.
     checkpoint
         File that is replaced, atomically, after every generation.
     resume

@@ -13,6 +13,7 @@ import time
 import urllib.error
 import urllib.request
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 
 import numpy as np
 import psutil
@@ -22,7 +23,7 @@ from fpid_pin import Arm, Experiment, FpidError, Plant, paper_controller, paper_
 from fpid_pin.disturbances import Pulse
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold
-from fpid_pin.simulation import Simulator
+from fpid_pin.simulation.engine import Simulation
 from fpid_pin.view import live, play, realtime
 from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink, can_open_browser
@@ -208,7 +209,7 @@ def test_a_server_gone_mad_does_not_keep_the_loop_from_its_work():
 
 
 def test_of_many_keys_at_once_a_few_are_obeyed_and_the_end_always():
-    said, robot = [], Simulator([paper_experiment()], [paper_controller()])
+    said, robot = [], Simulation(paper_experiment(), paper_controller())
     hands = _Hands(robot, Arm.two_link(), 0, np.array((3.0, 1.0)), said.append)
     assert hands.take("2" + "+" * 1000)
     assert len(hands.pushes) == 15
@@ -292,37 +293,40 @@ def test_no_display_is_said_and_the_address_given(monkeypatch):
 
 
 def test_a_live_robot_takes_the_steps_of_a_simulation():
-    job, law = paper_experiment(duration=0.5), paper_controller()
+    job, law = paper_experiment(duration=0.5).with_dynamics("compiled"), paper_controller()
     run = simulate(job, law)
-    robot = Simulator([job], [law])
+    simulation = Simulation(job, law)
+    robot = simulation.robot
     for k in range(500):
-        assert np.array_equal(robot.q[0], run.q[k])
-        robot.tick()
-        assert np.array_equal(robot.torque[0], run.torque[k])
-    assert np.array_equal(robot.q[0], run.q[500])
+        assert np.array_equal(robot.q, run.q[k])
+        simulation.tick()
+        assert np.array_equal(robot.torque, run.torque[k])
+        assert np.array_equal(simulation.q_ref, run.q_ref[k])
+    assert np.array_equal(robot.q, run.q[500])
 
 
 def test_a_push_is_a_disturbance_pulse():
     arm, law = Arm.two_link(), paper_controller()
     pulse = Pulse(torque=(0.0, 3.0), start=0.1, end=0.3)
-    run = simulate(Experiment(arm, Hold(0.0), plant=Plant(disturbance=pulse), duration=0.5), law)
-    robot = Simulator([Experiment(arm, Hold(0.0), duration=0.5)], [law])
+    free = Experiment(arm, Hold(0.0), duration=0.5, dynamics="compiled")
+    run = simulate(replace(free, plant=Plant(disturbance=pulse)), law)
+    simulation = Simulation(free, law)
     for k in range(500):
         if k == 100:
-            robot.push("joint2", 3.0, 0.2)
-        assert np.array_equal(robot.q[0], run.q[k])
-        robot.tick()
+            simulation.push("joint2", 3.0, 0.2)
+        assert np.array_equal(simulation.robot.q, run.q[k])
+        simulation.tick()
 
 
 def test_a_robot_that_runs_away_says_so():
     job = Experiment(Arm.two_link(), Hold(0.0), runaway_speed=1.0, duration=1.0)
-    robot = Simulator([job], [paper_controller()])
-    robot.push(1, 500.0, 1.0)
-    while robot.alive:
-        assert robot.t < 1.0
-        robot.tick()
-    assert "joint" in str(robot.ends[0])
-    assert "beyond 1 rad/s" in str(robot.ends[0])
+    simulation = Simulation(job, paper_controller())
+    simulation.push(1, 500.0, 1.0)
+    while simulation.robot.outcome is None:
+        assert simulation.t < 1.0
+        simulation.tick()
+    assert "joint" in str(simulation.robot.outcome)
+    assert "beyond 1 rad/s" in str(simulation.robot.outcome)
 
 
 def test_live_runs_for_its_duration_and_reports():
