@@ -13,8 +13,7 @@ from fpid_pin.control import Controller
 from fpid_pin.exceptions import ExportError, FileFormatError
 from fpid_pin.export import c_extras, vectors
 from fpid_pin.export.c_source import CSource
-from fpid_pin.export.operations import operations
-from fpid_pin.export.parts import law_of
+from fpid_pin.export.law import start
 from fpid_pin.export.readme import readme
 from fpid_pin.files import discard, hidden_beside, kind_of, make_folder, sweep, sync, sync_tree
 
@@ -24,8 +23,6 @@ if TYPE_CHECKING:
 
 #: Of test vectors: some hundred megabytes.
 MOST_TICKS = 1_000_000
-#: Ticks over which operations are counted, line by line, in Python.
-_COUNTED = 20
 
 
 def export_c(
@@ -84,8 +81,8 @@ def export_c(
     ticks = checks.integer("ticks", ticks, low=1, high=MOST_TICKS)
     checks.instance("controller", controller, Controller, "a controller")
     controller = controller.on(arm, step=step, horizon=horizon)
-    law = law_of(controller, arm, step, horizon)
-    source = CSource(law, step)
+    state = start(controller, arm, step, horizon)
+    source = CSource(state)
     ticks = min(ticks, round(horizon / step))
     if experiment is None:
         inputs = vectors.signals(arm, step, ticks)
@@ -106,8 +103,7 @@ def export_c(
         write_sources(source, temporary)
         proof.write(temporary / "vectors.bin")
         (temporary / "controller.toml").write_text(made_by, encoding="utf-8")
-        count = operations(law, inputs[:_COUNTED])
-        text = readme(law, temporary, step, horizon, count, source.exact)
+        text = readme(state, temporary, source.exact)
         (temporary / "README.md").write_text(text, encoding="utf-8")
         sync_tree(temporary)
         os.rename(temporary, path)

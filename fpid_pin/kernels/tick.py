@@ -99,9 +99,11 @@ def signals(c, inputs):
     robot = c.robot[0]
     load_errors(c, inputs)
     correct_observer(robot, c.joints)
-    advance_operators(c, 0, robot.first_operators)
+    if robot.first_operators > 0:
+        advance_operators(c, 0, robot.first_operators)
     if robot.surface != 0:
         call_law(robot.surface, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
+    if robot.first_operators < c.ops.shape[1]:
         advance_operators(c, robot.first_operators, c.ops.shape[1])
 
 

@@ -6,7 +6,7 @@ import fpid_pin as fp
 from fpid_pin.export import vectors
 from fpid_pin.export.c_source import CSource
 from fpid_pin.export.folder import write_sources
-from fpid_pin.export.parts import law_of
+from fpid_pin.export.law import start
 
 HORIZON = 20.0
 
@@ -61,7 +61,7 @@ def simulated(controller):
 def write(controller, arm, step, ticks, folder, found=None):
     """Write what is compiled, and the vectors, without the README that measures them."""
     folder.mkdir()
-    write_sources(CSource(law_of(controller, arm, step, HORIZON), step), folder)
+    write_sources(CSource(start(controller, arm, step, HORIZON)), folder)
     if found is None:
         inputs = vectors.signals(arm, step, ticks)
         found = vectors.answers(controller, arm, step, HORIZON, inputs)
