@@ -16,6 +16,7 @@ from fpid_pin.export.c_source import CSource
 from fpid_pin.export.law import start
 from fpid_pin.export.readme import readme
 from fpid_pin.files import discard, hidden_beside, kind_of, make_folder, sweep, sync, sync_tree
+from fpid_pin.references import Hold
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -41,8 +42,7 @@ def export_c(
     Parameters
     ----------
     controller
-        An `AdaptiveFpid` with whatever it has, a `ComputedTorque`, or a law of one's own that is a
-        kernel.
+        Any law by its functions (`Controller`'s first two forms), with whatever it has.
     arm
         The nominal arm: its joints, effort limits, and its model where the law uses it.
     step
@@ -69,8 +69,8 @@ def export_c(
     Raises
     ------
     ExportError
-        A folder that exists, too many joints, a law without kernel, or a kernel that cannot be
-        printed.
+        A folder that exists, too many joints, a law in plain Python, or one with a line that has no
+        counterpart in C.
     ArgumentError
         A design without modes.
     """
@@ -133,11 +133,12 @@ def write_sources(source: CSource, folder: Path) -> None:
 def _toml(controller: Controller, arm: Arm, step: float, horizon: float) -> str:
     import tomli_w
 
+    rest = Hold(tuple(arm.home.tolist()))
     table = {
         "format": 1,
         "arm": descriptions.to_dict(arm),
+        "reference": descriptions.to_dict(rest),
         "simulation": {"step": step},
-        "export": {"horizon": horizon},
         "controller": [descriptions.to_dict(controller)],
     }
-    return tomli_w.dumps(table)
+    return f"# Exported with --horizon {horizon:g}.\n{tomli_w.dumps(table)}"
