@@ -115,7 +115,7 @@ def linearised(arm: Arm, controller: Controller, step: float) -> LinearSystem:
         gives another slope. An operator of something else than e.
     """
     # Imported late: it loads numba.
-    from fpid_pin.control.state import MODEL, TORQUES, start_all, step_tick
+    from fpid_pin.control.state import MODEL, TORQUES, start_all
 
     n = arm.n
     free = arm.with_limits(effort=np.zeros(n))
@@ -141,7 +141,7 @@ def linearised(arm: Arm, controller: Controller, step: float) -> LinearSystem:
         elif controller.surface is not None:
             for c in joints:
                 controller.surface(c)
-        step_tick(*state.c, inputs, state.torque, MODEL | TORQUES)
+        state.make(MODEL | TORQUES)
         return state.torque.copy()
 
     def slopes(width: float) -> FloatArray:

@@ -27,6 +27,8 @@ from fpid_pin.kernels.compiled import compile_plain, names_in
 from fpid_pin.kernels.records import BODY, LINK
 
 _numba: Any = numba
+_CFunc: Any = CFunc
+_normalized: Any = normalize_signature
 
 
 class Model(NamedTuple):
@@ -172,14 +174,14 @@ class _Cache(FunctionCache):
 
     def __init__(self, function: Any, key: str) -> None:
         self._own_key = key
-        super().__init__(function)
+        super().__init__(function)  # type: ignore[no-untyped-call]
 
     def _index_key(self, sig: Any, codegen: Any) -> Any:
         return (sig, codegen.magic_tuple(), self._own_key)
 
 
 def _compiled(called: Any, signature: Any, key: Any) -> tuple[int, Any]:
-    result = CFunc(called, normalize_signature(signature), {}, {"error_model": "numpy"})
+    result: Any = _CFunc(called, _normalized(signature), {}, {"error_model": "numpy"})
     if key[0] is not None and compiled.CACHE is not None:
         digest = hashlib.sha256(repr(key).encode()).hexdigest()
         before = _numba.config.CACHE_DIR

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.record import ROWS, Record
-from fpid_pin.exceptions import SimulationError
+from fpid_pin.exceptions import FpidWarning, SimulationError
 
 if TYPE_CHECKING:
     from fpid_pin.control.state import State
@@ -38,14 +39,20 @@ class Loop:
         # Imported late: it loads numba.
         from fpid_pin.kernels.limits import finite
 
-        self.state, self.controller = state, controller
+        self.controller = controller
         self._restart = restart
-        self._record: Record | None = None
+        self._record: Record | None
         self._finite: Any = finite
         self._shape = (state.n,)
         self._rest = np.zeros(state.n)
-        self._ticks = 0
+        self._take_over(state)
+
+    def _take_over(self, state: State) -> None:
+        """Work on a state from its start."""
         state.prepare()
+        self.state, self._ticks, self._record = state, 0, None
+        self._rows, self._flat = tuple(state.inputs), state.inputs.reshape(-1)
+        self._last = state.ticks_within_horizon
 
     def torque(
         self,
@@ -73,17 +80,18 @@ class Loop:
         """
         given = (q, v, q_ref, v_ref, self._rest if a_ref is None else a_ref)
         state = self.state
-        for row, value in zip(state.inputs, given, strict=True):
+        for row, value in zip(self._rows, given, strict=True):
             # The checks of a well-made array take longer than the law; they are for the others.
             if type(value) is np.ndarray and value.shape == self._shape and value.dtype == float:
                 row[:] = value
             else:
                 self._take(given)
                 break
-        if not self._finite(state.flat_inputs):
-            self._take(tuple(state.inputs))
+        if not self._finite(self._flat):
+            self._take(self._rows)
+        if self._ticks == self._last > 0:
+            self._warn()
         self._ticks += 1
-        state.warn_beyond_horizon(self._ticks)
         state.tick()
         torque: FloatArray = state.torque.copy()
         if self._record is not None:
@@ -96,8 +104,16 @@ class Loop:
             checks.vector(name, value, self.state.n)
             for name, value in zip(_NAMES, given, strict=True)
         ]
-        for row, array in zip(self.state.inputs, arrays, strict=True):
+        for row, array in zip(self._rows, arrays, strict=True):
             row[:] = array
+
+    def _warn(self) -> None:
+        warnings.warn(
+            f"the law runs past its horizon of {self.state.horizon:g} s, for which its fractional "
+            "memories are fitted: give start() the time that it will run",
+            FpidWarning,
+            stacklevel=3,
+        )
 
     def signals(self) -> dict[str, FloatArray]:
         """Return copies of the law's inner signals at the last tick, (n,) or scalars."""
@@ -134,5 +150,4 @@ class Loop:
         """
         if self._restart is None:
             raise SimulationError("reset: expected a loop by controller.start, got a state's")
-        self.state = self._restart()
-        self._record, self._ticks = None, 0
+        self._take_over(self._restart())

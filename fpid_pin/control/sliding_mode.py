@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 from numpy.typing import ArrayLike
 
@@ -41,7 +41,7 @@ class SlidingMode(Controller):
     name: str = field(default="sliding mode", kw_only=True)
 
     uses_model = True
-    shown = {"s": "s"}
+    shown: ClassVar = {"s": "s"}
 
     @staticmethod
     def surface(c: Any) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -71,7 +71,7 @@ class SlotineLi(Controller):
     uses_model = True
     estimates_model = True
     memory = ("viscous_hat", "dry_hat")
-    shown = {"s": "s"}
+    shown: ClassVar = {"s": "s"}
 
     @staticmethod
     def surface(c: Any) -> None:

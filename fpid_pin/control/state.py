@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -16,10 +15,11 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import address_of, check_in_python, plain_function
 from fpid_pin.control.law import Controller, Integral, Operator
 from fpid_pin.control.observer_gains import observer_gains
-from fpid_pin.exceptions import ArgumentError, DesignError, FpidWarning, SimulationError
+from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.kernels import records
+from fpid_pin.kernels.compiled import entry_point
 from fpid_pin.kernels.layout import record_type
 from fpid_pin.kernels.records import (
     DERIVATIVE,
@@ -49,7 +49,6 @@ NODES = 201
 RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
 #: Parts of a tick, for `kernels.rollout.step_tick`.
 SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
-_STEP: Any = step_tick
 
 
 def start_all(
@@ -186,11 +185,11 @@ class State:
         )
         self._columns = {name: k for k, name in enumerate(self.record.names)}
         self.inputs: FloatArray = np.zeros((5, n))
-        self.flat_inputs = self.inputs.reshape(-1)
         self.torque: FloatArray = np.zeros(n)
         self.memory: dict[str, Any] = {}
         self.shown: dict[str, FloatArray] = {}
         self._ticked = False
+        self._step: Any = None
         self._operators = list(operators.items())
         self.orders = self._initial_orders()
         self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
@@ -324,7 +323,13 @@ class State:
 
     def prepare(self) -> None:
         """Compile what is yet to be compiled, so that no tick has to wait for it."""
-        _STEP(*self.c, self.inputs, self.torque, 0)
+        self._step = entry_point(step_tick, *self.c, self.inputs, self.torque, 0)
+
+    def make(self, parts: int) -> None:
+        """Make parts of a tick: a sum of `SIGNALS`, `MODEL`, `TORQUES` and `ADAPT`."""
+        if self._step is None:
+            self.prepare()
+        self._step(*self.c, self.inputs, self.torque, parts)
 
     def tick(self, model: Callable[[State], None] | None = None) -> None:
         """Advance by one tick: from `inputs` to `torque`.
@@ -346,14 +351,14 @@ class State:
         first = (ADAPT if self._ticked else 0) | SIGNALS
         self._ticked = True
         if model is None and not self.in_python:
-            _STEP(*self.c, self.inputs, self.torque, first | MODEL | TORQUES)
+            self.make(first | MODEL | TORQUES)
             return
-        _STEP(*self.c, self.inputs, self.torque, first if model is not None else first | MODEL)
+        self.make(first if model is not None else first | MODEL)
         if model is not None:
             model(self)
         if self.in_python:
             self._control()
-        _STEP(*self.c, self.inputs, self.torque, TORQUES)
+        self.make(TORQUES)
 
     def _control(self) -> None:
         law = self.controller
@@ -473,15 +478,10 @@ class State:
                     1.0 - order if isinstance(operator, Integral) else order
                 )
 
-    def warn_beyond_horizon(self, ticks: int) -> None:
-        """Warn once where the law runs past the time that its memories are fitted for."""
-        if ticks == round(self.horizon / self.step) + 2 and self.orders.size:
-            warnings.warn(
-                f"the law runs past its horizon of {self.horizon:g} s, for which its fractional "
-                "memories are fitted: give start() the time that it will run",
-                FpidWarning,
-                stacklevel=4,
-            )
+    @property
+    def ticks_within_horizon(self) -> int:
+        """How many ticks the fractional memories are fitted for; 0: there are none."""
+        return round(self.horizon / self.step) + 1 if self.orders.size else 0
 
 
 __all__ = ["Operator", "State", "start_all"]

@@ -50,8 +50,15 @@ class CSource:
         texts |= {name: f"fpid_{name}" for name in _FIXED} | {"numbers": "((real_t *){}->joints)"}
         arrays = bundle("state", state.c, texts, record=state.record)
         program = Program(_LANGUAGE, stand_ins(state.controller))
-        ticks = program.add(tick.tick, [arrays, real(INPUTS, n), real(n)])
-        adapts = program.add(tick.adapt, [arrays])
+        parts = [
+            f"    {program.add(kernel, [arrays, *kinds])}(state{''.join(others)});"
+            for kernel, kinds, others in (
+                (tick.signals, [real(INPUTS, n)], [", inputs"]),
+                (tick.ask_model, [real(INPUTS, n)], [", inputs"]),
+                (tick.torques, [real(n)], [", output->torque"]),
+                (tick.adapt, [], []),
+            )
+        ]
         used = {name for _, name in program.members} | {"robot", "joints"}
         #: Name, kind and values of the arrays that are used.
         self._arrays = [
@@ -85,7 +92,7 @@ class CSource:
         )  # fmt: skip
         self.source = SOURCE.format(
             version=__version__, inputs=INPUTS, helpers=helpers(text), functions=text,
-            tick=ticks, adapt=adapts,
+            tick="\n".join(parts),
             reset="\n".join(
                 f"    memcpy(state->{name}, fpid_{name}_0, sizeof fpid_{name}_0);"
                 for name, _, _ in constants

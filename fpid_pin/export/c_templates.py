@@ -117,8 +117,7 @@ int fpid_step(fpid_state *state, const fpid_input *input, fpid_output *output)
     if (all_finite(inputs, {inputs} * FPID_JOINTS) == 0) {{
         return FPID_BAD_INPUT;
     }}
-    {tick}(state, inputs, output->torque);
-    {adapt}(state);
+{tick}
     return (all_finite(output->torque, FPID_JOINTS) != 0) ? FPID_OK : FPID_BAD_TORQUE;
 }}
 

@@ -24,11 +24,12 @@ from fpid_pin.export.source import Source, is_kernel
 
 _ARITHMETIC = {
     ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT), ast.Div: ("/", PRODUCT),
+    ast.BitAnd: ("&", AND),
 }  # fmt: skip
 _COMPARE = {ast.Gt: ">", ast.Lt: "<", ast.GtE: ">=", ast.LtE: "<=", ast.Eq: "==", ast.NotEq: "!="}
 _FOLDED = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, ">": operator.gt, "<": operator.lt,
-    ">=": operator.ge, "<=": operator.le, "==": operator.eq, "!=": operator.ne,
+    ">=": operator.ge, "<=": operator.le, "==": operator.eq, "!=": operator.ne, "&": operator.and_,
 }  # fmt: skip
 _MATH = frozenset(
     "sqrt exp expm1 log log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh hypot floor ceil "
@@ -129,7 +130,8 @@ class Expressions:
         if type(node.op) not in _ARITHMETIC:
             raise self.refuse(node, ast.unparse(node))
         sign, rank = _ARITHMETIC[type(node.op)]
-        left, right = self.number(node.left), self.number(node.right)
+        each = self._whole if sign == "&" else self.number
+        left, right = each(node.left), each(node.right)
         # A quotient of integers is a real number in Python.
         kind = REAL if sign == "/" else joined(_number(left), joined(_number(right), INT))
         left, right = self.language.coerce(left, kind), self.language.coerce(right, kind)
@@ -230,19 +232,26 @@ class Expressions:
         index = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if len(index) > len(array.kind.shape):
             raise self.refuse(node, f"more indices than dimensions: {ast.unparse(node)}")
-        if isinstance(index[-1], ast.Slice):
-            return self._columns(node, array, index)
+        if any(isinstance(k, ast.Slice) for k in index):
+            return self._part(node, array, index)
         return self.language.element(array, [self._whole(k) for k in index])
 
-    def _columns(self, node: ast.AST, array: Value, index: Sequence[ast.expr]) -> Value:
-        """Translate ``x[:, first:last]``: an array that begins further on, its rows apart."""
-        kind, last = array.kind, index[-1]
-        assert isinstance(kind, Array) and isinstance(last, ast.Slice)
-        if last.lower is None or [ast.unparse(k) for k in index[:-1]] != [":"]:
-            raise self.refuse(node, "a slice that is not one of columns, :, first:last")
-        first = [self.language.number(0), self._whole(last.lower)]
-        part = Array(kind.element, (kind.shape[0], None), kind.pitch or kind.shape[1])
-        return self.language.element(array, first, part)
+    def _part(self, node: ast.AST, array: Value, index: Sequence[ast.expr]) -> Value:
+        """Translate ``x[first:last]`` or ``x[:, first:last]``: an array that begins further on."""
+        kind, part = array.kind, index[-1]
+        assert isinstance(kind, Array)
+        columns = [ast.unparse(k) for k in index[:-1]] == [":"]
+        if not isinstance(part, ast.Slice) or part.step or not (columns or len(index) == 1):
+            raise self.refuse(node, "a slice that is not one of rows or of columns, first:last")
+        zero, axis = self.language.number(0), 1 if columns else 0
+        first = zero if part.lower is None else self._whole(part.lower)
+        last = None if part.upper is None else self._whole(part.upper).known
+        end = kind.shape[axis] if part.upper is None else last
+        extent = None if end is None or first.known is None else int(end - first.known)
+        shape = (*kind.shape[:axis], extent, *kind.shape[axis + 1 :])
+        pitch = (kind.pitch or kind.shape[1]) if columns else kind.pitch
+        at = [zero, first] if columns else [first]
+        return self.language.element(array, at, Array(kind.element, shape, pitch))
 
     # ------------------------------------------------------------------ calls
 

@@ -97,6 +97,19 @@ def kernel(function: F | None = None, *, inline: bool = False) -> F | Callable[[
     return _compile(function, inline=inline)
 
 
+def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return what a kernel is compiled to for arguments of these types, and compile it for them.
+
+    It does not look up the types of its arguments again, which takes most of a short call with many
+    arrays: whoever calls it sees to it that they stay the same.
+    """
+    if not hasattr(function, "overloads"):
+        return cast("Callable[..., Any]", function)
+    types = tuple(_numba.typeof(argument) for argument in arguments)
+    function.compile(types)
+    return cast("Callable[..., Any]", function.overloads[types].entry_point)
+
+
 def compile_plain(function: F, *, cache: bool = True) -> F:
     """Compile a function in plain Python, and the functions in plain Python that it calls.
 
@@ -129,7 +142,9 @@ def names_in(code: CodeType) -> set[str]:
 
 def _compile(function: F, *, inline: bool) -> F:
     options = {
-        "error_model": "numpy", "nogil": True, "_nrt": False, "inline": "always" if inline else "never",
+        "error_model": "numpy", "nogil": True,
+        # Kernels allocate nothing: no reference is counted.
+        "_nrt": False, "inline": "always" if inline else "never",
     }  # fmt: skip
     if CACHE is None:
         return cast("F", _numba.njit(function, **options))

@@ -23,9 +23,9 @@ def record_type(
     ValueError
         A name that would hide a method of NumPy's records, so that it could not be read by name.
     """
-    fields = [(name, np.float64) for name in numbers]
+    fields: list[tuple[str, Any]] = [(name, np.float64) for name in numbers]
     fields += [(name, np.int64) for name in integers or ()]
     taken = [name for name, _ in fields if hasattr(np.record, name)]
     if taken:
         raise ValueError(f"{taken}: without compilation these would be methods of a record")
-    return np.dtype((np.record, fields))  # type: ignore[no-any-return]
+    return np.dtype((np.record, fields))

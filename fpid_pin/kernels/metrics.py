@@ -32,6 +32,14 @@ def measure_row(c, e, u, k, half, h):
 
 
 @kernel
+def measure_joints(sums, reference, motion, k, number, half, h):
+    """Add row k of blocks of reference and motion, the row of that `number` of its run."""
+    for j in range(sums.size):
+        error = reference[0, k, j] - motion[0, k, j]
+        measure_row(sums[j], error, motion[2, k, j], number, half, h)
+
+
+@kernel
 def measure_rows(sums, q, q_ref, torque, half, h):
     """Add the rows of a recorded run, (K, n), from its first on."""
     for k in range(q.shape[0]):

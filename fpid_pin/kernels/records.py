@@ -1,4 +1,4 @@
-"""What a law, a robot and its plant are in memory: records, and the arrays of one robot together."""
+"""What a controller and its plant are in memory: records, and all arrays of one robot."""
 
 from __future__ import annotations
 
@@ -81,8 +81,8 @@ GIVEN = record_type(
 )
 #: Where these ten begin.
 INERTIA = GIVEN.names.index("m")  # type: ignore[union-attr]
-#: What a law that estimates the model has beside them: its estimates, and the derivatives of S . tau
-#: by each of them.
+#: What a law that estimates the model has beside them: its estimates, and the derivatives of
+#: S . tau by each of them.
 ESTIMATES = tuple(f"{name}_hat" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
 SLOPES = tuple(f"by_{name}" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
 ROBOT = record_type(
@@ -221,7 +221,10 @@ PLANT = record_type(
         "viscous": "[N m s/rad] F_v",
         "push": "[N m] a torque from outside",
         "runaway": "[rad/s] speed beyond which a run is lost",
-    }
+        "dry": "[N m] F_d",
+        "friction": "[N m] dry friction's torque in the last step",
+    },
+    {"stuck": "whether the joint sticks"},
 )
 
 
@@ -236,12 +239,9 @@ class Plant(NamedTuple):
         Angles, rates, accelerations and torques on the arm, (n,).
     bodies, frames, gravity, mass
         The true arm as in `Controller`; friction's h F_v is part of its rotor inertias.
-    dry, stuck, friction
-        F_d [N m], which joints stick, and the friction torques [N m], (n,).
-    work, response, matrix
-        Room for friction, (3, n) and twice (n, n).
-    stages
-        Room for Runge-Kutta, (11, n); no rows: semi-implicit Euler.
+    room
+        Room to work in, (ROOM + 2 n + stages, n): for friction, its two matrices, and the
+        integrator's stages, none for semi-implicit Euler.
     """
 
     joints: Any
@@ -253,15 +253,11 @@ class Plant(NamedTuple):
     frames: Any
     gravity: Any
     mass: Any
-    dry: Any
-    stuck: Any
-    friction: Any
-    work: Any
-    response: Any
-    matrix: Any
-    stages: Any
+    room: Any
 
 
+#: Rows of a plant's room before its matrices.
+ROOM = 3
 SENSOR = record_type(
     {
         "noise_q": "[rad] standard deviation of the angle's noise",

@@ -3,38 +3,27 @@
 from __future__ import annotations
 
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.metrics import measure_row
+from fpid_pin.kernels.metrics import measure_joints
 from fpid_pin.kernels.plant import apply_actuators, has_diverged, move
 from fpid_pin.kernels.records import Controller
 from fpid_pin.kernels.sensors import measure
-from fpid_pin.kernels.tick import adapt, ask_model, signals, tick, torques
+from fpid_pin.kernels.tick import tick_parts
 
 
-@kernel(inline=True)
-def load_sample(plant, sensing, rows, k, number, inputs):
-    """Write what the controller is given at row k: measured q, v, and the reference's q, v, a."""
-    if sensing.joints.size > 0:
-        measure(sensing, plant.q, plant.v, number, inputs)
-    else:
-        for j in range(plant.q.size):
-            inputs[0, j] = plant.q[j]
-            inputs[1, j] = plant.v[j]
+@kernel
+def load_reference(reference, k, inputs):
+    """Write row k of the reference's q, v, a into `inputs`, (5, n)."""
     for i in range(3):
-        for j in range(plant.q.size):
-            inputs[2 + i, j] = rows.reference[i, k, j]
+        for j in range(inputs.shape[1]):
+            inputs[2 + i, j] = reference[i, k, j]
 
 
-@kernel(inline=True)
-def keep_row(c, plant, rows, k, number, applied):
-    """Keep the law's signals of row k, and add it to the figures of merit if it is `applied`."""
-    for i in range(rows.columns.size):
-        for j in range(plant.q.size):
-            rows.kept[i, k, j] = c.numbers[j, rows.columns[i]]
-    if number < applied:
-        for j in range(rows.sums.size):
-            error = rows.reference[0, k, j] - rows.motion[0, k, j]
-            torque = rows.motion[2, k, j]
-            measure_row(rows.sums[j], error, torque, number, applied // 2, c.robot[0].h)
+@kernel
+def keep_signals(numbers, columns, kept, k):
+    """Keep some of the controller's numbers as row k, (signals, K, n)."""
+    for i in range(columns.size):
+        for j in range(numbers.shape[0]):
+            kept[i, k, j] = numbers[j, columns[i]]
 
 
 @kernel
@@ -62,15 +51,20 @@ def rollout(c, plant, sensing, rows, inputs, torque, counts):
     while k < counts[1] and ended < 0:
         number = counts[0] + k
         row = counts[2] + k
-        load_sample(plant, sensing, rows, row, number, inputs)
-        tick(c, inputs, torque)
-        if apply_actuators(plant, torque, rows.forces, rows.motion, row):
+        measure(sensing.joints, sensing.history, sensing.noise, plant.q, plant.v, number, inputs)
+        load_reference(rows.reference, row, inputs)
+        tick_parts(c, inputs, torque, 7 if number == 0 else 15)
+        if apply_actuators(
+            plant.joints, plant.q, plant.v, torque, rows.forces, rows.motion, row, plant.tau
+        ):
             ended = number
         else:
-            keep_row(c, plant, rows, row, number, counts[3])
-            adapt(c)
+            keep_signals(c.numbers, rows.columns, rows.kept, row)
+            if number < counts[3]:
+                half = counts[3] // 2
+                measure_joints(rows.sums, rows.reference, rows.motion, row, number, half, h)
             move(plant, counts[4] != 0, rows.forces, row, h)
-            if has_diverged(plant):
+            if has_diverged(plant.joints, plant.q, plant.v):
                 ended = number + 1
         k += 1
     return ended
@@ -81,20 +75,9 @@ def step_tick(
     robot, joints, numbers, own, ops, poles, modes, table, bodies, links, motions, frames, gravity,
     mass, factored, terms, inputs, torque, parts,
 ):  # fmt: skip
-    """Make parts of a tick for a caller in Python: its arrays one by one, which costs least.
-
-    `parts`: 8 adaptation by the tick before, 1 the signals, 2 the model by the compiled dynamics, 4
-    the torques.
-    """
+    """Make parts of a tick for a caller in Python: its arrays one by one, which costs least."""
     c = Controller(
         robot, joints, numbers, own, ops, poles, modes, table, bodies, links, motions, frames,
         gravity, mass, factored, terms,
     )  # fmt: skip
-    if parts & 8:
-        adapt(c)
-    if parts & 1:
-        signals(c, inputs)
-    if parts & 2:
-        ask_model(c, inputs)
-    if parts & 4:
-        torques(c, torque)
+    tick_parts(c, inputs, torque, parts)

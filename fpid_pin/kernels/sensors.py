@@ -17,24 +17,13 @@ def rounded(x):
     return low
 
 
-@kernel(inline=True)
-def measure(sensing, q, v, tick, inputs):
-    """Write the measured q and q' into `inputs`, (5, n).
-
-    Parameters
-    ----------
-    sensing
-        See `records.Sensing`; its history is a ring of true values.
-    q, v
-        The true state, (n,).
-    tick
-        Number of the sample; noise is its row, modulo the rows that there are.
-    """
-    history, noise = sensing.history, sensing.noise
+@kernel
+def spoil(joints, history, noise, q, v, tick, inputs):
+    """Write what sensors with faults measure: see `measure`."""
     depth = history.shape[0]
     slot = tick % depth
     for j in range(q.size):
-        c = sensing.joints[j]
+        c = joints[j]
         history[slot, 0, j] = q[j]
         history[slot, 1, j] = v[j]
         # Before t = 0 the arm is taken to have been where it starts.
@@ -56,3 +45,28 @@ def measure(sensing, q, v, tick, inputs):
             speed = c.filtered
         inputs[0, j] = angle
         inputs[1, j] = speed
+
+
+@kernel
+def measure(joints, history, noise, q, v, tick, inputs):
+    """Write the measured q and q' into `inputs`, (5, n).
+
+    Parameters
+    ----------
+    joints
+        SENSOR, (n,); none: what is measured is exact.
+    history
+        A ring of true values, (depth, 2, n).
+    noise
+        White noise, (K, 2, n); the tick's row is taken modulo K.
+    q, v
+        The true state, (n,).
+    tick
+        Number of the sample.
+    """
+    if joints.size == 0:
+        for j in range(q.size):
+            inputs[0, j] = q[j]
+            inputs[1, j] = v[j]
+    else:
+        spoil(joints, history, noise, q, v, tick, inputs)

@@ -56,19 +56,18 @@ def integral_step(e, e_, e_dot, e_dot_, h):
     return 0.5 * h * (e + e_) + h * h / 12.0 * (e_dot_ - e_dot)
 
 
-@kernel(inline=True)
-def load_errors(c, inputs):
+@kernel
+def load_errors(robot, joints, inputs):
     """Take a sample: measured q, v and the reference's q, v, a, (5, n); errors, V and int e."""
-    robot = c.robot[0]
     t = robot.h * robot.ticks
     value = 0.0
     if robot.supervised:
-        for j in range(c.joints.size):
+        for j in range(joints.size):
             value += energy(robot, inputs[2, j] - inputs[0, j], inputs[3, j] - inputs[1, j])
     robot.value = value
     robot.acting = 1 if value >= robot.threshold else 0
-    for j in range(c.joints.size):
-        g = c.joints[j]
+    for j in range(joints.size):
+        g = joints[j]
         e = inputs[2, j] - inputs[0, j]
         e_dot = inputs[3, j] - inputs[1, j]
         if robot.ticks > 0 and not robot.acting and not winds_up(g.cut, e):
@@ -80,16 +79,17 @@ def load_errors(c, inputs):
         g.lyapunov = value
 
 
-@kernel(inline=True)
-def advance_operators(c, first, last):
-    """Take one sample of operators `first` to `last` - 1 of each joint."""
-    robot = c.robot[0]
-    for j in range(c.joints.size):
+@kernel
+def advance_operators(robot, joints, numbers, ops, poles, modes, table, given):
+    """Take one sample of each joint's operators: of given signals, or of the law's own."""
+    first = 0 if given else robot.first_operators
+    last = robot.first_operators if given else ops.shape[1]
+    for j in range(joints.size):
         for i in range(first, last):
-            op = c.ops[j, i]
+            op = ops[j, i]
             advance_operator(
-                op, c.table, c.poles[op.row], c.modes[j, i], c.numbers[j], robot.ticks > 0,
-                robot.acting != 0, c.joints[j].cut, robot.h,
+                op, table, poles[op.row], modes[j, i], numbers[j], robot.ticks > 0,
+                robot.acting != 0, joints[j].cut, robot.h,
             )  # fmt: skip
 
 
@@ -97,19 +97,19 @@ def advance_operators(c, first, last):
 def signals(c, inputs):
     """Make the first part of a tick: all that comes before the model is asked."""
     robot = c.robot[0]
-    load_errors(c, inputs)
+    load_errors(robot, c.joints, inputs)
     correct_observer(robot, c.joints)
     if robot.first_operators > 0:
-        advance_operators(c, 0, robot.first_operators)
+        advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, True)
     if robot.surface != 0:
         call_law(robot.surface, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
     if robot.first_operators < c.ops.shape[1]:
-        advance_operators(c, robot.first_operators, c.ops.shape[1])
+        advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, False)
 
 
 @kernel
 def mass_times(bodies, mass, x, out):
-    """Write M x, (n,), of the lower half of M; joints that do not carry each other have no entry."""
+    """Write M x, (n,), from the lower half of M; only joints that carry each other count."""
     n = bodies.size
     for i in range(n):
         out[i] = mass[i, i] * x[i]
@@ -119,6 +119,13 @@ def mass_times(bodies, mass, x, out):
             out[i] += mass[i, k] * x[k]
             out[k] += mass[i, k] * x[i]
             k = bodies[k].parent
+
+
+@kernel
+def survey(bodies, frames, gravity, q, v, bias, mass):
+    """Write C(q, v) v + G and the lower half of M."""
+    set_base_acceleration(frames, bodies.size, gravity)
+    mass_matrix_and_bias(bodies, frames, q, v, bias, mass)
 
 
 @kernel(inline=True)
@@ -132,10 +139,9 @@ def ask_model(c, inputs):
         for j in range(n):
             w[j] = c.joints[j].w
             a[j] = c.joints[j].a
-        inertias = c.numbers[:, robot.inertia : robot.inertia + 10]
         inverse_dynamics(
-            c.bodies, inertias, c.links, c.motions, c.gravity, inputs[0], inputs[1], w, a,
-            terms[LAW_TERM],
+            c.bodies, c.numbers[:, robot.inertia : robot.inertia + 10], c.links, c.motions,
+            c.gravity, inputs[0], inputs[1], w, a, terms[LAW_TERM],
         )  # fmt: skip
     if robot.feedforward:
         inverse_dynamics(
@@ -146,140 +152,134 @@ def ask_model(c, inputs):
         speed = terms[WORK]
         for j in range(n):
             speed[j] = 0.0
-        set_base_acceleration(c.frames, n, c.gravity)
-        mass_matrix_and_bias(c.bodies, c.frames, inputs[0], speed, terms[GRAVITY], c.mass)
-        mass_matrix_and_bias(c.bodies, c.frames, inputs[0], inputs[1], terms[CORIOLIS], c.mass)
+        survey(c.bodies, c.frames, c.gravity, inputs[0], speed, terms[GRAVITY], c.mass)
+        survey(c.bodies, c.frames, c.gravity, inputs[0], inputs[1], terms[CORIOLIS], c.mass)
         for j in range(n):
             terms[CORIOLIS, j] -= terms[GRAVITY, j]
     if robot.observes or robot.sampled:
         speed = terms[WORK]
         for j in range(n):
             speed[j] = c.joints[j].v_hat
-        set_base_acceleration(c.frames, n, c.gravity)
-        mass_matrix_and_bias(c.bodies, c.frames, inputs[0], speed, terms[BIAS], c.mass)
+        survey(c.bodies, c.frames, c.gravity, inputs[0], speed, terms[BIAS], c.mass)
 
 
-@kernel(inline=True)
-def limit_torque(c, torque):
+@kernel
+def limit_torque(joints, torque):
     """Write the torque asked for, clipped at the effort limits, and by how much it was cut."""
-    for j in range(c.joints.size):
-        g = c.joints[j]
+    cut = False
+    for j in range(joints.size):
+        g = joints[j]
         asked = g.u_law + g.u_model + g.u_s
         torque[j] = clip(asked, g.limit)
         g.cut = asked - torque[j]
+        cut = cut or g.cut != 0.0
+    return cut
 
 
-@kernel(inline=True)
-def nominal_acceleration(c, torque):
+@kernel
+def nominal_acceleration(joints, bodies, factored, terms, torque):
     """Write what the model makes of a torque: M^-1 (u - F_v v^ - C v^ - G)."""
-    a = c.terms[ACCELERATION]
-    for j in range(c.joints.size):
-        g = c.joints[j]
-        a[j] = torque[j] - g.viscous * g.v_hat - c.terms[BIAS, j]
-    solve_tree(c.bodies, c.factored, a)
+    a = terms[ACCELERATION]
+    for j in range(joints.size):
+        g = joints[j]
+        a[j] = torque[j] - g.viscous * g.v_hat - terms[BIAS, j]
+    solve_tree(bodies, factored, a)
 
 
-@kernel(inline=True)
-def sampled_supervisor(c, torque):
+@kernel
+def sampled_supervisor(robot, joints, bodies, mass, factored, terms, torque):
     """Add u_s of the supervisor for sampled loops, M times the least change of acceleration."""
-    robot, terms = c.robot[0], c.terms
-    n = c.joints.size
+    n = joints.size
     change, reserve, u_s = terms[CHANGE], terms[WORK], terms[WORK_2]
-    find_push(robot, c.joints, terms[ACCELERATION], change)
+    find_push(robot, joints, terms[ACCELERATION], change)
     if robot.pushing:
         for j in range(n):
             reserve[j] = change[j]
-        solve_tree(c.bodies, c.factored, reserve)
-        least_correction(robot, c.joints, reserve, change)
+        solve_tree(bodies, factored, reserve)
+        least_correction(robot, joints, reserve, change)
     if robot.pushing:
-        mass_times(c.bodies, c.mass, change, u_s)
-        cut = False
+        mass_times(bodies, mass, change, u_s)
         for j in range(n):
-            g = c.joints[j]
             terms[WORK_3, j] = torque[j]
-            g.u_s = u_s[j]
-            asked = g.u_law + g.u_model + g.u_s
-            torque[j] = clip(asked, g.limit)
-            g.cut = asked - torque[j]
-            cut = cut or g.cut != 0.0
-        if robot.observes and cut:
+            joints[j].u_s = u_s[j]
+        if limit_torque(joints, torque) and robot.observes:
             # The effort limit left less of the change.
             for j in range(n):
                 change[j] = torque[j] - terms[WORK_3, j]
-            solve_tree(c.bodies, c.factored, change)
+            solve_tree(bodies, factored, change)
 
 
-@kernel(inline=True)
-def paper_supervisor(c, torque):
+@kernel
+def paper_supervisor(robot, joints, bodies, mass, factored, terms, torque):
     """Add u_s of (20) while V >= V_M."""
-    robot, terms = c.robot[0], c.terms
-    n = c.joints.size
-    demand, w, product = terms[WORK], terms[WORK_2], terms[WORK_3]
-    error_terms(robot, c.joints, demand, w)
-    solve_tree(c.bodies, c.factored, w)
-    mass_times(c.bodies, c.mass, demand, product)
+    n = joints.size
+    demand, w, product, feedforward = terms[WORK], terms[WORK_2], terms[WORK_3], terms[CHANGE]
+    error_terms(robot, joints, demand, w)
+    solve_tree(bodies, factored, w)
+    mass_times(bodies, mass, demand, product)
     for j in range(n):
-        demand[j] = c.joints[j].a_ref
-    feedforward = terms[CHANGE]
-    mass_times(c.bodies, c.mass, demand, feedforward)
-    paper_torque(robot, c.joints, terms[GRAVITY], terms[CORIOLIS], product, feedforward, w)
+        demand[j] = joints[j].a_ref
+    mass_times(bodies, mass, demand, feedforward)
+    paper_torque(robot, joints, terms[GRAVITY], terms[CORIOLIS], product, feedforward, w)
     for j in range(n):
         feedforward[j] = 0.0
-    limit_torque(c, torque)
+    limit_torque(joints, torque)
+
+
+@kernel
+def add_model_terms(robot, joints, bodies, mass, terms):
+    """Write what the model adds to the law's torque: its own term, feedforward, less M xi."""
+    found, lost = terms[WORK], terms[WORK_2]
+    for j in range(joints.size):
+        g = joints[j]
+        g.u_s = 0.0
+        g.u_model = terms[LAW_TERM, j] if robot.declares else 0.0
+        if robot.feedforward:
+            g.u_model += terms[FEEDFORWARD, j] + g.viscous * g.v_ref
+        found[j] = g.xi
+    if robot.compensates:
+        mass_times(bodies, mass, found, lost)
+        for j in range(joints.size):
+            joints[j].u_model -= lost[j]
+
+
+@kernel
+def factor_mass(bodies, mass, factored):
+    """Write the factors of M and leave M as it is."""
+    for i in range(bodies.size):
+        for k in range(i + 1):
+            factored[i, k] = mass[i, k]
+    factor_tree(bodies, factored)
 
 
 @kernel(inline=True)
 def torques(c, torque):
     """Make the second part of a tick: write the torque, (n,), within the effort limits."""
-    robot, terms = c.robot[0], c.terms
-    n = c.joints.size
+    robot = c.robot[0]
     if robot.torque != 0:
         call_law(robot.torque, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
-    for j in range(n):
-        g = c.joints[j]
-        g.u_model = terms[LAW_TERM, j] if robot.declares else 0.0
-        if robot.feedforward:
-            g.u_model += terms[FEEDFORWARD, j] + g.viscous * g.v_ref
-        g.u_s = 0.0
-    if robot.compensates:
-        found, lost = terms[WORK], terms[WORK_2]
-        for j in range(n):
-            found[j] = c.joints[j].xi
-        mass_times(c.bodies, c.mass, found, lost)
-        for j in range(n):
-            c.joints[j].u_model -= lost[j]
-    limit_torque(c, torque)
+    add_model_terms(robot, c.joints, c.bodies, c.mass, c.terms)
+    limit_torque(c.joints, torque)
     acts = robot.paper and robot.acting
     if robot.observes or robot.sampled or acts:
-        for i in range(n):
-            for k in range(i + 1):
-                c.factored[i, k] = c.mass[i, k]
-        factor_tree(c.bodies, c.factored)
+        factor_mass(c.bodies, c.mass, c.factored)
     if robot.sampled:
-        nominal_acceleration(c, torque)
-        sampled_supervisor(c, torque)
+        nominal_acceleration(c.joints, c.bodies, c.factored, c.terms, torque)
+        sampled_supervisor(robot, c.joints, c.bodies, c.mass, c.factored, c.terms, torque)
     elif acts:
-        paper_supervisor(c, torque)
+        paper_supervisor(robot, c.joints, c.bodies, c.mass, c.factored, c.terms, torque)
     if robot.observes:
         if not robot.sampled:
-            nominal_acceleration(c, torque)
-        predict(robot, c.joints, terms[ACCELERATION], terms[CHANGE])
+            nominal_acceleration(c.joints, c.bodies, c.factored, c.terms, torque)
+        predict(robot, c.joints, c.terms[ACCELERATION], c.terms[CHANGE])
 
 
-@kernel(inline=True)
-def derivatives_by_inertia(c):
-    """Write the derivatives of S . tau by the inertial numbers that the law estimates.
-
-    A joint whose torque was cut tells nothing about them while adapting to it would ask for more
-    torque yet: its S counts as 0.
-    """
-    surface = c.terms[WORK]
-    for j in range(c.joints.size):
-        g = c.joints[j]
-        surface[j] = 0.0 if winds_up(g.cut, -g.s) else g.s
-    velocities(c.bodies, c.links, surface, c.motions[2])
-    first = c.robot[0].inertia + 10
-    gradient(c.links, c.motions, c.numbers[:, first : first + 10])
+@kernel
+def mask_surface(joints, out):
+    """Write S of each joint, 0 where its torque was cut and adapting would ask for more yet."""
+    for j in range(joints.size):
+        g = joints[j]
+        out[j] = 0.0 if winds_up(g.cut, -g.s) else g.s
 
 
 @kernel(inline=True)
@@ -288,14 +288,27 @@ def adapt(c):
     robot = c.robot[0]
     if robot.adapt != 0 and not robot.acting:
         if robot.estimates:
-            derivatives_by_inertia(c)
+            # The derivatives of S . tau by the inertial numbers that the law estimates.
+            mask_surface(c.joints, c.terms[WORK])
+            velocities(c.bodies, c.links, c.terms[WORK], c.motions[2])
+            first = robot.inertia + 10
+            gradient(c.links, c.motions, c.numbers[:, first : first + 10])
         call_law(robot.adapt, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
     robot.ticks += 1
 
 
-@kernel(inline=True)
-def tick(c, inputs, torque):
-    """Make a tick up to its torque, (n,), for `inputs`, (5, n): see `load_errors`."""
-    signals(c, inputs)
-    ask_model(c, inputs)
-    torques(c, torque)
+@kernel
+def tick_parts(c, inputs, torque, parts):
+    """Make a tick, for `inputs`, (5, n): see `load_errors`; write its torque, (n,).
+
+    `parts` is the sum of those that are wanted: 8 adaptation by the tick before, 1 the signals, 2
+    the model by the compiled dynamics, 4 the torques.
+    """
+    if parts & 8:
+        adapt(c)
+    if parts & 1:
+        signals(c, inputs)
+    if parts & 2:
+        ask_model(c, inputs)
+    if parts & 4:
+        torques(c, torque)

@@ -110,6 +110,11 @@ def _overall(
     return lambda inner: progress(Progress((done + inner.part * size) / runs))
 
 
+def _taker(sinks: Sequence[Any]) -> Callable[[int, Block], None]:
+    """Return what hands each robot's blocks on to a sink of its own."""
+    return lambda i, block: sinks[i].take(block)
+
+
 def record_runs(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
@@ -122,7 +127,7 @@ def record_runs(
         robots = start_robots(es, cs, dynamics="pinocchio", keep=None)
         records = [_Record(robot) for robot in robots]
         inner = _overall(progress, start, len(es), len(experiments))
-        outcomes = advance_all(robots, lambda i, block, of=records: of[i].take(block), inner)
+        outcomes = advance_all(robots, _taker(records), inner)
         runs += [
             record.run(c, outcome) for record, c, outcome in zip(records, cs, outcomes, strict=True)
         ]
@@ -178,7 +183,7 @@ def costs_of(
             for e, robot in zip(es, robots, strict=True)
         ]
         inner = _overall(progress, start, len(es), len(experiments))
-        take = (lambda i, block, of=rows: of[i].take(block)) if streamed else None
+        take = _taker(rows) if streamed else None
         for i, outcome in enumerate(advance_all(robots, take, inner)):
             if not outcome.completed:
                 continue

@@ -19,8 +19,10 @@ from fpid_pin.control.state import State, start_all
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import plant as plant_kernels
 from fpid_pin.kernels import records
+from fpid_pin.kernels.metrics import measure_joints
 from fpid_pin.kernels.records import FRAME, MEASURE, PLANT
-from fpid_pin.kernels.rollout import keep_row, load_sample, rollout
+from fpid_pin.kernels.rollout import keep_signals, load_reference, rollout
+from fpid_pin.kernels.sensors import measure
 from fpid_pin.simulation.blocks import BLOCK_ROWS, Block, Outcome
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.pinocchio_dynamics import PinocchioDynamics
@@ -32,9 +34,11 @@ from fpid_pin.simulation.sensors import SensorState
 HORIZONS = tuple(base * 10.0**decade for decade in range(7) for base in (20.0, 60.0))
 
 _rollout: Any = rollout
-_load_sample: Any = load_sample
-_keep_row: Any = keep_row
 _plant: Any = plant_kernels
+_measure: Any = measure
+_load_reference: Any = load_reference
+_keep_signals: Any = keep_signals
+_measure_joints: Any = measure_joints
 
 
 def horizon_of(duration: float) -> float:
@@ -106,14 +110,15 @@ class Robot:
     ) -> None:
         n, h = experiment.arm.n, experiment.step
         self.experiment, self.state = experiment, state
-        self.row, self.outcome = 0, None
+        self.row = 0
+        self.outcome: Outcome | None = None
         plant = self.plant = plant_of(experiment)
         euler = experiment.integrator != "rk4"
         if not euler:
             refuse_stiff(plant, h)
         joints = np.zeros(n, PLANT)
         joints["limit"], joints["viscous"] = plant.effort_limit, plant.viscous_friction
-        joints["runaway"] = experiment.runaway_speed
+        joints["runaway"], joints["dry"] = experiment.runaway_speed, plant.dry_friction
         bodies = bodies_of(plant.arm).copy()
         if euler:
             bodies["armature"] += h * plant.viscous_friction
@@ -122,9 +127,7 @@ class Robot:
             joints=joints, q=np.array(experiment.q0), v=np.array(experiment.v0), a=zero(n),
             tau=zero(n), bodies=bodies, frames=zero(n + 1, FRAME),
             gravity=np.array(plant.arm.model.gravity.linear), mass=zero((n, n)),
-            dry=np.array(plant.dry_friction), stuck=zero(n, np.bool_), friction=zero(n),
-            work=zero((3, n)), response=zero((n, n)), matrix=zero((n, n)),
-            stages=zero((0 if euler else 11, n)),
+            room=zero((records.ROOM + 2 * n + (0 if euler else 11), n)),
         )  # fmt: skip
         self.q, self.v, self.torque = self._arrays.q, self._arrays.v, state.torque
         self._rubs = bool(plant.dry_friction.any())
@@ -202,21 +205,27 @@ class Robot:
         model = None if pinocchio is None or estimates else pinocchio.write_terms
         for k in range(count):
             number, row = self.row + k, start + k
-            _load_sample(plant, sensing, rows, row, number, state.inputs)
+            _measure(*sensing, plant.q, plant.v, number, state.inputs)
+            _load_reference(rows.reference, row, state.inputs)
             try:
                 state.tick(model)
             except SimulationError as error:
                 return -1, k, str(error)
-            if _plant.apply_actuators(plant, state.torque, rows.forces, rows.motion, row):
+            if _plant.apply_actuators(
+                plant.joints, plant.q, plant.v, state.torque, rows.forces, rows.motion, row,
+                plant.tau,
+            ):  # fmt: skip
                 return number, k + 1, ""
-            _keep_row(state.c, plant, rows, row, number, last)
+            _keep_signals(state.c.numbers, rows.columns, rows.kept, row)
+            if number < last:
+                _measure_joints(rows.sums, rows.reference, rows.motion, row, number, last // 2, h)
             for name, values in own.items():
                 values.append(np.array(state.shown[name]))
             if pinocchio is None:
                 _plant.move(plant, self._rubs, rows.forces, row, h)
             else:
                 pinocchio.move(plant, self._rubs, rows.forces, row)
-            if _plant.has_diverged(plant):
+            if _plant.has_diverged(plant.joints, plant.q, plant.v):
                 return number + 1, k + 1, ""
         return -1, count, ""
 

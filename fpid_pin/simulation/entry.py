@@ -153,7 +153,9 @@ def evaluate(
         +inf where a run diverged.
     """
     es, cs = pair(experiments, controllers)
-    costs = [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
+    costs: list[Cost] = (
+        [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
+    )
     # Imported late: it loads numba.
     from fpid_pin.simulation.batch import costs_of
 

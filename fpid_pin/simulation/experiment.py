@@ -46,9 +46,9 @@ class Experiment:
         ``"semi_implicit_euler"`` or ``"rk4"``; the torque is held over the step in both.
     dynamics
         ``"pinocchio"``: Pinocchio's own functions, one robot and one call at a time; or
-        ``"compiled"``: the package's rigid-body kernels, whole stretches of a run in one call. None:
-        Pinocchio's where runs are recorded (`simulate`), compiled where thousands are compared
-        (`evaluate`, `tune`, campaigns). The two agree within rounding, not to the bit.
+        ``"compiled"``: the package's rigid-body kernels, whole stretches of a run in one call.
+        None: Pinocchio's where runs are recorded (`simulate`), compiled where thousands are
+        compared (`evaluate`, `tune`, campaigns). The two agree within rounding, not to the bit.
     seed
         Of the sensors' noise.
     runaway_speed

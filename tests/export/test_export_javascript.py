@@ -6,7 +6,7 @@ from exported import HORIZON, OTHERS, guarded_panda, random_law, simulated
 
 import fpid_pin as fp
 from fpid_pin.export import javascript, vectors
-from fpid_pin.export.kinds import words
+from fpid_pin.export.kinds import INT, words
 from fpid_pin.export.law import bundle, real, stand_ins, start
 from fpid_pin.export.printer import Program
 from fpid_pin.kernels import tick
@@ -18,8 +18,7 @@ const M = new Float64Array(given(process.argv[2])), inputs = given(process.argv[
 const ticks = inputs.length / (5 * JOINTS), out = new Float64Array(ticks * JOINTS);
 for (let k = 0; k < ticks; k++) {
     M.set(inputs.subarray(k * 5 * JOINTS, (k + 1) * 5 * JOINTS), INPUTS);
-    TICK(0, INPUTS, TORQUE);
-    ADAPT(0);
+    TICK(0, INPUTS, TORQUE, k == 0 ? 7 : 15);
     out.set(M.subarray(TORQUE, TORQUE + JOINTS), k * JOINTS);
 }
 fs.writeFileSync(process.argv[4], Buffer.from(out.buffer));
@@ -38,11 +37,8 @@ def script(state):
     texts = {name: str(place) for name, place in places.items()}
     arrays = bundle("controller", state.c, texts, record=state.record)
     program = Program(javascript.JavaScript(), stand_ins(state.controller))
-    names = {
-        "TICK": program.add(tick.tick, [arrays, real(5, state.n), real(state.n)]),
-        "ADAPT": program.add(tick.adapt, [arrays]),
-    }
-    constants = {"JOINTS": state.n, "INPUTS": places["inputs"], "TORQUE": places["out"], **names}
+    name = program.add(tick.tick_parts, [arrays, real(5, state.n), real(state.n), INT])
+    constants = {"JOINTS": state.n, "INPUTS": places["inputs"], "TORQUE": places["out"], "TICK": name}
     lines = [f"const {name} = {value};" for name, value in constants.items()]
     text = "\n".join([*lines, javascript.HELPERS, program.text, RUN])
     return text, np.concatenate(memory)

@@ -41,7 +41,7 @@ def mixed(pairs, table, x, k, out):
     last.count = 1 if total > x else n
     flag = total > 0.0
     for _ in range(min(last.count + 1, 3)):
-        last.count = 0
+        last.count = 0 if k & 2 else 1
         out[0] += math.sqrt(abs(total)) + (1.0 if flag else -1.0)
     if math.isfinite(x):
         out[1] = math.floor(x * 7.5) + (k + 5) % 3 + int(x * 9.9) + (-7) % 4 + (-7 + k) // 2
@@ -164,8 +164,8 @@ def loops_over_an_array(x):
         x[0] += value
 
 
-def takes_a_bitwise_and(x):
-    x[0] = x[1] & 2
+def shifts_bits(x):
+    x[0] = 1 << 2
 
 
 def has_a_list(x):
@@ -221,12 +221,12 @@ def steps(x):
 
 
 def slices(x):
-    x[0] = x[1:][0]
+    x[0] = x[0:3:2][0]
 
 
 REFUSED = {
     loops_over_an_array: (1, "range"),
-    takes_a_bitwise_and: (1, "&"),
+    shifts_bits: (1, "<<"),
     has_a_list: (1, "List"),
     calls_numpy: (1, "np.sin"),
     calls_no_kernel: (1, "generator|recursion|expected|takes"),
@@ -285,7 +285,7 @@ def by_address(address, pairs):
 @kernel
 def bundled(arms, k):
     """Use the arrays of a bundle, a part of columns, and what constants decide."""
-    part = arms.table[:, k : k + 2]
+    part = arms.table[0:3][:, k : k + 2]
     first = arms.pairs[0]
     acts = first.count == 3 and part.shape[0] > 1
     if acts:

@@ -107,8 +107,8 @@ function setPlant(S) {
       M[AT["plant.bodies"] + i * fields + f] += S.payload * PAYLOAD[i * fields + f];
     }
     M[place("plant.bodies", i, "armature")] += S.step * S.viscous_friction[i];
-    write("plant.joints", i, {limit: S.effort_limit[i], viscous: S.viscous_friction[i]});
-    M[AT["plant.dry"] + i] = S.dry_friction[i];
+    write("plant.joints", i, {limit: S.effort_limit[i], viscous: S.viscous_friction[i],
+      dry: S.dry_friction[i]});
     write("sensing.joints", i, {noise_q: S.position_noise, noise_v: S.velocity_noise,
       resolution: S.position_resolution, delay: S.delay, derived: S.differentiated, keep,
       gain: (1 - keep) / S.step});
