@@ -98,9 +98,11 @@ def signals(c, inputs):
     robot = c.robot[0]
     load_errors(robot, c.joints, inputs)
     correct_observer(robot, c.joints)
-    advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, True)
+    if robot.first_operators > 0:
+        advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, True)
     if robot.surface != 0:
         call_law(robot.surface, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
+    if robot.first_operators < c.ops.shape[1]:
         advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, False)
 
 
