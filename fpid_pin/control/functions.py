@@ -11,7 +11,7 @@ import itertools
 import math
 import traceback
 from collections.abc import Callable
-from types import CodeType, FunctionType, ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import numba
@@ -23,7 +23,7 @@ from numba.core.sigutils import normalize_signature
 from fpid_pin.exceptions import FpidError, SimulationError
 from fpid_pin.kernels import compiled
 from fpid_pin.kernels.call import PLAIN
-from fpid_pin.kernels.compiled import compile_plain, names_in
+from fpid_pin.kernels.compiled import compile_plain, globals_of
 from fpid_pin.kernels.records import BODY, LINK
 
 _numba: Any = numba
@@ -61,7 +61,7 @@ def address_of(function: Any, record: Any, *, whole: bool = False, columns: int 
     """
     function = plain_function(function)
     stamp = _stamp(function)
-    key = (stamp, str(record.descr), function.__name__, whole, columns)
+    key = (stamp, record.names, function.__name__, whole, columns)
     if stamp is None or key not in _KNOWN:
         found = _bind(function, record, whole, columns, key)
         if stamp is None:
@@ -199,36 +199,45 @@ def _compiled(called: Any, signature: Any, key: Any) -> tuple[int, Any]:
     return int(result.address), result
 
 
-def _stamp(function: Any, known: set[int] | None = None) -> str | None:
+def _stamp(function: Any, known: frozenset[int] = frozenset()) -> str | None:
     """Return a name for a function's code and all that it uses; None where that is not known.
 
-    Code, constants, the values of its globals and closed-over names, and the same of all functions
-    in plain Python that it calls.
+    Code, constants and defaults, the values of its globals and closed-over names, and the same of
+    all functions in plain Python that it calls; `known` are those that it is called by.
     """
-    known = set() if known is None else known
     if id(function) in known:
         return ""
-    known.add(id(function))
-    parts = [compiled.source_stamp(), _code_text(function.__code__)]
-    used = {name: function.__globals__.get(name) for name in names_in(function.__code__)}
-    cells = function.__closure__ or ()
-    used |= dict(zip(function.__code__.co_freevars, (c.cell_contents for c in cells), strict=True))
+    code, cells = function.__code__, function.__closure__ or ()
+    used = globals_of(function)
+    used |= zip(code.co_freevars, (cell.cell_contents for cell in cells), strict=True)
+    parts = [compiled.source_stamp(), _code_text(code)]
+    parts.append(f"{function.__defaults__!r} {function.__kwdefaults__!r}")
     for name, value in sorted(used.items()):
-        plain = getattr(value, "py_func", value)
-        if isinstance(plain, FunctionType):
-            inner = _stamp(plain, known)
-            if inner is None:
-                return None
-            parts.append(f"{name}:{inner}")
-        elif isinstance(value, (bool, int, float, str, tuple, type(None))):
-            parts.append(f"{name}={value!r}")
-        elif value is not math and value is not np and not isinstance(value, type):
-            if isinstance(value, ModuleType):
-                return None
-            parts.append(f"{name}={type(value).__qualname__}")
-            if name in function.__code__.co_names and value is not None:
-                return None
+        found = _stamp_of_value(value, set(code.co_names), known | {id(function)})
+        if found is None:
+            return None
+        parts.append(f"{name}={found}")
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _stamp_of_value(value: Any, names: set[str], known: frozenset[int]) -> str | None:
+    """Return a name for a value that a function uses; of a module, for its `names`."""
+    value = getattr(value, "py_func", value)
+    if isinstance(value, FunctionType):
+        return _stamp(value, known)
+    if isinstance(value, (bool, int, float, str, tuple, type(None), np.generic)):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {value.tobytes().hex()}"
+    if isinstance(value, ModuleType) and value.__name__ in ("math", "numpy"):
+        return value.__name__
+    if isinstance(value, ModuleType):
+        inner = {name: getattr(value, name) for name in sorted(names) if hasattr(value, name)}
+        stamps = {name: _stamp_of_value(x, names, known) for name, x in inner.items()}
+        return None if None in stamps.values() else repr(stamps)
+    if isinstance(value, (BuiltinFunctionType, np.ufunc, type)):
+        return f"{getattr(value, '__module__', '')}.{value.__name__}"
+    return None
 
 
 def _code_text(code: CodeType) -> str:
