@@ -3,10 +3,10 @@
 import inspect
 import math
 import re
-import subprocess
 
 import numpy as np
 import pytest
+from bounded import finished
 
 from fpid_pin.exceptions import ExportError
 from fpid_pin.export import c99, javascript
@@ -111,8 +111,8 @@ def test_c_means_what_python_means(tmp_path):
     )  # fmt: skip
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-ffp-contract=off"]
     binary = str(tmp_path / "mixed")
-    subprocess.run(["gcc", *flags, str(source), "-o", binary, "-lm"], check=True)
-    found = np.frombuffer(subprocess.run([binary], capture_output=True, check=True).stdout)
+    finished(["gcc", *flags, str(source), "-o", binary, "-lm"], check=True)
+    found = np.frombuffer(finished([binary], check=True, text=False).stdout)
     assert np.array_equal(found, np.concatenate([expected(c) for c in cases()]), equal_nan=True)
 
 
