@@ -2,12 +2,12 @@
 
 import dataclasses
 import os
-import subprocess
 import sys
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from bounded import finished
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
@@ -294,10 +294,10 @@ def test_a_law_with_neither_torque_nor_kernel_says_so():
 
 def test_it_is_the_same_law_line_by_line():
     """Most tests above, interpreted: what a debugger steps through is what runs."""
-    done = subprocess.run(
+    done = finished(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", __file__,
          "-k", "not line_by_line and not population and not side_by_side"],
-        capture_output=True, text=True, check=False, env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
+        timeout=250, env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
     assert " passed" in done.stdout

@@ -3,10 +3,10 @@
 import dataclasses
 import re
 import shutil
-import subprocess
 
 import numpy as np
 import pytest
+from bounded import finished
 from exported import OTHERS, PAPER, PLAIN, fpid, guarded_panda, random_law, simulated, write
 
 import fpid_pin as fp
@@ -117,6 +117,6 @@ def test_the_example_compiles_and_comes_to_its_target(tmp_path):
     write(fpid(), fp.Arm.two_link(), STEP, 10, tmp_path / "c")
     program = tmp_path / "example"
     names = [str(tmp_path / "c" / f"{n}.c") for n in ("example", "fpid", "fpid_parameters")]
-    subprocess.run([build.compiler(), *build.FLAGS, *names, "-o", str(program), "-lm"], check=True)
-    said = subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout
+    finished([build.compiler(), *build.FLAGS, *names, "-o", str(program), "-lm"], check=True)
+    said = finished([str(program)], check=True).stdout
     assert [abs(float(line.split()[4]) - 0.1) < 0.02 for line in said.splitlines()] == [True] * 2

@@ -1,7 +1,6 @@
 """`export_c`: what is in the folder, what it says, and what is refused."""
 
 import shutil
-import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bounded import finished
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
@@ -101,11 +101,11 @@ def test_cmake_builds_and_ctest_passes(single, tmp_path):
         ["cmake", "--build", built],
         ["ctest", "--test-dir", built, "--output-on-failure"],
     ):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = finished(command)
         assert done.returncode == 0, done.stdout + done.stderr
         assert "warning" not in done.stdout + done.stderr
     assert "100% tests passed" in done.stdout
-    example = subprocess.run([f"{built}/fpid_example"], capture_output=True, check=False)
+    example = finished([f"{built}/fpid_example"])
     assert example.returncode == 0
 
 
@@ -175,11 +175,11 @@ def test_a_restart_from_a_saved_state_has_no_bump(tmp_path):
         (folder / "both.c").write_text(BOTH)
         sources = [str(folder / f"{n}.c") for n in ("both", "fpid", "fpid_parameters")]
         command = [build.compiler(), "-std=gnu99", "-O2", "-ffp-contract=off", *sources]
-        subprocess.run([*command, "-o", str(tmp_path / f"run_{name}"), "-lm"], check=True)
+        finished([*command, "-o", str(tmp_path / f"run_{name}"), "-lm"], check=True)
 
     def run(name, *paths):
         command = [str(tmp_path / f"run_{name}"), *map(str, paths)]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+        return finished(command)
 
     went_on = run("one", tmp_path / "state")
     restarted = run("one", "-", tmp_path / "state")
@@ -315,8 +315,6 @@ def test_the_configuration_beside_the_c_is_one_that_export_reads(tmp_path):
 @pytest.mark.usefixtures("gcc")
 def test_the_loop_closed_around_the_library_is_the_simulation(tmp_path):
     script = Path(__file__).parents[2] / "examples" / "c_loop" / "close_the_loop.py"
-    done = subprocess.run(
-        [sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
+    done = finished([sys.executable, str(script)], cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "differ from the simulation by 0 rad" in done.stdout

@@ -3,11 +3,11 @@
 import inspect
 import math
 import re
-import subprocess
 from typing import NamedTuple
 
 import numpy as np
 import pytest
+from bounded import finished
 
 from fpid_pin.exceptions import ExportError
 from fpid_pin.export import build, c99, javascript, law
@@ -113,8 +113,8 @@ def test_c_means_what_python_means(tmp_path):
     )  # fmt: skip
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-ffp-contract=off"]
     binary = str(tmp_path / "mixed")
-    subprocess.run(["gcc", *flags, str(source), "-o", binary, "-lm"], check=True)
-    found = np.frombuffer(subprocess.run([binary], capture_output=True, check=True).stdout)
+    finished(["gcc", *flags, str(source), "-o", binary, "-lm"], check=True)
+    found = np.frombuffer(finished([binary], check=True, text=False).stdout)
     assert np.array_equal(found, np.concatenate([expected(c) for c in cases()]), equal_nan=True)
 
 
@@ -334,8 +334,8 @@ def test_a_bundle_is_a_struct_and_its_constants_decide_what_is_printed(tmp_path)
     )
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
     binary = str(tmp_path / "bundled")
-    subprocess.run([build.compiler(), *flags, str(source), "-o", binary], check=True)
-    found = np.frombuffer(subprocess.run([binary], capture_output=True, check=True).stdout)
+    finished([build.compiler(), *flags, str(source), "-o", binary], check=True)
+    found = np.frombuffer(finished([binary], check=True, text=False).stdout)
     arrays.table[:, 2] += arrays.table[:, 1]
     assert found.tolist() == [3.0, *arrays.table.ravel()]
 

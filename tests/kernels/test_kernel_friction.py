@@ -20,7 +20,7 @@ def solved(response, dry, v_free, guess):
     return stuck, force, speed
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.integers(1, 6), st.integers(0, 10**6))
 def test_the_conditions_of_the_box_problem_hold(n, seed):
     rng = np.random.default_rng(seed)

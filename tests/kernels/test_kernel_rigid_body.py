@@ -51,7 +51,7 @@ def computed(model, q, v, tau):
     return whole, bias, a, x
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(1, 9), st.integers(0, 10**6))
 def test_random_trees_move_as_pinocchio_has_them(n, seed):
     rng = np.random.default_rng(seed)
@@ -97,7 +97,7 @@ def test_a_joint_of_another_kind_is_named():
         bodies_of(model)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(st.integers(1, 5), st.integers(0, 10**6))
 def test_dry_friction_of_one_robot_leaves_the_speeds_of_the_box_problem(n, seed):
     """v = v_free - h M^-1 f with Pinocchio's M, whether joints slide on, turn round or stick."""

@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 import tomli_w
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpid_pin.cli.config import parse
@@ -16,10 +16,7 @@ from fpid_pin.exceptions import ConfigError
 
 pytestmark = pytest.mark.torture
 FULL = os.environ.get("FPID_TORTURE") == "full"
-MANY = settings(
-    max_examples=4000 if FULL else 30, deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)  # fmt: skip
+MANY = settings(max_examples=4000 if FULL else 30)
 TEXT = (
     demo_config().text
     + """
