@@ -2,9 +2,9 @@
 
     python benchmarks/against_mujoco.py
 
-MuJoCo (extra `peers`) steps the arm alone, by semi-implicit Euler at 1 ms, without contacts, limits
-or control, by `mujoco.rollout` on one thread; ours has the law with 24 modes a term, drives, figures
-of merit and dynamics. Its model is written from Pinocchio's, so that both have the same bodies.
+MuJoCo (extra `peers`) steps the arm alone, by semi-implicit Euler at 1 ms, without contacts,
+limits or control, by `mujoco.rollout` on one thread; ours has the law with 24 modes a term, drives,
+figures of merit and dynamics. Its model is written from Pinocchio's: both have the same bodies.
 Processor time, best of some repeats, of a longer run less a shorter one.
 """
 
@@ -46,7 +46,8 @@ def mjcf(arm: fp.Arm) -> str:
             f'<body pos="{numbers(place.translation)}" quat="{numbers(turn[[3, 0, 1, 2]])}">'
             f'<joint type="{"slide" if slides else "hinge"}" armature="{model.armature[k - 1]}" '
             f'axis="{numbers(axis[:3] if slides else axis[3:])}"/>'
-            f'<inertial pos="{numbers(body.lever)}" mass="{body.mass}" fullinertia="{numbers(six)}"/>'
+            f'<inertial pos="{numbers(body.lever)}" mass="{body.mass}" '
+            f'fullinertia="{numbers(six)}"/>'
         )
         ends += "</body>"
     return f"{text}{ends}</worldbody></mujoco>"

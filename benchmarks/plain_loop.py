@@ -64,6 +64,7 @@ def plain_loop(experiment: fp.Experiment, controller: fp.AdaptiveFpid, rows: int
     orders = np.concatenate([1 - controller.integral_order, controller.derivative_order])
     fractional = FractionalDerivatives(orders, controller.design, h, horizon)
     integral, terms = np.zeros(2), np.zeros((3, 2))
+    last_e = last_rate = np.zeros(2)
     angles = np.empty((rows, 2))
     amplitude, frequency = np.array([0.4, 0.6]), 5 * math.pi
     for k in range(rows):

@@ -1,4 +1,4 @@
-"""Time the engine: whole steps of every law, one robot and sixty, beside `pin.aba` and a plain loop.
+"""Time the engine: whole steps of every law, beside `pin.aba` and a plain loop.
 
     python benchmarks/speed.py [--search] [--quick]
 
@@ -138,8 +138,8 @@ def against_plain_loop(repeats: int) -> list[str]:
         found.append((times[1] - times[0]) / 3000 / runs)
     unit = aba_seconds(arm, repeats)
     return [
-        f"the plain loop takes {1e6 * plain:.1f} us a step ({plain / unit:.1f} pin.aba), and agrees "
-        f"within {apart:.0e} rad",
+        f"the plain loop takes {1e6 * plain:.1f} us a step ({plain / unit:.1f} pin.aba), and "
+        f"agrees within {apart:.0e} rad",
         f"ours is {plain / found[0]:.0f} times as fast for one robot, {plain / found[1]:.0f} times "
         "for sixty",
     ]
@@ -211,8 +211,8 @@ def search(generations: int) -> list[str]:
     unit = aba_seconds(e.arm, 5)
     return [
         f"60 x {generations} candidates of 20 s, two threads: {seconds:.1f} s, "
-        f"{1e9 * seconds / steps:.0f} ns a step by the clock, {seconds / steps / unit:.3f} pin.aba; "
-        f"cost {result.cost:.5f}"
+        f"{1e9 * seconds / steps:.0f} ns a step by the clock, {seconds / steps / unit:.3f} "
+        f"pin.aba; cost {result.cost:.5f}"
     ]
 
 

@@ -36,7 +36,7 @@ def bodies_of(arm: Arm) -> Any:
 
 def inertial_numbers(bodies: Any) -> FloatArray:
     """Return the ten inertial numbers of each body, (n, 10): m, h (3), and j (6)."""
-    names = "m h0 h1 h2 j00 j01 j02 j11 j12 j22".split()
+    names = ["m", "h0", "h1", "h2", "j00", "j01", "j02", "j11", "j12", "j22"]
     return np.stack([bodies[name] for name in names], axis=1)
 
 

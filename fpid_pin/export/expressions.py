@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Protocol
 
 from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Bundle, Kind, Number, Record, joined
@@ -32,8 +32,31 @@ _FOLDED = {
     ">=": operator.ge, "<=": operator.le, "==": operator.eq, "!=": operator.ne, "&": operator.and_,
 }  # fmt: skip
 _MATH = frozenset(
-    "sqrt exp expm1 log log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh hypot floor ceil "
-    "fabs copysign isfinite isnan".split()
+    [
+        "sqrt",
+        "exp",
+        "expm1",
+        "log",
+        "log1p",
+        "pow",
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "hypot",
+        "floor",
+        "ceil",
+        "fabs",
+        "copysign",
+        "isfinite",
+        "isnan",
+    ]
 )
 
 
@@ -45,9 +68,7 @@ class Caller(Protocol):
     ) -> tuple[str, Kind | None, list[bool]]:
         """Print a kernel; return its name, what it returns, which arguments it writes to."""
 
-    def instead(
-        self, kernel: Any, arguments: Sequence[ast.expr]
-    ) -> tuple[Any, Sequence[ast.expr]]:
+    def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
         """Return what is called in a kernel's place, and with what; itself as a rule."""
 
     def note(self, bundle: Bundle, member: str) -> None:

@@ -17,7 +17,6 @@ from fpid_pin.export.language import Language, Parameter
 from fpid_pin.export.source import Source
 from fpid_pin.export.statements import Statements
 
-
 #: What is called in a kernel's place, from the arguments of its call.
 StandIn = Callable[[Sequence[ast.expr]], tuple[Any, Sequence[ast.expr]]]
 
@@ -52,9 +51,7 @@ class Program:
         Arrays of bundles that they use: names of bundle and array.
     """
 
-    def __init__(
-        self, language: Language, stand_ins: Mapping[Any, StandIn] | None = None
-    ) -> None:
+    def __init__(self, language: Language, stand_ins: Mapping[Any, StandIn] | None = None) -> None:
         self.language = language
         self.functions: list[str] = []
         self.members: set[tuple[str, str]] = set()
@@ -91,9 +88,7 @@ class Program:
         """See `expressions.Caller`."""
         self.members.add((bundle.name, member))
 
-    def instead(
-        self, kernel: Any, arguments: Sequence[ast.expr]
-    ) -> tuple[Any, Sequence[ast.expr]]:
+    def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
         """See `expressions.Caller`."""
         stand_in = self._stand_ins.get(kernel) if callable(kernel) else None
         return (kernel, arguments) if stand_in is None else stand_in(arguments)

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from bounded import finished
+from fpid_pin.kernels.law import integral_step
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.law import integral_step
 from fpid_pin.kernels.limits import winds_up
 
 STEP = 1e-3

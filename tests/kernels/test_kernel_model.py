@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fpid_pin.export.parts import law_of
 
 import fpid_pin as fp
 from fpid_pin.arms.bodies import bodies_of
-from fpid_pin.export.parts import law_of
 from fpid_pin.kernels import model, rigid_body
 
 pytestmark = pytest.mark.kernels
