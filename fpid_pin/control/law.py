@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -16,6 +16,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.parameters import check_scale, is_number, joint_scale
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.fractional import Design, ExponentialSum
+from fpid_pin.kernels.records import GIVEN
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -249,3 +250,26 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
 
 
 _OPTIONS = {field.name for field in dataclasses.fields(Controller)}
+
+
+def check_declared(law: Controller, numbers: Sequence[str]) -> None:
+    """Check what a law declares; `numbers` are the names of its fields and memory.
+
+    Raises
+    ------
+    ArgumentError
+        Operators that are none, that have the name of something else, or whose order is to adapt
+        and is in no field; a memory that is one name.
+    """
+    given = {*GIVEN.names, *numbers}  # type: ignore[misc]
+    checks.instance("memory", law.memory, (tuple, list), "a tuple of names")
+    checks.instance("operators", law.operators, Mapping, "a dictionary of operators")
+    for output, operator in law.operators.items():
+        name = f"operators.{output}"
+        checks.instance(name, operator, Operator, "a Derivative or an Integral")
+        if output in given:
+            raise checks.ArgumentError(name, "a name of its own", f"{output}, which is taken")
+        if operator.sign not in (1, -1):
+            raise checks.ArgumentError(f"{name}.sign", "1 or -1", operator.sign)
+        if operator.adapts and not isinstance(operator.order, str):
+            raise checks.ArgumentError(name, "an order in a field, to adapt it", operator.order)
