@@ -61,3 +61,11 @@ def ended(thread):
     """Wait for a thread; return whether it has ended."""
     thread.join(PATIENCE)
     return not thread.is_alive()
+
+
+def until(page, expression):
+    """Wait for an expression, from outside: our pages forbid evaluating strings within them."""
+    limit = time.monotonic() + PATIENCE
+    while not page.evaluate(expression):
+        assert time.monotonic() < limit, f"{expression} is not true after {PATIENCE} s"
+        page.wait_for_timeout(50)

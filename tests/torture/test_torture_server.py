@@ -116,6 +116,8 @@ def session(duration):
     class Address:
         url, port = "", 0
 
+    Address.said = said
+
     def work():
         reports.append(
             live(paper_experiment(), paper_controller(), duration=duration, open_browser=False,
@@ -159,13 +161,10 @@ def test_a_program_without_an_origin_cannot_end_the_session():
                 client.send(frame_of("q"))
         with Client(link) as viewer:
             assert viewer.watch() == 101
-            for _ in range(5):
-                assert viewer.socket.recv(65536)
-            # It goes on: a push is taken, and ended by a viewer.
+            # It goes on: a viewer's push is taken, and then its end.
             viewer.send(frame_of("+"))
-            assert viewer.socket.recv(65536)
+            assert wait_until(lambda: any(" N m on " in text for text in link.said))
             viewer.send(frame_of("q"))
-            viewer.read_to_the_end()
     assert len(reports[0].pushes) == 1
 
 
@@ -246,8 +245,7 @@ def test_keys_are_capped_between_frames_and_a_viewer_that_goes_on_is_dropped(lin
         assert heard(link, 3) == "---"
         client.send(frame_of("+") * 300)
         client.read_to_the_end()
-    assert wait_until(lambda: link.viewers == 0 or not link.keys())
-    assert link.viewers == 0
+    assert wait_until(lambda: link.keys() == "" and link.viewers == 0)
 
 
 # ------------------------------------------------------------------ sizes
@@ -472,7 +470,7 @@ def test_a_hostile_page_beside_the_live_one_gets_nothing():
     assert found.pop("frame") == [False]
     assert found.pop("frames meanwhile") > 3
     # An opaque answer is one that the page cannot look into.
-    assert found.pop("post blindly") in ("opaque", "refused")
+    assert found.pop("post blindly") in ("opaque", "refused", "nothing")
     assert found.keys() >= {"socket", "socket with the token", "script", "read with the token"}
     assert set(found.values()) <= {"refused", "nothing", "cut off"}, found
     assert reports[0].pushes == ()
