@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
+from fpid_pin.control.operators import Derivative, Integral, Operator
 from fpid_pin.control.parameters import check_scale, is_number, joint_scale
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.fractional import Design, ExponentialSum
@@ -20,39 +21,6 @@ from fpid_pin.fractional import Design, ExponentialSum
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
     from fpid_pin.control.loop import Loop
-
-
-@dataclass(frozen=True)
-class Operator:
-    """A fractional operator of one signal of a law, one for each joint.
-
-    Parameters
-    ----------
-    order
-        The law's field that holds the order, in [0, 1], or the order itself.
-    of
-        The signal: ``e``, another given number, or a number that the law remembers.
-    sign
-        1 or -1: whether the signal pushes the torque upwards or downwards where it is positive.
-        An integral is held while the torque is cut and it would push further.
-    adapts
-        Whether the law changes the order while it runs, by its field's name; next to the output
-        ``name`` it then has ``name_by_order``, the derivative of the output by the order, one
-        sample old.
-    """
-
-    order: str | float
-    of: str = "e"
-    sign: int = 1
-    adapts: bool = False
-
-
-class Derivative(Operator):
-    """D^mu of a signal, eq. (4) with a measured rate where the signal has one."""
-
-
-class Integral(Operator):
-    """I^lambda of a signal, that is D^(1 - lambda) of its integral."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -241,3 +209,5 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
 
 
 _OPTIONS = {field.name for field in dataclasses.fields(Controller)}
+
+__all__ = ["Controller", "Derivative", "Integral", "Operator"]
