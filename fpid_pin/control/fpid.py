@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.law import Controller, Derivative, Integral, Operator
+from fpid_pin.control.law import Controller
+from fpid_pin.control.operators import Derivative, Integral, Operator
 from fpid_pin.control.parameters import check_gains
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.descriptions import described

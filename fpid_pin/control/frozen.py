@@ -13,8 +13,9 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.law import Controller, Integral
+from fpid_pin.control.law import Controller
 from fpid_pin.control.observed import beside, observer_system
+from fpid_pin.control.operators import Integral
 from fpid_pin.control.parameters import joint_scale
 from fpid_pin.control.pid import Pid
 from fpid_pin.control.sampled import ComplexArray, LinearSystem, operators, signals_of

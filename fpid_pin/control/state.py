@@ -13,8 +13,8 @@ from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
-from fpid_pin.control.law import Controller, Integral, Operator, check_declared
 from fpid_pin.control.observer_gains import observer_gains
+from fpid_pin.control.operators import Integral, check_declared
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
@@ -41,6 +41,7 @@ from fpid_pin.kernels.rollout import step_tick
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
+    from fpid_pin.control.law import Controller
 
 #: Orders at which the table is laid out that orders which vary are interpolated in: a cubic on this
 #: grid is within 1e-7 of the operator, as the operator of 24 modes is of the exact one.
@@ -140,7 +141,7 @@ class State:
         self.horizon = horizon
         n = arm.n
         given = controller.numbers(arm, step, horizon)
-        check_declared(controller, [*given, *controller.memory])
+        check_declared(controller.operators, controller.memory, [*given, *controller.memory])
         operators = controller.operators
         outputs = [
             name
@@ -492,4 +493,4 @@ class State:
         return round(self.horizon / self.step) + 1 if self.orders.size else 0
 
 
-__all__ = ["Operator", "State", "start_all"]
+__all__ = ["State", "start_all"]
