@@ -113,7 +113,7 @@ def test_slotine_li_lyapunov_function_does_not_rise():
     loop = law.start(arm, step=step, horizon=10.0)
     mass, reach, _ = natural_sizes(arm)
     sizes = np.stack([mass, *3 * [mass * reach], *6 * [mass * reach**2]], axis=1)
-    names = "m h0 h1 h2 j00 j01 j02 j11 j12 j22".split()
+    names = ["m", "h0", "h1", "h2", "j00", "j01", "j02", "j11", "j12", "j22"]
     q, v = np.array([0.3, -0.2]), np.zeros(2)
     values = []
     for k in range(1500):
