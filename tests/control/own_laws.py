@@ -172,3 +172,12 @@ class Many(fp.Controller):
     @staticmethod
     def torque(c):
         return c.d_e + c.half - c.i_s + c.d_slow + c.i_e + c.d_s
+
+
+def own(torque=None, **body):
+    """Return a law of the joint form, made here, that has these functions and declarations."""
+    functions = {"torque", "surface", "adapt", "torques", "adapts"}
+    body = body | ({} if torque is None else {"torque": torque})
+    body = {k: staticmethod(v) if k in functions else v for k, v in body.items()}
+    kind = type("Own", (fp.Controller,), {"__annotations__": {"kp": float}, "kp": 2.0, **body})
+    return dataclass(frozen=True, eq=False)(kind)()

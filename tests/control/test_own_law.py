@@ -19,6 +19,7 @@ from own_laws import (
     PythonPd,
     PythonPid,
     RobotComputedTorque,
+    own,
 )
 
 import fpid_pin as fp
@@ -49,15 +50,6 @@ def same_run(one, other):
     assert one.outcome == other.outcome
     for name in ("t", "q", "v", "torque"):
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
-
-
-def own(torque=None, **body):
-    """Return a law of the joint form, made here, that has these functions and declarations."""
-    functions = {"torque", "surface", "adapt", "torques", "adapts"}
-    body = body | ({} if torque is None else {"torque": torque})
-    body = {k: staticmethod(v) if k in functions else v for k, v in body.items()}
-    kind = type("Own", (fp.Controller,), {"__annotations__": {"kp": float}, "kp": 2.0, **body})
-    return dataclass(frozen=True, eq=False)(kind)()
 
 
 # ---------------------------------------------------------------------- the forms
@@ -155,7 +147,9 @@ class Filtered(PythonPd):
         half = state.memory["half"].update(q_ref - q, v_ref - v)
         state.shown["half"][:] = half
         assert (state.step, state.n, state.arm.n) == (STEP, 2, 2)
-        return super().control(state, q, v, q_ref, v_ref, a_ref) + half + state.arm.gravity_vector(q)
+        return (
+            super().control(state, q, v, q_ref, v_ref, a_ref) + half + state.arm.gravity_vector(q)
+        )
 
 
 def test_a_law_in_python_has_memory_operators_and_the_model():
@@ -170,8 +164,7 @@ def test_a_law_in_python_has_memory_operators_and_the_model():
 
 
 def test_each_loop_has_a_memory_of_its_own_and_a_reset_is_a_start():
-    law = dataclasses.replace(fp.paper_controller(supervised=False))
-    for law in (law, JointPid(40.0, 20.0, 25.0), Filtered(40.0, 10.0)):
+    for law in (fp.paper_controller(), JointPid(40.0, 20.0, 25.0), Filtered(40.0, 10.0)):
         first, second = (law.start(ARM, step=STEP) for _ in range(2))
         rows = signals(50, seed=3)
         alone = [first.torque(*row) for row in rows]
@@ -293,8 +286,9 @@ class Faulty(PythonPid):
             return u
         if self.how == "raises":
             raise ZeroDivisionError("thirteen is an\nunlucky number")
-        return {"shape": np.zeros(3), "scalar": 0.0, "runs": u[np.newaxis], "nothing": None,
-                "words": "no torque", "nan": np.where(q_ref > self.breaks_at, np.nan, u)}[self.how]  # fmt: skip
+        wrong = {"shape": np.zeros(3), "scalar": 0.0, "runs": u[np.newaxis], "words": "no torque"}
+        wrong["nan"] = np.where(q_ref > self.breaks_at, np.nan, u)
+        return wrong.get(self.how)
 
 
 CAUSES = {
