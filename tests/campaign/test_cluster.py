@@ -50,7 +50,7 @@ def workers_of(made):
 
 
 def test_a_cluster_changes_no_bit(scheduler, alone, tmp_path):
-    with dask_executor(scheduler.address) as executor:
+    with dask_executor(scheduler.address, patience=PATIENCE) as executor:
         data = run(study(), tmp_path / "l.sqlite", RUNS, executor=executor, chunk=7)
     assert bits(data) == bits(alone)
 
@@ -64,7 +64,7 @@ def test_a_worker_killed_in_mid_run_leaves_every_run_recorded_once(scheduler, al
             os.kill(killed[0], signal.SIGKILL)
 
     ledger = tmp_path / "l.sqlite"
-    with dask_executor(scheduler.address) as executor:
+    with dask_executor(scheduler.address, patience=PATIENCE) as executor:
         data = run(study(), ledger, RUNS, executor=executor, chunk=2, progress=kill)
     assert killed
     assert bits(data) == bits(alone)
