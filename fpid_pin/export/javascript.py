@@ -7,7 +7,6 @@ operation everywhere. `kinds.words` gives what belongs into the memory.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
 from fpid_pin.export.kinds import BOOL, REAL, Array, Kind, Number
@@ -43,7 +42,7 @@ const ipow = (x, k) => {
 };
 """
 
-_OWN = frozenset("min max mod floordiv int copysign ipow".split())
+_OWN = frozenset({"min", "max", "mod", "floordiv", "int", "copysign", "ipow"})
 _MATH = {"fabs": "Math.abs", "isfinite": "Number.isFinite", "isnan": "Number.isNaN"}
 _RESERVED = """
     arguments await break case catch class const continue debugger default delete do else

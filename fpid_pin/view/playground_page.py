@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.control.law import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate

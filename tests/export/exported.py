@@ -75,7 +75,7 @@ class Softened(fp.Controller):
     rate: ArrayLike = 0.2
 
     memory = ("s", "gain")
-    operators = {  # noqa: RUF012
+    operators = {
         "d_s": Derivative("order", of="s"), "i_q": Integral(0.4, of="s", sign=-1),
         "d_e": Derivative(0.9),
     }  # fmt: skip

@@ -38,7 +38,12 @@ def script(state):
     arrays = bundle("controller", state.c, texts, record=state.record)
     program = Program(javascript.JavaScript(), stand_ins(state.controller))
     name = program.add(tick.tick_parts, [arrays, real(5, state.n), real(state.n), INT])
-    constants = {"JOINTS": state.n, "INPUTS": places["inputs"], "TORQUE": places["out"], "TICK": name}
+    constants = {
+        "JOINTS": state.n,
+        "INPUTS": places["inputs"],
+        "TORQUE": places["out"],
+        "TICK": name,
+    }
     lines = [f"const {name} = {value};" for name, value in constants.items()]
     text = "\n".join([*lines, javascript.HELPERS, program.text, RUN])
     return text, np.concatenate(memory)
