@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import zlib
 from typing import TYPE_CHECKING, Any
@@ -59,14 +60,14 @@ class CSource:
                 (tick.adapt, [], []),
             )
         ]
-        used = {name for _, name in program.members} | {"robot", "joints"}
+        text = program.text
+        used = set(re.findall(r"(?:->|\bfpid_)(\w+)", text)) | {"robot", "joints"}
         #: Name, kind and values of the arrays that are used.
         self._arrays = [
             (name, kind, state.joints if name == "joints" else getattr(state.c, name))
             for name, kind, _ in arrays.members
             if name in used - {"numbers"} and getattr(state.c, name).size
         ]
-        text = program.text
         self.exact = _INEXACT.search(text) is None
         constants = [part for part in self._arrays if part[0] in _FIXED or np.any(_flat(part[2]))]
         self.parameters = PARAMETERS.format(
@@ -114,7 +115,7 @@ def _declared(name: str, kind: Array) -> str:
 
 
 def _extent(kind: Array) -> str:
-    return f"[{np.prod(kind.shape, dtype=int)}]"
+    return f"[{math.prod(extent or 0 for extent in kind.shape)}]"
 
 
 def _values(kind: Array, values: Any) -> str:

@@ -31,33 +31,31 @@ _FOLDED = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, ">": operator.gt, "<": operator.lt,
     ">=": operator.ge, "<=": operator.le, "==": operator.eq, "!=": operator.ne, "&": operator.and_,
 }  # fmt: skip
-_MATH = frozenset(
-    [
-        "sqrt",
-        "exp",
-        "expm1",
-        "log",
-        "log1p",
-        "pow",
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "atan2",
-        "sinh",
-        "cosh",
-        "tanh",
-        "hypot",
-        "floor",
-        "ceil",
-        "fabs",
-        "copysign",
-        "isfinite",
-        "isnan",
-    ]
-)
+_MATH = [
+    "sqrt",
+    "exp",
+    "expm1",
+    "log",
+    "log1p",
+    "pow",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "sinh",
+    "cosh",
+    "tanh",
+    "hypot",
+    "floor",
+    "ceil",
+    "fabs",
+    "copysign",
+    "isfinite",
+    "isnan",
+]
 
 
 class Caller(Protocol):
@@ -70,9 +68,6 @@ class Caller(Protocol):
 
     def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
         """Return what is called in a kernel's place, and with what; itself as a rule."""
-
-    def note(self, bundle: Bundle, member: str) -> None:
-        """Note that an array of a bundle is used."""
 
 
 class Expressions:
@@ -221,7 +216,6 @@ class Expressions:
             found = [member for member in record.kind.members if member[0] == name]
             if not found:
                 raise self.refuse(node, f"{name} is no array of {record.kind}")
-            self._calls.note(record.kind, name)
             return Value(found[0][2].format(record.text), found[0][1], roots=record.roots)
         if not isinstance(record.kind, Record):
             raise self.refuse(node, ast.unparse(node))

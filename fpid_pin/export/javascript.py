@@ -42,7 +42,7 @@ const ipow = (x, k) => {
 };
 """
 
-_OWN = frozenset(["min", "max", "mod", "floordiv", "int", "copysign", "ipow"])
+_OWN = frozenset({"min", "max", "mod", "floordiv", "int", "copysign", "ipow"})
 _MATH = {"fabs": "Math.abs", "isfinite": "Number.isFinite", "isnan": "Number.isNaN"}
 _RESERVED = """
     arguments await break case catch class const continue debugger default delete do else

@@ -98,7 +98,8 @@ def stand_ins(controller: Controller) -> Mapping[Any, Any]:
 
     def in_place(arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
         address, numbers, own = arguments[:3]
-        assert isinstance(address, ast.Attribute) and isinstance(numbers, ast.Attribute)
+        assert isinstance(address, ast.Attribute)
+        assert isinstance(numbers, ast.Attribute)
         joints = ast.copy_location(ast.Attribute(numbers.value, "joints"), numbers)
         if controller.torques is not None:
             # A law of the whole robot; its model is arrays of the controller.
@@ -112,19 +113,23 @@ def stand_ins(controller: Controller) -> Mapping[Any, Any]:
 
 
 def _around(template: Callable[..., None], name: str, function: Any) -> FunctionType:
-    made = FunctionType(template.__code__, {"function": function, "__name__": __name__}, name)
+    made = FunctionType(template.__code__, {"law_function": function, "__name__": __name__}, name)
     made.__doc__ = template.__doc__
     return made
+
+
+#: What stands in these functions for one of a law's.
+law_function: Any = None
 
 
 def torque_of_each(joints: Any) -> None:
     """Write the law's own torque of each joint."""
     for j in range(joints.size):
         c = joints[j]
-        c.u_law = c.scale * function(c)  # type: ignore[name-defined]  # noqa: F821
+        c.u_law = c.scale * law_function(c)
 
 
 def call_each(joints: Any) -> None:
     """Call the law's function for each joint."""
     for j in range(joints.size):
-        function(joints[j])  # type: ignore[name-defined]  # noqa: F821
+        law_function(joints[j])

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from fpid_pin.export.kinds import Bundle, Kind
+from fpid_pin.export.kinds import Kind
 from fpid_pin.export.language import Language, Parameter
 from fpid_pin.export.source import Source
 from fpid_pin.export.statements import Statements
@@ -47,14 +47,11 @@ class Program:
     ----------
     functions
         The text of each function, callees first.
-    members
-        Arrays of bundles that they use: names of bundle and array.
     """
 
     def __init__(self, language: Language, stand_ins: Mapping[Any, StandIn] | None = None) -> None:
         self.language = language
         self.functions: list[str] = []
-        self.members: set[tuple[str, str]] = set()
         self._stand_ins = stand_ins or {}
         self._printed: dict[tuple[Any, ...], _Printed] = {}
 
@@ -83,10 +80,6 @@ class Program:
             what = f"{len(source.parameters)} arguments, given {len(kinds)}"
             raise source.refusal(source.tree, what)
         return self._print(source, tuple(kinds), source.tree, source).name
-
-    def note(self, bundle: Bundle, member: str) -> None:
-        """See `expressions.Caller`."""
-        self.members.add((bundle.name, member))
 
     def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
         """See `expressions.Caller`."""

@@ -193,7 +193,7 @@ class Engine:
     def table(self) -> dict[str, Any]:
         """Return what the page needs to set the memory up, plain values."""
         named = dict(self._named())
-        memory = [words(values) for name, values in named.items() if name != "c.numbers"]
+        memory = {name: words(values) for name, values in named.items() if name != "c.numbers"}
         order = ("integral_order", "derivative_order")
         return {
             "words": self._words,
@@ -204,7 +204,8 @@ class Engine:
                 for name, v in named.items()
                 if v.dtype.names
             },
-            "memory": encoded(np.concatenate(memory)),
+            # The others are 0 at t = 0.
+            "memory": {name: encoded(values) for name, values in memory.items() if values.any()},
             "orderColumns": self._columns(order).tolist(),
             "laws": [self._law(k) for k in range(len(self._controllers))],
             "points": encoded(self._points),

@@ -378,7 +378,6 @@ def test_presets_fit_any_arm():
     [
         (fp.ComputedTorque(k0=100.0, k1=20.0), ArgumentError, "AdaptiveFpid"),
         (law(design=fp.fractional.Crone(1e-2, 1e3, 3)), DesignError, "shared poles"),
-        (law(observer=50.0), ArgumentError, "observer"),
     ],
 )
 def test_what_a_page_cannot_hold_is_refused_in_a_line(controller, error, said):

@@ -4,7 +4,8 @@
 // E (the engine's table), M (the memory) and K (the kernels) stand before this script.
 const decode = (text) => new Float64Array(
   Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
-const START = decode(E.memory), AT = E.places;
+const AT = E.places;
+const START = Object.entries(E.memory).map(([name, text]) => [AT[name], decode(text)]);
 const POINTS = decode(E.points), PAYLOAD = decode(E.payload);
 const STEPS = E.steps.map((one) => ({step: one.step, poles: decode(one.poles),
   weights: decode(one.weights), known: decode(one.known), exact: decode(one.exact)}));
@@ -175,7 +176,8 @@ const MOTION = ["q", "v", "torque"];
 
 function simulate(S) {
   const law = E.laws[S.controller];
-  M.set(START);
+  M.fill(0);
+  for (const [at, values] of START) M.set(values, at);
   setLaw(S, law);
   setAssistance(S, law);
   setOperators(S, STEPS.find((each) => each.step === S.step), law);
