@@ -122,13 +122,10 @@ def linearised(arm: Arm, controller: Controller, step: float) -> LinearSystem:
     free = arm.with_limits(effort=np.zeros(n))
     home, horizon = np.asarray(arm.home), 3600.0
     alone = dataclasses.replace(controller, observer=0.0, supervisor=None)
-    foreign = [name for name, o in controller.operators.items() if o.of != "e"]
-    if foreign or (controller.memory and controller.adapt is None and controller.surface is None):
-        got = f"{type(controller).__name__}, whose {', '.join(foreign or controller.memory)} is not"
-        raise checks.ArgumentError("controller", "a law of e, its rate and its integral", got)
     outputs = list(controller.operators)
 
-    def torque(shift: FloatArray) -> FloatArray:
+    def asked(shift: FloatArray, remembered: str = "") -> tuple[FloatArray, bool]:
+        """Return the torque, and whether it writes what it remembers, which is then 1e-3."""
         q, v, *others = np.split(shift, 3 + len(outputs))
         state = start_all([alone], free, step=step, horizon=horizon)[0]
         joints, inputs = state.joints, state.inputs
@@ -137,13 +134,29 @@ def linearised(arm: Arm, controller: Controller, step: float) -> LinearSystem:
             joints[name] = value
         for name, value in zip(("int_e", *outputs), others, strict=True):
             joints[name] = value
+        if remembered:
+            joints[remembered] = 1e-3
         if state.in_python:
             state._control()
         elif controller.surface is not None:
             for c in joints:
                 controller.surface(c)
         state.make(MODEL | TORQUES)
-        return state.torque.copy()
+        return state.torque.copy(), bool(remembered) and bool((joints[remembered] != 1e-3).any())
+
+    def torque(shift: FloatArray) -> FloatArray:
+        return asked(shift)[0]
+
+    still = np.zeros((3 + len(outputs)) * n)
+    foreign = [name for name, o in controller.operators.items() if o.of != "e"]
+    for name in controller.memory:
+        felt, written = asked(still, name)
+        # What only `adapt` writes is a parameter, what the torque does not feel is a signal.
+        if written and not np.array_equal(felt, torque(still)):
+            foreign.append(name)
+    if foreign:
+        got = f"{type(controller).__name__}, whose {', '.join(foreign)} is not"
+        raise checks.ArgumentError("controller", "a law of e, its rate and its integral", got)
 
     def slopes(width: float) -> FloatArray:
         ends = [(torque(shift), torque(-shift)) for shift in width * np.eye((3 + len(outputs)) * n)]

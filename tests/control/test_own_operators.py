@@ -137,6 +137,22 @@ def test_a_rule_of_one_s_own_moves_gain_and_order_in_a_simulation():
     assert (np.abs(loop.state.joints["mu"] - 0.8) > 1e-3).all()
 
 
+def test_a_caputo_derivative_alone_is_at_rest_at_the_error_that_it_began_with():
+    """What CONTRIBUTING warns of: D^mu of a constant is 0, unless the error came from 0."""
+
+    def torque(c):
+        return 20.0 * c.d_e + 20.0 * c.e_dot
+
+    still = fp.Experiment(ARM, fp.references.Hold((0.5, 0.5)), q0=(0.2, 0.7), duration=3.0)
+    ends = []
+    for start in ("caputo", "grunwald_letnikov"):
+        operators = {"d_e": Derivative(0.3)}
+        law = own(torque, operators=operators, initialisation=start, uses_model=True)
+        ends.append(fp.simulate(still, law).error)
+    assert np.abs(ends[0] - [0.3, -0.2]).max() < 1e-12
+    assert np.abs(ends[1][-1]).max() < 0.5 * 0.2
+
+
 @pytest.mark.parametrize("ramp", [0.0, 0.05])
 def test_orders_set_on_the_way_are_those_of_a_law_that_had_them_from_the_start(ramp):
     def law(mu, lam):
