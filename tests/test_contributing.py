@@ -20,8 +20,8 @@ MOST_LINES = 25
 
 def test_each_recipe_has_one_example():
     assert [name.removeprefix("To add ") for name in EXAMPLES] == [
-        "an arm", "a law", "a law as a kernel", "a reference", "a disturbance", "a cost",
-        "a fractional design",
+        "an arm", "a law", "a law of the whole robot", "a law in plain Python", "a reference",
+        "a disturbance", "a cost", "a fractional design",
     ]  # fmt: skip
     assert {len(examples) for examples in EXAMPLES.values()} == {1}
     assert PAGE.count("```python") == len(EXAMPLES)
