@@ -17,13 +17,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from fpid_pin.simulation.lockstep import lockstep
+from fpid_pin.simulation.recorders import Batch, Block
 
 import fpid_pin as fp
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Safeguards, suggest_gains
 from fpid_pin.references import Hold
-from fpid_pin.simulation.lockstep import lockstep
-from fpid_pin.simulation.recorders import Batch, Block
 
 PERIODS = 10
 WINDOW = PERIODS * 2.0 * np.pi  # [s]

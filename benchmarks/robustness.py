@@ -28,14 +28,14 @@ from pathlib import Path
 
 import numpy as np
 import psutil
+from fpid_pin.simulation.recorders import BLOCK_ROWS
+from fpid_pin.simulation.simulator import Simulator
 
 import fpid_pin as fp
 from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
 from fpid_pin.campaign.chunk import Job, run_chunk
 from fpid_pin.campaign.driver import CHUNK
 from fpid_pin.campaign.ledger import Ledger
-from fpid_pin.simulation.recorders import BLOCK_ROWS
-from fpid_pin.simulation.simulator import Simulator
 
 UNCERTAIN = {
     "mass": Uniform(low=0.8, high=1.2),

@@ -4,13 +4,13 @@ import ast
 import importlib
 import pkgutil
 import re
-import subprocess
 import sys
 import types
 from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
+from bounded import finished
 
 import fpid_pin
 
@@ -122,7 +122,7 @@ def test_no_import_goes_unseen(code, room):
 
 def test_importing_the_package_loads_nothing_heavy():
     code = f"import sys, fpid_pin; print([m for m in {HEAVY!r} if m in sys.modules])"
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    out = finished([sys.executable, "-c", code], check=True)
     assert out.stdout.strip() == "[]"
 
 
@@ -178,7 +178,7 @@ def test_a_name_is_fetched_when_it_is_asked_for():
         "import sys, fpid_pin as fp; before = 'pinocchio' in sys.modules; fp.Arm; "
         "print(before, 'pinocchio' in sys.modules, 'fpid_pin.tuning' in sys.modules)"
     )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    out = finished([sys.executable, "-c", code], check=True)
     assert out.stdout.split() == ["False", "True", "False"]
 
 

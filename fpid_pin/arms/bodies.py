@@ -36,7 +36,7 @@ def bodies_of(arm: Arm) -> Any:
 
 def inertial_numbers(bodies: Any) -> FloatArray:
     """Return the ten inertial numbers of each body, (n, 10): m, h (3), and j (6)."""
-    names = "m h0 h1 h2 j00 j01 j02 j11 j12 j22".split()
+    names = ["m", "h0", "h1", "h2", "j00", "j01", "j02", "j11", "j12", "j22"]
     return np.stack([bodies[name] for name in names], axis=1)
 
 
@@ -45,10 +45,7 @@ def _bodies(model: Any) -> Any:
     if model.njoints != n + 1 or model.nq != n:
         wrong = next(k for k in range(1, model.njoints) if model.joints[k].nq != 1)
         kind = model.joints[wrong].shortname().removeprefix("JointModel")
-        raise ArmError(
-            f"expected revolute and prismatic joints, got {model.names[wrong]} "
-            f"({kind})"
-        )
+        raise ArmError(f"expected revolute and prismatic joints, got {model.names[wrong]} ({kind})")
     bodies = np.zeros(n, BODY)
     data, turned = model.createData(), [np.eye(3)]
     pin.computeJointJacobians(model, data, pin.neutral(model))

@@ -6,12 +6,13 @@ it uses, so that an edited law is another one, and a moved or deleted one harms 
 
 from __future__ import annotations
 
+import dis
 import hashlib
 import itertools
-import math
+import re
 import traceback
 from collections.abc import Callable
-from types import CodeType, FunctionType, ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 import numba
@@ -23,7 +24,7 @@ from numba.core.sigutils import normalize_signature
 from fpid_pin.exceptions import FpidError, SimulationError
 from fpid_pin.kernels import compiled
 from fpid_pin.kernels.call import PLAIN
-from fpid_pin.kernels.compiled import compile_plain, names_in
+from fpid_pin.kernels.compiled import compile_plain, globals_of
 from fpid_pin.kernels.records import BODY, LINK
 
 _numba: Any = numba
@@ -40,17 +41,22 @@ class Model(NamedTuple):
     gravity: Any
 
 
-def address_of(function: Any, record: Any, *, whole: bool = False, columns: int = 0) -> int:
+#: What a law's function is called with, by what it does: ``surface`` and ``adapt`` of a joint write
+#: its record, ``torque`` returns a number, the others are of the whole robot.
+ARGUMENTS = {"joint": ("c",), "torque": ("c",), "robot": ("joints", "own", "model")}
+
+
+def address_of(function: Any, record: Any, role: str, *, columns: int = 0) -> int:
     """Return the address of a law's function, for `kernels.call`; the same one for the same code.
 
     Parameters
     ----------
     function
-        ``surface``, ``torque`` or ``adapt`` of a joint, or a function of the whole robot.
+        See `plain_function`.
     record
         Type of a joint's record.
-    whole
-        Whether it is of the whole robot.
+    role
+        One of `ARGUMENTS`.
     columns
         Of the law's own arrays.
 
@@ -61,9 +67,9 @@ def address_of(function: Any, record: Any, *, whole: bool = False, columns: int 
     """
     function = plain_function(function)
     stamp = _stamp(function)
-    key = (stamp, str(record.descr), function.__name__, whole, columns)
+    key = (stamp, record.names, role, columns)
     if stamp is None or key not in _KNOWN:
-        found = _bind(function, record, whole, columns, key)
+        found = _bind(function, record, role, columns, key)
         if stamp is None:
             key = (str(next(_COUNT)), *key[1:])
         _KNOWN[key] = found
@@ -81,30 +87,50 @@ def plain_function(function: Any) -> Any:
     return getattr(function, "py_func", function)
 
 
-def _bind(function: Any, record: Any, whole: bool, columns: int, key: Any) -> tuple[int, Any]:
+def _bind(function: Any, record: Any, role: str, columns: int, key: Any) -> tuple[int, Any]:
     if _numba.config.DISABLE_JIT:
         address = next(_COUNT)
-        PLAIN[address] = _in_python(function, record, whole)
+        PLAIN[address] = _in_python(function, record, role)
         return address, None
     try:
-        called = _over_arrays(
-            compile_plain(function, cache=False), function.__name__, whole, columns
-        )
+        called = _over_arrays(compile_plain(function, cache=False), role, columns)
         return _compiled(called, _signature(record), key)
     except FpidError:
         raise
     except Exception as error:
-        code = function.__code__
-        lines = [line for line in str(error).splitlines() if line.strip()]
-        place = next((line for line in lines if line.startswith("File ")), "")
-        line = place.rpartition("line ")[2].rstrip(":").strip() or str(code.co_firstlineno)
-        reason = next(
-            (x for x in lines if not x.startswith(("Failed", "File"))), type(error).__name__
-        )
+        place, reason = _fault(function, error)
         raise SimulationError(
-            f"the law's {function.__name__} cannot be compiled (line {line} of "
-            f"{_short(code.co_filename)}): {reason.strip()}"
+            f"the law's {function.__name__} cannot be compiled ({place}): {reason}"
         ) from error
+
+
+def _fault(function: Any, error: Exception) -> tuple[str, str]:
+    """Return where a function cannot be compiled, line and file, and why."""
+    code = function.__code__
+    place = f"line {code.co_firstlineno} of {_short(code.co_filename)}"
+    if isinstance(error, KeyError):
+        # All that numba says of a number that a record has not is its name.
+        name = str(error.args[0])
+        return _place_of_attribute(function, name) or place, f"the law has no number '{name}'"
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    # The innermost function comes first.
+    found = re.search(r'File "(.+)", line (\d+):', str(error))
+    if found is not None:
+        place = f"line {found[2]} of {_short(found[1])}"
+    reason = next((x for x in lines if not x.startswith(("Failed", "File"))), type(error).__name__)
+    return place, reason
+
+
+def _place_of_attribute(function: Any, name: str) -> str | None:
+    """Return line and file of the first use of an attribute, also in functions that are called."""
+    line = function.__code__.co_firstlineno
+    for instruction in dis.get_instructions(function.__code__):
+        line = instruction.starts_line or line
+        if instruction.argval == name and instruction.opname.endswith("_ATTR"):
+            return f"line {line} of {_short(function.__code__.co_filename)}"
+    inner = [f for f in globals_of(function).values() if isinstance(f, FunctionType)]
+    found = (_place_of_attribute(f, name) for f in inner if f is not function)
+    return next((place for place in found if place is not None), None)
 
 
 def _short(path: str) -> str:
@@ -119,10 +145,10 @@ def _signature(record: Any) -> Any:
     return types.void(joints, reals, bodies, links, reals, reals, types.int64, types.int64)
 
 
-def _over_arrays(inner: Any, name: str, whole: bool, columns: int) -> Callable[..., None]:
+def _over_arrays(inner: Any, role: str, columns: int) -> Callable[..., None]:
     """Return what calls a law's function for all joints, with the arguments of `call_law`."""
     carray = _numba.carray
-    if whole:
+    if role == "robot":
 
         def call_whole(joints, own, bodies, links, motions, gravity, n, rows):  # type: ignore[no-untyped-def]
             inner(
@@ -135,7 +161,7 @@ def _over_arrays(inner: Any, name: str, whole: bool, columns: int) -> Callable[.
             )  # fmt: skip
 
         return call_whole
-    if name == "torque":
+    if role == "torque":
 
         def call_torque(joints, own, bodies, links, motions, gravity, n, rows):  # type: ignore[no-untyped-def]
             c = carray(joints, (n,))
@@ -152,16 +178,16 @@ def _over_arrays(inner: Any, name: str, whole: bool, columns: int) -> Callable[.
     return call_each
 
 
-def _in_python(function: Any, record: Any, whole: bool) -> Callable[..., None]:
+def _in_python(function: Any, record: Any, role: str) -> Callable[..., None]:
     """Return the same without compilation."""
 
     def call(numbers, own, bodies, links, motions, gravity):  # type: ignore[no-untyped-def]
         joints = numbers.view(record)[:, 0]
-        if whole:
+        if role == "robot":
             function(joints, own, Model(bodies, links, motions, gravity))
             return
         for c in joints:
-            if function.__name__ == "torque":
+            if role == "torque":
                 c.u_law = c.scale * function(c)
             else:
                 function(c)
@@ -199,36 +225,45 @@ def _compiled(called: Any, signature: Any, key: Any) -> tuple[int, Any]:
     return int(result.address), result
 
 
-def _stamp(function: Any, known: set[int] | None = None) -> str | None:
+def _stamp(function: Any, known: frozenset[int] = frozenset()) -> str | None:
     """Return a name for a function's code and all that it uses; None where that is not known.
 
-    Code, constants, the values of its globals and closed-over names, and the same of all functions
-    in plain Python that it calls.
+    Code, constants and defaults, the values of its globals and closed-over names, and the same of
+    all functions in plain Python that it calls; `known` are those that it is called by.
     """
-    known = set() if known is None else known
     if id(function) in known:
         return ""
-    known.add(id(function))
-    parts = [compiled.source_stamp(), _code_text(function.__code__)]
-    used = {name: function.__globals__.get(name) for name in names_in(function.__code__)}
-    cells = function.__closure__ or ()
-    used |= dict(zip(function.__code__.co_freevars, (c.cell_contents for c in cells), strict=True))
+    code, cells = function.__code__, function.__closure__ or ()
+    used = globals_of(function)
+    used |= zip(code.co_freevars, (cell.cell_contents for cell in cells), strict=True)
+    parts = [compiled.source_stamp(), _code_text(code)]
+    parts.append(f"{function.__defaults__!r} {function.__kwdefaults__!r}")
     for name, value in sorted(used.items()):
-        plain = getattr(value, "py_func", value)
-        if isinstance(plain, FunctionType):
-            inner = _stamp(plain, known)
-            if inner is None:
-                return None
-            parts.append(f"{name}:{inner}")
-        elif isinstance(value, (bool, int, float, str, tuple, type(None))):
-            parts.append(f"{name}={value!r}")
-        elif value is not math and value is not np and not isinstance(value, type):
-            if isinstance(value, ModuleType):
-                return None
-            parts.append(f"{name}={type(value).__qualname__}")
-            if name in function.__code__.co_names and value is not None:
-                return None
+        found = _stamp_of_value(value, set(code.co_names), known | {id(function)})
+        if found is None:
+            return None
+        parts.append(f"{name}={found}")
     return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _stamp_of_value(value: Any, names: set[str], known: frozenset[int]) -> str | None:
+    """Return a name for a value that a function uses; of a module, for its `names`."""
+    value = getattr(value, "py_func", value)
+    if isinstance(value, FunctionType):
+        return _stamp(value, known)
+    if isinstance(value, (bool, int, float, str, tuple, type(None), np.generic)):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {value.tobytes().hex()}"
+    if isinstance(value, ModuleType) and value.__name__ in ("math", "numpy"):
+        return value.__name__
+    if isinstance(value, ModuleType):
+        inner = {name: getattr(value, name) for name in sorted(names) if hasattr(value, name)}
+        stamps = {name: _stamp_of_value(x, names, known) for name, x in inner.items()}
+        return None if None in stamps.values() else repr(stamps)
+    if isinstance(value, (BuiltinFunctionType, np.ufunc, type)):
+        return f"{getattr(value, '__module__', '')}.{value.__name__}"
+    return None
 
 
 def _code_text(code: CodeType) -> str:
@@ -236,25 +271,50 @@ def _code_text(code: CodeType) -> str:
     return repr((code.co_name, code.co_code.hex(), consts, code.co_names, code.co_varnames))
 
 
-def check_in_python(function: Any, *arguments: Any, who: str) -> None:
+def check_in_python(function: Any, role: str, *arguments: Any, who: str) -> None:
     """Run a law's function once in Python, which names the line of a fault that compiling hides.
+
+    Parameters
+    ----------
+    function, role
+        See `address_of`.
+    arguments
+        What it is called with.
+    who
+        The law, and what the function is to it.
 
     Raises
     ------
     SimulationError
-        It raises, or asks for a number that the law has not.
+        It takes other arguments, raises, asks for a number that the law has not, or should return
+        a number and does not.
     """
     function = plain_function(function)
+    code = getattr(function, "__code__", None)
+    if code is None:
+        raise SimulationError(f"{who}: expected a function, got {type(function).__name__}")
+    file, line = _short(code.co_filename), code.co_firstlineno
+    names = code.co_varnames[: code.co_argcount]
+    if len(names) != len(arguments):
+        expected, got = ", ".join(ARGUMENTS[role]), ", ".join(names)
+        raise SimulationError(
+            f"{who}, line {line} of {file}: expected a static method of ({expected}), got ({got})"
+        )
     try:
         with np.errstate(all="ignore"):
-            function(*arguments)
+            result = function(*arguments)
     except Exception as error:
         frames = traceback.extract_tb(error.__traceback__)
-        here = [f for f in frames if f.filename == function.__code__.co_filename] or list(frames)
+        here = [f for f in frames if f.filename == code.co_filename]
+        line = here[-1].lineno or line if here else line
         raise SimulationError(
-            f"{who}.{function.__name__}, line {here[-1].lineno} of {_short(here[-1].filename)}: "
-            f"{type(error).__name__}: {error}"
+            f"{who}, line {line} of {file}: {type(error).__name__}: {error}"
         ) from error
+    if role == "torque" and not isinstance(result, (float, int, np.floating, np.integer)):
+        raise SimulationError(
+            f"{who}, line {line} of {file}: expected a number to be returned, got "
+            f"{type(result).__name__}"
+        )
 
 
-__all__ = ["Model", "address_of", "check_in_python", "plain_function"]
+__all__ = ["ARGUMENTS", "Model", "address_of", "check_in_python", "plain_function"]

@@ -90,9 +90,7 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
         finds the derivatives of S . tau by them in ``c.by_m`` and so on.
     """
 
-    operators: ClassVar[Mapping[str, Operator]] = {}
     memory: ClassVar[tuple[str, ...]] = ()
-    shown: ClassVar[Mapping[str, str] | None] = None
     uses_model: ClassVar[bool] = False
     estimates_model: ClassVar[bool] = False
     own_columns: ClassVar[int] = 0
@@ -147,6 +145,16 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
         return self.observer or other
 
     # ------------------------------------------------------------- what the engine asks
+
+    @property
+    def operators(self) -> Mapping[str, Operator]:
+        """Fractional operators, by the name of their output."""
+        return {}
+
+    @property
+    def shown(self) -> Mapping[str, str]:
+        """Numbers for the record, by the name that a run has for them."""
+        return {name: name for name in self.memory}
 
     @property
     def fractional_design(self) -> Design:

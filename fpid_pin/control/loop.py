@@ -67,7 +67,8 @@ class Loop:
         Parameters
         ----------
         q, v
-            Measured joint angles [rad] and rates [rad/s], (n,).
+            Measured joint angles [rad] and rates [rad/s], (n,). Angles are taken as they are: one
+            that jumps by a turn is an error of a turn (see `RobotLoop`).
         q_ref, v_ref, a_ref
             Reference; no `a_ref` means zero acceleration.
 

@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.functions import address_of, check_in_python, plain_function
+from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
 from fpid_pin.control.observer_gains import observer_gains
-from fpid_pin.control.operators import Integral
+from fpid_pin.control.operators import Integral, check_declared
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
@@ -141,6 +141,7 @@ class State:
         self.horizon = horizon
         n = arm.n
         given = controller.numbers(arm, step, horizon)
+        check_declared(controller.operators, controller.memory, [*given, *controller.memory])
         operators = controller.operators
         outputs = [
             name
@@ -149,7 +150,14 @@ class State:
         ]
         estimated = [*ESTIMATES, *SLOPES] if controller.estimates_model else []
         names = dict.fromkeys([*estimated, *given, *controller.memory, *outputs])
-        self.record = _record(tuple(name for name in names if name not in GIVEN.names))  # type: ignore[operator]
+        own_names = tuple(name for name in names if name not in GIVEN.names)  # type: ignore[operator]
+        try:
+            self.record = _record(own_names)
+        except ValueError as error:
+            raise ArgumentError("fields and memory", "other names", str(error)) from None
+        for name, field in self.shown_names().items():
+            if field not in self.record.names:
+                raise ArgumentError(f"shown.{name}", "a number of the law", field)
         numbers = np.zeros((n, len(self.record.names)))
         self.joints = numbers.view(self.record)[:, 0]
         inertia = inertial_numbers(bodies_of(arm))
@@ -233,32 +241,32 @@ class State:
                 f"{type(law).__name__}: expected functions (torque, or torques, or control), got "
                 "none of them"
             )
-        names = {"torque": "torques", "adapt": "adapts"} if whole else {}
-        for name in ("surface", "torque", "adapt"):
-            function = getattr(law, names.get(name, name))
-            if function is None or (whole and name == "surface"):
-                continue
-            self._check(function, whole)
-            robot[name] = address_of(
-                function, self.record, whole=whole, columns=self.c.own.shape[1]
-            )
+        roles = {"torque": ("torques", "robot"), "adapt": ("adapts", "robot")}
+        if not whole:
+            roles = {"surface": ("surface", "joint"), "torque": ("torque", "torque")}
+            roles["adapt"] = ("adapt", "joint")
+        for place, (name, role) in roles.items():
+            function = getattr(law, name)
+            if function is not None:
+                self._check(function, name, role)
+                columns = self.c.own.shape[1]
+                robot[place] = address_of(function, self.record, role, columns=columns)
 
-    def _check(self, function: Any, whole: bool) -> None:
+    def _check(self, function: Any, name: str, role: str) -> None:
         """Run a function of a user's law once in Python, on a copy."""
-        plain = plain_function(function)
-        if plain.__module__.partition(".")[0] == __name__.partition(".")[0]:
+        module = getattr(plain_function(function), "__module__", "")
+        if module.partition(".")[0] == __name__.partition(".")[0]:
             return
-        who = type(self.controller).__name__
+        who = f"{type(self.controller).__name__}.{name}"
         joints = self.joints.copy()
         joints["e"], joints["e_dot"] = 0.1, -0.1
-        if whole:
-            from fpid_pin.control.functions import Model
-
-            model = Model(self.c.bodies, self.c.links, self.c.motions, self.c.gravity)
-            check_in_python(function, joints, self.c.own.copy(), model, who=who)
+        if role == "robot":
+            c = self.c
+            model = Model(c.bodies, c.links.copy(), c.motions.copy(), c.gravity)
+            check_in_python(function, role, joints, c.own.copy(), model, who=who)
         else:
-            for c in joints:
-                check_in_python(function, c, who=who)
+            for joint in joints:
+                check_in_python(function, role, joint, who=who)
 
     def _initial_orders(self) -> FloatArray:
         """Return the orders alpha of the law's operators, (n, operators), each checked."""
@@ -270,14 +278,15 @@ class State:
             order: Any = operator.order
             if isinstance(order, str):
                 order = self.joints[order]
-            order = checks.floats(f"operators.{output}", order, low=0.0, high=1.0)
+            order = checks.per_joint(f"operators.{output}", order, self.n, low=0.0, high=1.0)
             orders[:, i] = 1.0 - order if isinstance(operator, Integral) else order
             if operator.of not in self._columns:
                 raise ArgumentError(
                     f"operators.{output}", f"a signal ({', '.join(self.record.names)})", operator.of
                 )
         # Operators of given signals come first; the others follow the law's surface.
-        given = [operator.of in GIVEN.names for _, operator in self._operators]  # type: ignore[operator]
+        early = set(GIVEN.names) - {"s", "a", "w"}  # type: ignore[arg-type]
+        given = [operator.of in early for _, operator in self._operators]
         if sorted(given, reverse=True) != given:
             order_of = np.argsort(np.logical_not(given), kind="stable")
             self._operators = [self._operators[k] for k in order_of]
@@ -385,8 +394,7 @@ class State:
 
     def shown_names(self) -> Mapping[str, str]:
         """Return the names of signals for the record, and the numbers that they are."""
-        shown = self.controller.shown
-        return {name: name for name in self.controller.memory} if shown is None else shown
+        return self.controller.shown
 
     def columns(self, names: Sequence[str]) -> Any:
         """Return which columns of the numbers hold some signals, (names,)."""

@@ -22,6 +22,8 @@ class Scopes:
     ----------
     hoisted
         Names to declare at the top of the function.
+    single
+        Names that get a value in one line only.
     """
 
     def __init__(self, source: Source) -> None:
@@ -31,6 +33,12 @@ class Scopes:
         self._blocks = 0
         self._walk(source.body, (), frozenset())
         self.hoisted = [name for name, where in self._seen.items() if self._outlives(where)]
+        stores = [
+            node.id
+            for node in ast.walk(source.tree)
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
+        ]
+        self.single = {name for name in stores if stores.count(name) == 1} - self._parameters
 
     @staticmethod
     def _outlives(where: list[tuple[_Path, bool]]) -> bool:

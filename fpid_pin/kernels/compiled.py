@@ -7,14 +7,15 @@ edit of any of them is a new folder.
 
 from __future__ import annotations
 
+import dis
 import hashlib
 import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from functools import cache, partial
+from functools import lru_cache, partial
 from pathlib import Path
-from types import CodeType, FunctionType
+from types import CellType, CodeType, FunctionType
 from typing import Any, TypeVar, cast, overload
 
 import numba
@@ -27,9 +28,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 _HERE = Path(__file__).parent
 
 
-@cache
+@lru_cache(maxsize=1)
 def source_stamp() -> str:
-    """Return a name for the contents of all files of this room."""
+    """Return a name for the contents of all files of this room, as this process found them."""
     digest = hashlib.sha256()
     for path in sorted(_HERE.glob("*.py")):
         digest.update(path.name.encode())
@@ -111,7 +112,7 @@ def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
     return cast("Callable[..., Any]", function.overloads[types].entry_point)
 
 
-def compile_plain(function: F, *, cache: bool = True) -> F:
+def compile_plain(function: F, *, cache: bool = True, inline: bool = False) -> F:
     """Compile a function in plain Python, and the functions in plain Python that it calls.
 
     Parameters
@@ -120,25 +121,43 @@ def compile_plain(function: F, *, cache: bool = True) -> F:
         Of the subset; not one that is compiled already.
     cache
         Whether to keep it for other processes, which do not see edits outside this room.
+    inline
+        Whether it becomes part of what calls it; what it calls itself becomes part of it.
     """
     plain: Any = function
-    names = dict(plain.__globals__)
-    for name in names_in(plain.__code__):
-        if isinstance(names.get(name), FunctionType):
-            names[name] = compile_plain(names[name], cache=cache)
+
+    def compiled(value: Any) -> Any:
+        if isinstance(value, FunctionType):
+            return compile_plain(value, cache=cache, inline=True)
+        return value
+
+    names = {name: compiled(value) for name, value in globals_of(plain).items()}
+    cells = tuple(CellType(compiled(cell.cell_contents)) for cell in plain.__closure__ or ())
     rebuilt = FunctionType(
-        plain.__code__, names, plain.__name__, plain.__defaults__, plain.__closure__
+        plain.__code__, plain.__globals__ | names, plain.__name__, plain.__defaults__, cells
     )
     rebuilt.__qualname__, rebuilt.__module__ = plain.__qualname__, plain.__module__
     if cache:
-        return cast("F", _compile(rebuilt, inline=False))
-    return cast("F", _numba.njit(rebuilt, error_model="numpy", nogil=True))
+        return cast("F", _compile(rebuilt, inline=inline))
+    options = {"error_model": "numpy", "nogil": True, "inline": "always" if inline else "never"}
+    return cast("F", _numba.njit(rebuilt, **options))
 
 
-def names_in(code: CodeType) -> set[str]:
-    """Return the global names that some code uses, also in functions within it."""
+def globals_of(function: Any) -> dict[str, Any]:
+    """Return the global names that a function uses, also in functions within it, and their values.
+
+    Names of builtins are left out.
+    """
+    known = function.__globals__
+    return {name: known[name] for name in _global_names(function.__code__) if name in known}
+
+
+@lru_cache(maxsize=1024)
+def _global_names(code: CodeType) -> frozenset[str]:
+    """Return the global names in some code; not those of attributes, which may be the same."""
+    found = {i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"}
     inner = [part for part in code.co_consts if isinstance(part, CodeType)]
-    return set(code.co_names).union(*(names_in(part) for part in inner))
+    return frozenset(found.union(*map(_global_names, inner)))
 
 
 def _compile(function: F, *, inline: bool) -> F:

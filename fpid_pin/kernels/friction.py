@@ -21,7 +21,7 @@ SLACK = 1e-12
 BLOCK_ROUNDS = 8
 
 
-@kernel
+@kernel(inline=True)
 def solve(matrix, right, joints):
     """Solve the rows and columns of joints that stick, of a symmetric positive definite system.
 
@@ -94,7 +94,7 @@ def apply_dry_friction(bodies, factored, joints, v, room, h):
         v[j] = speed[j]
 
 
-@kernel
+@kernel(inline=True)
 def stick_slip(response, joints, v_free, speed, side, force, matrix):
     """Solve the box problem of one robot: write v+ into `speed` and the friction torques.
 
@@ -147,7 +147,7 @@ def stick_slip(response, joints, v_free, speed, side, force, matrix):
             speed[j] = 0.0
 
 
-@kernel
+@kernel(inline=True)
 def is_at_fault(c, speed, side, force, response):
     """Return whether a joint that sticks would break loose, or one that slides would turn round."""
     if c.stuck:

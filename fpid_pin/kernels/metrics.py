@@ -5,7 +5,7 @@ from __future__ import annotations
 from fpid_pin.kernels.compiled import kernel
 
 
-@kernel
+@kernel(inline=True)
 def measure_row(c, e, u, k, half, h):
     """Add row k of one joint, with error e and torque u; `half` is the row that the half begins."""
     c.square += e * e

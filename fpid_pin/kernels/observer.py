@@ -13,7 +13,7 @@ from __future__ import annotations
 from fpid_pin.kernels.compiled import kernel
 
 
-@kernel
+@kernel(inline=True)
 def correct_observer(robot, joints):
     """Correct v^ and xi by the measured speeds; without an observer v^ is what is measured."""
     for j in range(joints.size):
@@ -26,7 +26,7 @@ def correct_observer(robot, joints):
             c.xi += robot.l2 * miss
 
 
-@kernel
+@kernel(inline=True)
 def predict(robot, joints, acceleration, change):
     """Say what speed the next sample should find.
 

@@ -8,7 +8,7 @@ from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.friction import apply_dry_friction
 from fpid_pin.kernels.limits import clip
 from fpid_pin.kernels.records import ROOM
-from fpid_pin.kernels.rigid_body import forward_dynamics, set_base_acceleration
+from fpid_pin.kernels.rigid_body import forward_dynamics
 
 
 @kernel
@@ -29,13 +29,6 @@ def apply_actuators(joints, q, v, torque, forces, motion, k, tau):
         motion[2, k, j] = u
         tau[j] = u + c.push - c.viscous * v[j] + forces[0, k, j]
     return diverged
-
-
-@kernel
-def accelerate(bodies, frames, gravity, q, v, tau, mass, a):
-    """Write the true arm's accelerations, (n,); the factors of its M stay in `mass`."""
-    set_base_acceleration(frames, bodies.size, gravity)
-    forward_dynamics(bodies, frames, q, v, tau, mass, a)
 
 
 @kernel
@@ -89,7 +82,7 @@ def runge_kutta(plant, forces, k, h):
         stages[4, j] = plant.a[j]
     for i in range(1, 4):
         runge_kutta_stage(plant.joints, plant.q, plant.v, plant.tau, stages, forces, k, i, h)
-        accelerate(
+        forward_dynamics(
             plant.bodies, plant.frames, plant.gravity, stages[0], stages[1], stages[2], plant.mass,
             stages[4 + 2 * i],
         )  # fmt: skip
@@ -102,7 +95,7 @@ def move(plant, rubs, forces, k, h):
 
     Semi-implicit Euler with friction implicit, or Runge-Kutta where there are rows for its stages.
     """
-    accelerate(
+    forward_dynamics(
         plant.bodies, plant.frames, plant.gravity, plant.q, plant.v, plant.tau, plant.mass, plant.a
     )
     if plant.room.shape[0] > ROOM + 2 * plant.q.size:

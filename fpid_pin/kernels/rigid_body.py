@@ -15,7 +15,7 @@ import math
 from fpid_pin.kernels.compiled import kernel
 
 
-@kernel
+@kernel(inline=True)
 def forward_kinematics(b, c, u, q, v):
     """Put a body's frame c where its joint's angle q and rate v have it; u is the frame below."""
     # The joint's frame at rest, then turned about or moved along its z.
@@ -56,7 +56,7 @@ def forward_kinematics(b, c, u, q, v):
     c.b2 = u.b2 + (c.w0 * c.r1 - c.w1 * c.r0) * v
 
 
-@kernel
+@kernel(inline=True)
 def body_inertia_and_force(b, c):
     """Write a body's inertia at the world's origin, and the force that its motion takes."""
     m = b.m
@@ -107,7 +107,7 @@ def body_inertia_and_force(b, c):
     c.n2 = j02 * b0 + j12 * b1 + j22 * b2 + h0 * a1 - h1 * a0 + turn2
 
 
-@kernel
+@kernel(inline=True)
 def accumulate_subtree(u, c):
     """Add a subtree's inertia and force to those of the body that carries it."""
     u.m += c.m
@@ -128,13 +128,13 @@ def accumulate_subtree(u, c):
     u.n2 += c.n2
 
 
-@kernel
+@kernel(inline=True)
 def project_on_axis(c, f0, f1, f2, n0, n1, n2):
     """Return the part of a force that a joint's motion feels."""
     return c.s0 * f0 + c.s1 * f1 + c.s2 * f2 + c.r0 * n0 + c.r1 * n1 + c.r2 * n2
 
 
-@kernel
+@kernel(inline=True)
 def set_base_acceleration(frames, n, gravity):
     """Set the world's frame, the last one: it falls upwards, which is what gravity amounts to."""
     world = frames[n]
@@ -142,7 +142,7 @@ def set_base_acceleration(frames, n, gravity):
     world.a0, world.a1, world.a2 = -gravity[0], -gravity[1], -gravity[2]
 
 
-@kernel
+@kernel(inline=True)
 def mass_matrix_and_bias(bodies, frames, q, v, bias, mass):
     """Write C q' + G into `bias`, (n,), and M into the lower half of `mass`, (n, n): eq. (5).
 
@@ -213,9 +213,16 @@ def solve_tree(bodies, factored, x):
 
 
 @kernel
-def forward_dynamics(bodies, frames, q, v, tau, mass, a):
-    """Write q'' = M^-1 (tau - C q' - G), (n,); M's factor stays in `mass`."""
-    mass_matrix_and_bias(bodies, frames, q, v, a, mass)
+def survey(bodies, frames, gravity, q, v, bias, mass):
+    """Write C(q, v) v + G, (n,), and the lower half of M: see `mass_matrix_and_bias`."""
+    set_base_acceleration(frames, bodies.size, gravity)
+    mass_matrix_and_bias(bodies, frames, q, v, bias, mass)
+
+
+@kernel
+def forward_dynamics(bodies, frames, gravity, q, v, tau, mass, a):
+    """Write q'' = M^-1 (tau - C q' - G), (n,); M's factors stay in `mass`."""
+    survey(bodies, frames, gravity, q, v, a, mass)
     for i in range(bodies.size):
         a[i] = tau[i] - a[i]
     factor_tree(bodies, mass)

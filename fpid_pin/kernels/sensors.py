@@ -7,7 +7,7 @@ import math
 from fpid_pin.kernels.compiled import kernel
 
 
-@kernel
+@kernel(inline=True)
 def rounded(x):
     """Return the nearest whole number, the even one of two as near."""
     low = math.floor(x)
@@ -17,7 +17,7 @@ def rounded(x):
     return low
 
 
-@kernel
+@kernel(inline=True)
 def spoil(joints, history, noise, q, v, tick, inputs):
     """Write what sensors with faults measure: see `measure`."""
     depth = history.shape[0]

@@ -8,13 +8,13 @@ from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.limits import clip, sign
 
 
-@kernel
+@kernel(inline=True)
 def energy(robot, e, e_dot):
     """Return a joint's part of V, 1/2 E^T P E, eq. (14)."""
     return 0.5 * (robot.p11 * e * e + 2.0 * robot.p12 * e * e_dot + robot.p22 * e_dot * e_dot)
 
 
-@kernel
+@kernel(inline=True)
 def error_terms(robot, joints, demand, b):
     """Write K^T E of (18) and B^T P E of (20), (n,)."""
     for j in range(joints.size):
@@ -23,7 +23,7 @@ def error_terms(robot, joints, demand, b):
         b[j] = robot.p12 * c.e + robot.p22 * c.e_dot
 
 
-@kernel
+@kernel(inline=True)
 def paper_torque(robot, joints, gravity, coriolis, demand, feedforward, w):
     """Write u_s of (20).
 
@@ -41,7 +41,7 @@ def paper_torque(robot, joints, gravity, coriolis, demand, feedforward, w):
             c.u_s = size * sign(w[j])
 
 
-@kernel
+@kernel(inline=True)
 def find_push(robot, joints, acceleration, direction):
     """Find where the next error would be, and in which direction u_s must turn it.
 
@@ -75,7 +75,7 @@ def find_push(robot, joints, acceleration, direction):
         direction[j] = direction[j] / robot.distance if robot.pushing else 0.0
 
 
-@kernel
+@kernel(inline=True)
 def least_correction(robot, joints, reserve, direction):
     """Scale the direction to the least change that ends in the ball, whatever D does along z.
 

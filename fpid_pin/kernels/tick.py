@@ -33,9 +33,8 @@ from fpid_pin.kernels.records import (
 )
 from fpid_pin.kernels.rigid_body import (
     factor_tree,
-    mass_matrix_and_bias,
-    set_base_acceleration,
     solve_tree,
+    survey,
 )
 from fpid_pin.kernels.supervisor import (
     energy,
@@ -50,7 +49,7 @@ velocities = compile_plain(newton_euler.velocities)
 gradient = compile_plain(newton_euler.gradient)
 
 
-@kernel
+@kernel(inline=True)
 def integral_step(e, e_, e_dot, e_dot_, h):
     """Return by how much int e grows over a step at whose ends e and e' are known."""
     return 0.5 * h * (e + e_) + h * h / 12.0 * (e_dot_ - e_dot)
@@ -99,9 +98,11 @@ def signals(c, inputs):
     robot = c.robot[0]
     load_errors(robot, c.joints, inputs)
     correct_observer(robot, c.joints)
-    advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, True)
+    if robot.first_operators > 0:
+        advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, True)
     if robot.surface != 0:
         call_law(robot.surface, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
+    if robot.first_operators < c.ops.shape[1]:
         advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, False)
 
 
@@ -117,13 +118,6 @@ def mass_times(bodies, mass, x, out):
             out[i] += mass[i, k] * x[k]
             out[k] += mass[i, k] * x[i]
             k = bodies[k].parent
-
-
-@kernel
-def survey(bodies, frames, gravity, q, v, bias, mass):
-    """Write C(q, v) v + G and the lower half of M."""
-    set_base_acceleration(frames, bodies.size, gravity)
-    mass_matrix_and_bias(bodies, frames, q, v, bias, mass)
 
 
 @kernel(inline=True)
@@ -272,7 +266,7 @@ def torques(c, torque):
         predict(robot, c.joints, c.terms[ACCELERATION], c.terms[CHANGE])
 
 
-@kernel
+@kernel(inline=True)
 def mask_surface(joints, out):
     """Write S of each joint, 0 where its torque was cut and adapting would ask for more yet."""
     for j in range(joints.size):

@@ -189,7 +189,7 @@ def consistent(inertia):
     return inertia.mass > 0 and moments[0] >= -slack and moments[:2].sum() >= moments[2] - slack
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     seed=st.integers(0, 2**32 - 1),
     mass=st.floats(0, 0.99),

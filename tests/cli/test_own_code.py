@@ -1,11 +1,11 @@
 """Kinds of one's own, named by a configuration: run only where that is allowed."""
 
-import subprocess
 import sys
 import textwrap
 
 import numpy as np
 import pytest
+from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.cli.main import main
@@ -114,7 +114,7 @@ def test_a_run_of_an_unknown_kind_says_what_is_missing(config):
     out = config.parent / "out"
     assert main(["run", str(config), "--out", str(out), "--allow-import"]) == 0
     code = f"import fpid_pin as fp; fp.Run.load({str(out / 'mine.npz')!r}).controller"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = finished([sys.executable, "-c", code])
     assert "my_pd" in done.stderr.splitlines()[-1]
 
 
@@ -168,14 +168,10 @@ def test_workers_cannot_have_what_a_session_defines():
         fp.tune(e, Mine(), Space(kp=(1, 20, "shared")),
                 settings=SearchSettings(population=4, generations=1, workers=2))
     """)
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
-    )
+    done = finished([sys.executable, "-c", code])
     last = done.stderr.strip().splitlines()[-1]
     assert "TuningError: workers: expected classes and functions of a module, got Mine" in last
     assert "out of memory" not in done.stderr
     # A script that is read from standard input cannot even begin in a worker.
-    done = subprocess.run(
-        [sys.executable, "-"], input=code, capture_output=True, text=True, timeout=120, check=False
-    )
+    done = finished([sys.executable, "-"], input=code)
     assert "workers: expected a script in a file, got <stdin>" in done.stderr

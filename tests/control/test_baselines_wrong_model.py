@@ -1,7 +1,6 @@
 """What the rivals have against a wrong model: integrals, and the observer that the FPID has."""
 
 import dataclasses
-import functools
 
 import numpy as np
 import pytest
@@ -107,35 +106,6 @@ def test_a_population_has_the_bits_of_its_members(law):
     assert not runs[2].outcome.completed
     for run, experiment, one in zip(runs, experiments, laws, strict=True):
         assert (run.torque == fp.simulate(experiment, one).torque).all()
-
-
-@functools.cache
-def plain_run(kind):
-    """Return a run of the law as a user would write it, without options."""
-
-    @dataclasses.dataclass(frozen=True, eq=False)
-    class Own(fp.Controller):
-        k0: float = 100.0
-        k1: float = 20.0
-
-        def torque(self, state, q, v, q_ref, v_ref, a_ref):
-            e, rate = q_ref - q, v_ref - v
-            if kind == "computed torque":
-                return state.inverse_dynamics(q, v, a_ref + self.k1 * rate + self.k0 * e)
-            return self.k0 * e + self.k1 * rate + state.gravity(q)
-
-    return fp.simulate(following(ARM, 0.5), Own())
-
-
-@pytest.mark.parametrize(
-    ("kind", "law"),
-    [
-        ("computed torque", fp.ComputedTorque(k0=100.0, k1=20.0)),
-        ("pd and gravity", fp.PdGravity(kp=100.0, kd=20.0)),
-    ],
-)
-def test_they_are_off_by_default_to_the_last_bit(kind, law):
-    assert (fp.simulate(following(ARM, 0.5), law).torque == plain_run(kind).torque).all()
 
 
 def test_a_run_file_holds_them(tmp_path):

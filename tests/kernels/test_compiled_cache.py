@@ -2,11 +2,11 @@
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bounded import finished
 
 import fpid_pin
 from fpid_pin.kernels import compiled
@@ -29,11 +29,11 @@ def copy_of_the_room(tmp_path):
 def run(root, code, **environment):
     """Run a script on a copy, in a process of its own, and return what it prints."""
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False,
+    done = finished(
+        [sys.executable, "-W", "error", "-c", code],
         cwd=root,
         env=inherited | {"PYTHONPATH": str(root)} | environment,
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from fpid_pin.simulation.recorders import BLOCK_ROWS
 
 import fpid_pin as fp
 from fpid_pin.arms import CompiledFleet
@@ -12,7 +13,6 @@ from fpid_pin.disturbances import Cosine, Pulse
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold, Sinusoid
 from fpid_pin.simulation import Simulator
-from fpid_pin.simulation.recorders import BLOCK_ROWS
 
 
 def arms():

@@ -2,12 +2,12 @@
 
 import dataclasses
 import os
-import subprocess
 import sys
 import tracemalloc
 
 import numpy as np
 import pytest
+from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.costs import MetricCost, QuadraticCost
@@ -190,8 +190,9 @@ fp.evaluate(fp.paper_experiment(duration=0.01), [fp.paper_controller()] * 2, exe
 
 def test_workers_find_the_kernels_compiled(tmp_path):
     """Cold ones would each compile all of them, at the same time."""
-    done = subprocess.run(
-        [sys.executable, "-c", COLD], capture_output=True, text=True, check=True,
+    done = finished(
+        [sys.executable, "-c", COLD],
+        check=True,
         env=os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)},
-    )  # fmt: skip
+    )
     assert done.stdout.splitlines() == ["['law.fpids', 'metrics.tally', 'motion.euler']"] * 2

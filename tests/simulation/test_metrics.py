@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from fpid_pin.simulation.lockstep import lockstep
 
 import fpid_pin as fp
 from fpid_pin.costs import METRIC_NAMES, MetricCost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.lockstep import lockstep
 from fpid_pin.simulation.metrics import MetricsRecorder
 
 
