@@ -26,8 +26,22 @@ class MyPd(fp.Controller):
     kd: float = 2.0
     name: str = "mine"
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.gravity(q)
+    uses_model = True
+
+    @staticmethod
+    def torque(c):
+        return c.kp * c.e + c.kd * c.e_dot
+
+
+@fp.described("my_python_pd")
+@dataclass(frozen=True, eq=False)
+class MyPythonPd(fp.Controller):
+    kp: float = 10.0
+    kd: float = 2.0
+    name: str = "mine"
+
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.arm.gravity_vector(q)
 
 
 @fp.described("my_ramp", "Reference")
@@ -92,13 +106,15 @@ def test_nothing_is_run_that_was_not_allowed(config, capsys):
     assert main(allowed) == 2
 
 
-def test_a_law_a_reference_and_a_cost_of_one_s_own(config, capsys):
+@pytest.mark.parametrize("name", ["MyPd", "MyPythonPd"])
+def test_a_law_a_reference_and_a_cost_of_one_s_own(config, name, capsys):
+    config.write_text(CONFIG.replace("my_pd", "my_python_pd" if "Python" in name else "my_pd"))
     out = config.parent / "out"
     assert main(["run", str(config), "--out", str(out), "--allow-import"]) == 0
     run = fp.Run.load(out / "mine.npz")
     assert run.q_ref[-1] == pytest.approx([0.04, 0.04])
     # Loaded again it is the same law, since this process knows its kind.
-    assert type(run.controller).__name__ == "MyPd"
+    assert type(run.controller).__name__ == name
     assert run.controller.kp == 30
     tuned = config.parent / "tuned"
     command = ["tune", str(config), "--out", str(tuned), "--allow-import", "--workers", "2"]
@@ -161,7 +177,7 @@ def test_workers_cannot_have_what_a_session_defines():
         @dataclass(frozen=True, eq=False)
         class Mine(fp.Controller):
             kp: float = 10.0
-            def torque(self, state, q, v, q_ref, v_ref, a_ref):
+            def control(self, state, q, v, q_ref, v_ref, a_ref):
                 return self.kp * (q_ref - q)
 
         e = fp.paper_experiment(duration=0.1)
