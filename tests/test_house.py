@@ -139,8 +139,8 @@ ROOMS = {
     "arms": {"Arm", "names"},
     "campaign": {"CampaignData", "Scenarios", "Study", "Uniform", "load", "replay", "run"},
     "control": {
-        "Controller", "EncoderRate", "Loop", "Derivative", "Integral", "RobotLoop", "StabilityReport",
-        "gain_ceilings",
+        "Controller", "Derivative", "EncoderRate", "Integral", "Loop", "RobotLoop",
+        "StabilityReport", "gain_ceilings",
     },
     "costs": {"Cost", "FromRows", "MetricCost", "Metrics", "QuadraticCost", "ToolCost"},
     "disturbances": {"Cosine", "Disturbance", "Pulse", "Sum"},
