@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import fpid_pin as fp
@@ -26,8 +26,6 @@ def records(kind, n, **values):
 # ---------------------------------------------------------------------- numbers
 
 
-# The first call compiles: no deadline.
-@settings(deadline=None)
 @given(numbers, st.floats(0.0, 1e6))
 def test_a_clipped_number_is_the_nearest_within(x, limit):
     assert limits.clip(x, limit) == float(np.clip(x, -limit, limit))
@@ -41,7 +39,6 @@ def test_what_is_not_finite_stays_and_inf_is_no_limit():
     assert limits.clip(np.inf, 2.0) == np.inf
 
 
-@settings(deadline=None)
 @given(numbers, numbers)
 def test_only_a_push_in_the_direction_of_the_cut_winds_up(cut, push):
     expected = np.sign(cut) * np.sign(push) > 0.0 and abs(cut * push) > 0.0
@@ -57,7 +54,6 @@ def test_a_number_that_is_none_is_found_anywhere():
             assert not limits.finite(values)
 
 
-@settings(deadline=None)
 @given(st.one_of(st.floats(-1e9, 1e9), st.integers(-1000, 1000).map(lambda k: k + 0.5)))
 def test_numbers_are_rounded_as_numpy_does(x):
     assert sensors.rounded(x) == np.rint(x)
@@ -235,7 +231,7 @@ def test_a_stretch_is_the_run_that_pinocchio_and_python_make_tick_by_tick(name):
     assert np.abs(np.diff(runs[0].torque, axis=0)).min(axis=1).max() > 0.0
 
 
-@pytest.mark.parametrize(("torque", "speed"), [(1e308, 1e3), (50.0, 3.0)])
+@pytest.mark.parametrize(("torque", "speed"), [(1.7e308, 1e3), (50.0, 3.0)])
 def test_a_stretch_ends_where_a_number_is_lost_or_a_joint_runs_away(torque, speed):
     law = fp.Pid(torque, 0.0, 0.0)
     experiment = dataclasses.replace(BASE, q0=1.5, dynamics="compiled", runaway_speed=speed)

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numba
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -16,6 +17,8 @@ from fpid_pin.kernels import friction, rigid_body, tick
 from fpid_pin.kernels.records import FRAME, LINK, PLANT, ROOM
 
 pytestmark = pytest.mark.kernels
+#: Without compilation (test_line_by_line) a few go through every branch.
+EXAMPLES = 12 if numba.config.DISABLE_JIT else 80
 trees = given(st.integers(1, 9), st.integers(0, 10**6))
 
 
@@ -56,17 +59,16 @@ def mass_matrix(model, q):
 
 def factored(model, q, v, tau):
     """Return M, C q' + G, q'' and the factors of M by the kernels."""
-    n = model.nv
+    n, gravity = model.nv, np.array(model.gravity.linear)
     frames = np.zeros(n + 1, FRAME)
-    rigid_body.set_base_acceleration(frames, n, np.array(model.gravity.linear))
     bias, mass, a = np.zeros(n), np.zeros((n, n)), np.zeros(n)
-    rigid_body.mass_matrix_and_bias(bodies(model), frames, q, v, bias, mass)
+    rigid_body.survey(bodies(model), frames, gravity, q, v, bias, mass)
     whole = np.tril(mass) + np.tril(mass, -1).T
-    rigid_body.forward_dynamics(bodies(model), frames, q, v, tau, mass, a)
+    rigid_body.forward_dynamics(bodies(model), frames, gravity, q, v, tau, mass, a)
     return whole, bias, a, mass
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=EXAMPLES)
 @trees
 def test_random_trees_move_as_pinocchio_has_them(n, seed):
     model, rng = random_tree(seed, n)
@@ -102,7 +104,7 @@ def asked(model, q, v, w, a, inertias=None):
     return out, links, motions
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=EXAMPLES)
 @trees
 def test_two_velocities_are_the_symmetric_form_of_pinocchios_coriolis_torque(n, seed):
     """C(q, v) w by polarisation, c((v + w)/2) - c((v - w)/2) with c(x) = C(q, x) x."""
@@ -146,7 +148,7 @@ def in_pinocchios_numbers(frame):
     return np.array(columns).T
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=EXAMPLES)
 @trees
 def test_derivatives_by_the_inertial_numbers_are_those_of_pinocchios_regressor(n, seed):
     model, rng = random_tree(seed, n)
@@ -203,7 +205,7 @@ def rubbed(model, q, v_free, dry, guess, h):
     return v, joints
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=EXAMPLES)
 @given(st.integers(1, 5), st.integers(0, 10**6))
 def test_the_speeds_are_those_of_the_box_problem(n, seed):
     """v = v_free - h M^-1 l with Pinocchio's M, whether joints slide on, turn round or stick."""
@@ -231,7 +233,7 @@ def test_the_friction_is_that_of_a_bounded_least_squares_solver(name, speed):
     arm, rng, h = Arm.from_example(name), np.random.default_rng(2), 1e-3
     model = arm.with_armature(arm.armature + h * arm.viscous_friction).model
     bound = arm.dry_friction
-    for _ in range(20):
+    for _ in range(EXAMPLES // 6):
         q, v_free = rng.uniform(-2, 2, arm.n), rng.normal(0, speed, arm.n)
         response = h * np.linalg.inv(mass_matrix(model, q))
         root = np.linalg.cholesky(response).T
