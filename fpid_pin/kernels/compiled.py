@@ -7,6 +7,7 @@ edit of any of them is a new folder.
 
 from __future__ import annotations
 
+import contextlib
 import dis
 import hashlib
 import os
@@ -189,6 +190,9 @@ def _forgive(cache: Any) -> None:
             try:
                 return method(*arguments)
             except Exception:  # whatever a broken file raises
+                # Nothing could be written beside it either, in any later process.
+                with contextlib.suppress(Exception):
+                    cache.flush()
                 return None
 
         return attempt
