@@ -26,6 +26,16 @@ from fpid_pin.simulation.workers import WorkerPool, check_workers
 #: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
 _NUMBERS = 11
 
+#: Runs of a part that is dealt out to an executor.
+PART = 64
+
+
+class _Threads(ThreadPoolExecutor):
+    """Threads that begin nothing more after a fault or Ctrl-C."""
+
+    def __exit__(self, *fault: object) -> None:
+        self.shutdown(wait=True, cancel_futures=fault[0] is not None)
+
 
 def pair(
     experiments: Experiment | Sequence[Experiment], controllers: Controller | Sequence[Controller]
@@ -143,7 +153,7 @@ def evaluate(
     workers
         In place of an executor: threads for compiled laws and dynamics, else processes.
     shards
-        Number of parts for the executor; None: its number of workers where it tells, else 2.
+        Number of parts for the executor; None: parts of at most 64 runs, one a worker at least.
     progress
         As for `simulate`.
 
@@ -174,7 +184,8 @@ def _dealt_out(
 ) -> FloatArray:  # fmt: skip
     from fpid_pin.simulation.batch import costs_of
 
-    parts = shards or int(getattr(pool, "_max_workers", 2))
+    # Small parts: progress is told, and Ctrl-C obeyed, after each.
+    parts = shards or max(int(getattr(pool, "_max_workers", 2)), -(-len(es) // PART))
     cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
     futures: list[Future[FloatArray]] = [
         pool.submit(costs_of, [es[i] for i in cut], [cs[i] for i in cut], costs, None)
@@ -206,7 +217,7 @@ def executor_of(
         return nullcontext(executor)
     holds = any(c.control is not None for c in controllers)
     holds = holds or any(e.dynamics == "pinocchio" for e in experiments)
-    return WorkerPool(workers, retries=retries) if holds else ThreadPoolExecutor(workers)
+    return WorkerPool(workers, retries=retries) if holds else _Threads(workers)
 
 
 def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:
