@@ -18,7 +18,8 @@ from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.law import Controller
-from fpid_pin.control.state import NODES, start_all
+from fpid_pin.control.order_changes import NODES
+from fpid_pin.control.start import start_all
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.export.javascript import HELPERS, JavaScript
