@@ -186,8 +186,8 @@ class Engine:
         ]  # fmt: skip
         program = Program(JavaScript(), stand_ins(self._states[0].controller))
         n = self._experiment.arm.n
-        name = program.add(rollout, [*bundles, real(INPUTS, n), real(n), Array(INT, (5,))])
-        return f"{HELPERS}{program.text}return {{rollout: {name}}};\n"
+        run = program.add(rollout, [*bundles, real(INPUTS, n), real(n), Array(INT, (5,))])
+        return f"{HELPERS}{program.text}return {{rollout: {run.name}}};\n"
 
     # ------------------------------------------------------------------ for the page
 
