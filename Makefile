@@ -25,7 +25,7 @@ lint: $(TEST_STAMP)
 check: lint test
 
 torture: $(TEST_STAMP)
-	FPID_TORTURE=full $(BIN)/python -m pytest -q tests/torture
+	FPID_TORTURE=full $(BIN)/python -m pytest -q --timeout 7200 tests/torture
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \

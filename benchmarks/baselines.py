@@ -18,6 +18,7 @@ import hashlib
 import json
 import time
 import warnings
+from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +30,6 @@ from verdict_picture import draw
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.tuning import WorkerPool
 
 SEEDS = range(5)
 
@@ -93,7 +93,7 @@ class Searches:
                 tracks.append(Track("once more alone", seed, size))
         return tracks
 
-    def run(self, name: str, until: float, pool: WorkerPool | None) -> bool:
+    def run(self, name: str, until: float, pool: Executor | None) -> bool:
         """Search a family; return whether it came to an end."""
         family, job = FAMILIES[name], self.job
 
@@ -169,14 +169,14 @@ def main() -> None:
     parser.add_argument("arm", choices=("two_link", "ur5", "panda"))
     parser.add_argument("--minutes", type=float, default=8.0, help="then stop, to be continued")
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), choices=list(FAMILIES))
-    parser.add_argument("--workers", type=int, help="processes")
+    parser.add_argument("--workers", type=int, help="threads")
     parser.add_argument("--checkpoints", type=Path, default=Path("runs/baselines"))
     options = parser.parse_args()
     warnings.simplefilter("ignore")
     searches = Searches(jobs()[options.arm], options.checkpoints)
     if options.what == "search":
         until = time.monotonic() + 60.0 * options.minutes
-        pool = WorkerPool(options.workers) if options.workers else None
+        pool = ThreadPoolExecutor(options.workers) if options.workers else None
         for name in options.families:
             if searches.load(name) is None and not searches.run(name, until, pool):
                 break

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import fpid_pin as fp
-from fpid_pin.control import Controller, Safeguards
-from fpid_pin.control.baselines import PdGravity, Pid, SlidingMode, SlotineLi
+from fpid_pin.control import Controller, PdGravity, Pid, Safeguards, SlidingMode, SlotineLi
 
 #: Error at which adaptation at rate 1 doubles a gain within `LEARNING_TIME`, rad and s.
 LEARNING_ERROR, LEARNING_TIME = 0.05, 5.0

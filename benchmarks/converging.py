@@ -1,4 +1,4 @@
-"""CMA-ES for `baselines.py`: several searches in lockstep, until they no longer improve.
+"""CMA-ES for `baselines.py`: several searches at once, until they no longer improve.
 
 A *track* is one search: a seed and a place to start. All tracks of a family share each call of
 the engine. A track ends when `PATIENCE` generations have not improved it by `GAIN`, or at

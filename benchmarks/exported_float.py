@@ -13,7 +13,7 @@ import numpy as np
 import fpid_pin as fp
 from fpid_pin.export.c_source import CSource
 from fpid_pin.export.folder import write_sources
-from fpid_pin.export.parts import law_of
+from fpid_pin.export.law import start
 
 ORDERS = (0.1, 0.3, 0.5, 0.7, 0.9, 0.99)
 DRIVE = r"""
@@ -50,7 +50,7 @@ law = fp.AdaptiveFpid(
 for horizon in (20, 200, 600, 3600):
     with tempfile.TemporaryDirectory() as there:
         folder = Path(there)
-        write_sources(CSource(law_of(law, arm, 1e-3, float(horizon)), 1e-3), folder)
+        write_sources(CSource(start(law, arm, 1e-3, float(horizon))), folder)
         (folder / "drive.c").write_text(DRIVE)
         found = []
         for flag in ("-UFPID_SINGLE", "-DFPID_SINGLE"):

@@ -22,9 +22,10 @@ import fpid_pin as fp
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Safeguards, suggest_gains
 from fpid_pin.references import Hold
-from fpid_pin.simulation.lockstep import lockstep
-from fpid_pin.simulation.recorders import Batch, Block
+from fpid_pin.simulation.batch import advance_all, start_robots
+from fpid_pin.simulation.blocks import Block
 
+GAINS = ("kp", "ki", "kd")
 PERIODS = 10
 WINDOW = PERIODS * 2.0 * np.pi  # [s]
 NOISE = fp.Sensors(position_noise=1e-4, velocity_noise=0.02)  # [rad], [rad/s]
@@ -62,35 +63,29 @@ def start_of(law: fp.AdaptiveFpid) -> FloatArray:
 class Windows:
     """Mean square and largest error per window, and the gains at its end."""
 
-    wanted: Sequence[str] = ("kp", "ki", "kd")
-
-    def __init__(self) -> None:
-        self.square: FloatArray = np.zeros(0)
-        self.gains: FloatArray = np.zeros(0)
-
-    def start(self, batch: Batch) -> None:
-        """See `fpid_pin.Recorder.start`."""
-        self._per = round(WINDOW / batch.step)
-        windows = batch.rows // self._per
-        self.square = np.zeros((windows, batch.runs, batch.n))
+    def __init__(self, experiment: fp.Experiment, runs: int) -> None:
+        self._per = round(WINDOW / experiment.step)
+        windows, n = experiment.rows // self._per, experiment.arm.n
+        self.square: FloatArray = np.zeros((windows, runs, n))
         self.worst = np.zeros_like(self.square)
-        self.count = np.zeros((windows, batch.runs))
-        self.gains = np.full((windows, 3, batch.runs, batch.n), np.nan)
+        self.count = np.zeros((windows, runs))
+        self.gains = np.full((windows, len(GAINS), runs, n), np.nan)
 
-    def take(self, block: Block) -> None:
-        """See `fpid_pin.Recorder.take`."""
+    def take(self, run: int, block: Block) -> None:
+        """Take some rows of a run."""
         e = block.q_ref - block.q
-        rows = block.first + np.arange(len(block.t))
+        rows = block.first + np.arange(len(e))
         for window in np.unique(rows // self._per):
             if window >= len(self.square):
                 break
             part = rows // self._per == window
-            live = block.valid > 0
-            self.square[window] += (e[part] ** 2).sum(axis=0)
-            self.worst[window] = np.maximum(self.worst[window], np.abs(e[part]).max(axis=0))
-            self.count[window] += part.sum() * live
-            for term, name in enumerate(self.wanted):
-                self.gains[window, term] = block.signals[name][part][-1]
+            self.square[window, run] += (e[part] ** 2).sum(axis=0)
+            self.worst[window, run] = np.maximum(
+                self.worst[window, run], np.abs(e[part]).max(axis=0)
+            )
+            self.count[window, run] += part.sum()
+            for term, name in enumerate(GAINS):
+                self.gains[window, term, run] = block.signals[name][part][-1]
 
     @property
     def rms(self) -> FloatArray:
@@ -100,7 +95,7 @@ class Windows:
 
 
 def main() -> None:
-    """Simulate all variants in one lockstep call."""
+    """Simulate all variants."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="four minutes of simulated time")
     options = parser.parse_args()
@@ -116,9 +111,11 @@ def main() -> None:
     experiments = [jobs[job] for job, _, _ in keys]
     laws = [found[law, guard] for _, law, guard in keys]
     start = np.stack([start_of(law) for law in laws], axis=1)
-    windows = Windows()
+    windows = Windows(track, len(keys))
     began = time.perf_counter()
-    outcomes = lockstep(experiments, laws, [windows])
+    outcomes = advance_all(
+        start_robots(experiments, laws, dynamics="compiled", keep=GAINS), windows.take
+    )
     print(f"{len(keys)} runs of {duration:g} s in {time.perf_counter() - began:.0f} s")
 
     rms, worst, gains = windows.rms, windows.worst, windows.gains

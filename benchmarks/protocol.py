@@ -171,13 +171,10 @@ def excess(experiment: fp.Experiment, run: fp.Run, w2: float) -> float:
     ``int e^2 + w2 |u - u_d|^2 dt`` with u_d the torque that keeps the true arm, its friction and
     the push included, on the reference: gravity's share, which no law can save, is not counted.
     """
-    from fpid_pin.arms.fleet import Fleet
-
     plant = fp.Plant() if experiment.plant is None else experiment.plant
     true = plant.resolve(experiment.arm)
-    q, v, a = (np.ascontiguousarray(x) for x in experiment.motion(run.t))
-    needed = np.empty_like(q)
-    Fleet([true.arm], len(q)).inverse_dynamics(q, v, a, needed)
+    q, v, a = experiment.motion(run.t)
+    needed = np.array([true.arm.inverse_dynamics(*row) for row in zip(q, v, a, strict=True)])
     needed += true.viscous_friction * v + true.dry_friction * np.sign(v)
     if true.disturbance is not None:
         needed -= true.disturbance.sample(run.t)

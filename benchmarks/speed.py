@@ -1,256 +1,237 @@
-"""Time the lockstep engine beside the loop that a user of Pinocchio would write.
+"""Time the engine: whole steps of every law, beside `pin.aba` and a plain loop.
 
-    python benchmarks/speed.py [--steps 2000] [--repeats 5] [--joints] [--dynamics compiled]
-    python benchmarks/speed.py --search 80 [--workers 2] [--dynamics compiled]
+    python benchmarks/speed.py [--search] [--quick]
 
-Both run the paper's experiment with the same law and the same 24 modes, in turn in this process;
-what counts is their ratio, since machines differ and are shared. Times are of the processor, in one
-thread; others on the machine lengthen the clock's, not these. Also: the part of the time that
-is the dynamics', the import time, and (--joints) the cost of a step against the number of joints.
+All figures are ratios in one process; times are processor time, the best of some repeats. What a
+step costs is the difference between a longer and a shorter run, so that no start is counted. The
+unit is one `pin.aba` call from Python on the same arm. Writes benchmarks/results/speed.md.
 """
 
 from __future__ import annotations
 
 import argparse
-import dataclasses
+import os
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable
-from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from own_fractional_law import NormalisedMit
 from plain_loop import plain_loop
 
 import fpid_pin as fp
-from fpid_pin.arms import Fleet
-from fpid_pin.arms.bodies import CompiledFleet
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.references import Sinusoid
-from fpid_pin.tuning import SearchProgress, SearchSettings, Space, WorkerPool
+from fpid_pin.tuning import SearchSettings, Space
 
-RUNS = (1, 10, 30, 60, 120, 240)
+#: Steps of the shorter and the longer run; the difference is what counts.
+SHORT, LONG = 1000, 5000
 
 
-def best(action: Callable[[], object], repeats: int) -> float:
-    """Return the shortest of several times [s]: what is needed when nobody else is there."""
+def best(work: Callable[[], object], repeats: int, clock: Callable[[], float]) -> float:
+    """Return the least time of some repeats [s]."""
     times = []
     for _ in range(repeats):
-        began = time.process_time()
-        action()
-        times.append(time.process_time() - began)
+        began = clock()
+        work()
+        times.append(clock() - began)
     return min(times)
 
 
-def population(runs: int, seed: int = 0) -> list[fp.AdaptiveFpid]:
-    """Return controllers with different orders, as a genetic algorithm would ask for."""
-    rng = np.random.default_rng(seed)
-    base = fp.paper_controller(supervised=False)
-    return [
-        dataclasses.replace(
-            base, integral_order=rng.uniform(0.5, 1, 2), derivative_order=rng.uniform(0.5, 1, 2)
-        )
-        for _ in range(runs)
-    ]
-
-
-def dynamics_ns(kind: str, runs: int, repeats: int) -> float:
-    """Ns a run of one forward dynamics call for `runs` robots."""
-    arm = fp.Arm.two_link()
-    fleet = (
-        CompiledFleet([arm] * runs, np.zeros((runs, 2)))
-        if kind == "compiled"
-        else Fleet([arm], runs)
-    )
-    rng = np.random.default_rng(0)
-    q, v, tau = rng.normal(size=(3, runs, 2))
-    out = np.empty((runs, 2))
-    calls = 500
+def aba_seconds(arm: fp.Arm, repeats: int) -> float:
+    """Return the time of one `pin.aba` call from Python: the unit of this machine."""
+    model, data = arm.model, arm.model.createData()
+    q, zero = np.array(arm.home), np.zeros(arm.n)
 
     def many() -> None:
-        for _ in range(calls):
-            fleet.forward_dynamics(q, v, tau, out)
+        for _ in range(4000):
+            pin.aba(model, data, q, zero, zero)
 
-    return 1e9 * best(many, repeats) / calls / runs
-
-
-def aba_ns(repeats: int) -> float:
-    """Ns of one pin.aba call on the two-link arm: the unit of this machine."""
-    model = fp.Arm.two_link().model
-    data = model.createData()
-    q, v, tau = np.zeros((3, 2))
-
-    def many() -> None:
-        for _ in range(2000):
-            pin.aba(model, data, q, v, tau)
-
-    return 1e9 * best(many, repeats) / 2000
+    return best(many, repeats, time.process_time) / 4000
 
 
-def headline(steps: int, repeats: int, dynamics: str) -> None:
-    controller = fp.paper_controller(supervised=False)
-    experiment = dataclasses.replace(fp.paper_experiment(duration=steps * 1e-3), dynamics=dynamics)
-    rows = experiment.rows
-    check = plain_loop(experiment, controller, rows)
-    apart = np.abs(check - fp.simulate(experiment, controller).q).max()
-    unit = aba_ns(repeats)
-    print(f"the two loops agree within {apart:.1e} rad; one pin.aba call takes {unit:.0f} ns here")
-    print()
-    print("| runs | ns a run-step | plain / ours | in the dynamics | pin.aba calls |")
-    print("| ---: | ---: | ---: | ---: | ---: |")
-    for runs in RUNS:
-        controllers = population(runs)
-        pairs = []
-        for _ in range(repeats):
-            began = time.process_time()
-            plain_loop(experiment, controller, rows)
-            middle = time.process_time()
-            fp.evaluate(experiment, controllers)
-            end = time.process_time()
-            pairs.append(((middle - began) / steps, (end - middle) / steps / runs))
-        ratio = float(np.median([plain / ours for plain, ours in pairs]))
-        ours = 1e9 * min(ours for _, ours in pairs)
-        part = dynamics_ns(dynamics, runs, repeats) / ours
-        print(f"| {runs} | {ours:.0f} | {ratio:.1f} | {100 * part:.0f} % | {ours / unit:.2f} |")
-    plain = 1e9 * best(lambda: plain_loop(experiment, controller, rows), repeats) / steps
-    print(f"| plain loop, 1 | {plain:.0f} | 1 | | {plain / unit:.2f} |")
+def arms() -> list[fp.Arm]:
+    return [fp.Arm.two_link(), fp.Arm.from_example("ur5"), fp.Arm.from_example("panda")]
 
 
-def importing(repeats: int) -> None:
-    code = (
-        "import time; t = time.process_time(); import fpid_pin; fpid_pin.tune; "
-        "print(time.process_time() - t)"
-    )
+def laws() -> dict[str, fp.Controller]:
+    """Return the laws that are timed, gains per unit of inertia."""
+    fpid = {"kp": 100, "ki": 100, "kd": 20, "integral_order": 0.9, "derivative_order": 0.9,
+            "learning_rate": 1.0, "scale": "inertia"}  # fmt: skip
+    guard = fp.Supervisor(m_x=9.0, reference_bound=4.0, observer=40.0)
+    return {
+        "adaptive FPID, 24 modes": fp.AdaptiveFpid(**fpid),
+        "PID": fp.Pid(100, 50, 20, scale="inertia"),
+        "PD + gravity": fp.PdGravity(kp=100, kd=20, scale="inertia"),
+        "computed torque": fp.ComputedTorque(k0=64, k1=16),
+        "sliding mode": fp.SlidingMode(slope=4, gain=5, scale="inertia"),
+        "Slotine-Li": fp.SlotineLi(slope=4, damping=4, scale="inertia"),
+        "FPID + feedforward + observer": fp.AdaptiveFpid(**fpid, feedforward=True, observer=40.0),
+        "and the sampled supervisor": fp.AdaptiveFpid(
+            **fpid, feedforward=True, observer=40.0, supervisor=guard
+        ),
+    }
+
+
+def experiment_of(arm: fp.Arm, steps: int) -> fp.Experiment:
+    reference = Sinusoid(0.2, 1.0, offset=arm.home)
+    return fp.Experiment(arm, reference, q0=arm.home, duration=steps * 1e-3)
+
+
+def step_seconds(arm: fp.Arm, law: fp.Controller, runs: int, repeats: int) -> float:
+    """Return the marginal time of a step of one of `runs` robots, compiled dynamics."""
+    short, long = experiment_of(arm, SHORT), experiment_of(arm, LONG)
     times = [
-        float(subprocess.run([sys.executable, "-c", code], capture_output=True, check=True).stdout)
-        for _ in range(repeats)
+        best(lambda e=e: fp.evaluate(e, [law] * runs), repeats, time.process_time)
+        for e in (short, long)
     ]
-    best, middle = min(times), np.median(times)
-    print(f"\nimport fpid_pin, all but views: {best:.2f} s at best, {middle:.2f} s median")
+    return (times[1] - times[0]) / (LONG - SHORT) / runs
 
 
-def joints(repeats: int, runs: int = 60) -> None:
-    """Print and draw the cost of a step against the number of joints; start-up is left out."""
-    counts = (2, 5, 10, 20, 30, 40, 50)
+def whole_steps(repeats: int) -> list[str]:
+    """Return the table of all laws on three arms, in calls of `pin.aba`."""
+    lines = ["| law | two_link, one / sixty | ur5 | panda |", "| --- | --- | --- | --- |"]
+    units = {arm.name: aba_seconds(arm, repeats) for arm in arms()}
+    for name, law in laws().items():
+        cells = []
+        for arm in arms():
+            fp.evaluate(experiment_of(arm, 2), law)
+            found = [
+                step_seconds(arm, law, runs, repeats if runs == 1 else max(repeats // 3, 1))
+                / units[arm.name]
+                for runs in (1, 60)
+            ]
+            cells.append(f"{found[0]:.2f} / {found[1]:.2f}")
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+    told = ", ".join(f"{name} {1e6 * unit:.2f}" for name, unit in units.items())
+    return [*lines, "", f"one pin.aba call [us]: {told}"]
+
+
+def own_law(repeats: int) -> str:
+    """Return what a fractional law of one's own costs beside the built-in one."""
+    arm = fp.Arm.from_example("ur5")
+    own = NormalisedMit(kp=100.0, ki=100.0, kd=20.0, scale="inertia")
+    ours = laws()["adaptive FPID, 24 modes"]
+    both = []
+    for law in (own, ours):
+        fp.evaluate(experiment_of(arm, 2), law)
+        both.append(step_seconds(arm, law, 1, repeats))
+    return f"a fractional law of one's own takes {both[0] / both[1]:.2f} of ours (ur5)"
+
+
+def against_plain_loop(repeats: int) -> list[str]:
+    """Return the ratio to the plain loop, for one robot and sixty."""
+    experiment, law = fp.paper_experiment(duration=4.0), fp.paper_controller(supervised=False)
+    apart = np.abs(plain_loop(experiment, law, 4001) - fp.simulate(experiment, law).q).max()
+    plain = best(lambda: plain_loop(experiment, law, 2001), repeats, time.process_time) / 2001
+    arm = experiment.arm
     found = []
-    print(f"\n| joints | us a run-step at {runs} runs | us a joint | one pin.aba [us] |")
-    print("| ---: | ---: | ---: | ---: |")
-    for n in counts:
-        arm = fp.Arm.planar(np.full(n, 1.0 / n), np.full(n, 2.0 / n), gravity=0.0)
-        # The derivative gain is small: many light links allow little in a loop of 1 ms.
-        law = fp.AdaptiveFpid(
-            kp=1e-2, ki=1e-2, kd=1e-3, integral_order=0.9, derivative_order=0.9,
-            learning_rate=1e-6, scale="inertia",
-        )  # fmt: skip
-        seconds = []
-        for steps in (200, 700):
-            experiment = fp.Experiment(arm, Sinusoid(0.01, 1.0, np.zeros(n)), duration=steps * 1e-3)
-            assert np.isfinite(fp.evaluate(experiment, law)).all()
-            seconds.append(
-                best(lambda e=experiment, c=law: fp.evaluate(e, [c] * runs), max(repeats - 2, 1))
-            )
-        each = 1e6 * (seconds[1] - seconds[0]) / 500 / runs
-        found.append(each)
-        data, model, zero = arm.model.createData(), arm.model, np.zeros(n)
-        aba = 1e3 * best(
-            lambda m=model, d=data, z=zero: [pin.aba(m, d, z, z, z) for _ in range(1000)], repeats
-        )
-        print(f"| {n} | {each:.2f} | {each / n:.3f} | {aba:.2f} |")
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(5.5, 3.6), constrained_layout=True)
-    axes.plot(counts, found, "o-")
-    axes.set(xlabel="joints", ylabel=f"us a run-step, {runs} runs", ylim=(0, None), xlim=(0, None))
-    axes.grid(alpha=0.3)
-    figure.savefig(Path(__file__).parent / "results" / "joints.png", dpi=110)
+    for runs in (1, 60):
+        times = [
+            best(lambda e=e, n=runs: fp.evaluate(e, [law] * n), repeats, time.process_time)
+            for e in (fp.paper_experiment(duration=1.0), experiment)
+        ]
+        found.append((times[1] - times[0]) / 3000 / runs)
+    unit = aba_seconds(arm, repeats)
+    return [
+        f"the plain loop takes {1e6 * plain:.1f} us a step ({plain / unit:.1f} pin.aba), and "
+        f"agrees within {apart:.0e} rad",
+        f"ours is {plain / found[0]:.0f} times as fast for one robot, {plain / found[1]:.0f} times "
+        "for sixty",
+    ]
 
 
-def panda(repeats: int) -> None:
-    """Time one run of twenty seconds of the Panda, with compiled dynamics."""
+def loop_ticks(repeats: int) -> list[str]:
+    """Return what a tick of `Loop` costs on the Panda, in calls of `pin.aba`."""
     arm = fp.Arm.from_example("panda")
-    experiment = fp.Experiment(
-        arm, Sinusoid(0.2, 1.0, offset=arm.home), q0=arm.home, dynamics="compiled"
+    unit, q, zero = aba_seconds(arm, repeats), np.array(arm.home), np.zeros(arm.n)
+    lines = []
+    for name in ("adaptive FPID, 24 modes", "and the sampled supervisor"):
+        loop = laws()[name].start(arm, step=1e-3)
+
+        def many(loop: fp.control.Loop = loop) -> None:
+            for _ in range(4000):
+                loop.torque(q, zero, q, zero, zero)
+
+        taken = best(many, repeats, time.process_time) / 4000
+        lines.append(f"a tick of Loop, Panda, {name}: {taken / unit:.2f} pin.aba")
+    return lines
+
+
+def threads(repeats: int) -> str:
+    """Return how much faster two threads are than one, by the clock."""
+    arm = fp.Arm.from_example("ur5")
+    law, e = laws()["adaptive FPID, 24 modes"], experiment_of(arm, LONG)
+    one, two = (
+        best(lambda w=w: fp.evaluate(e, [law] * 60, workers=w), repeats, time.perf_counter)
+        for w in (1, 2)
     )
-    law = fp.suggest_gains(arm)
-    assert fp.simulate(experiment, law).outcome.completed
-    seconds = best(lambda: fp.evaluate(experiment, law), repeats)
-    print(f"\nPanda, 20 s at 1 ms, one run, compiled dynamics: {1e3 * seconds:.0f} ms")
+    return f"two threads over sixty UR5s: {one / two:.2f} times one"
 
 
-def search(generations: int, workers: int, dynamics: str) -> None:
-    """Time the paper's whole search, 60 candidates a generation, 20 s at 1 ms each.
+def compiling() -> list[str]:
+    """Return how long it takes to compile, in an empty cache and a full one."""
+    code = (
+        "import time, fpid_pin as fp\n"
+        "def timed(c):\n"
+        "    t = time.process_time(); fp.evaluate(fp.paper_experiment(duration=.01), c)\n"
+        "    return time.process_time() - t\n"
+        "import fpid_pin.simulation.batch\n"
+        "laws = [fp.Pid(1, 1, 1), fp.paper_controller(), fp.ComputedTorque(),"
+        " fp.SlidingMode(1, 1), fp.SlotineLi(1, 1)]\n"
+        "print(*[f'{timed(c):.2f}' for c in laws])"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        told = [
+            subprocess.run(
+                [sys.executable, "-c", code], capture_output=True, check=True, text=True,
+                env={**os.environ, "NUMBA_CACHE_DIR": folder},
+            ).stdout.strip()
+            for _ in range(2)
+        ]  # fmt: skip
+    names = "engine with PID, then FPID, computed torque, sliding mode, Slotine-Li"
+    return [f"compiling [s], {names}: {told[0]}", f"the same from the cache: {told[1]}"]
 
-    The plain loop is timed on 2,000 steps between generations, the search's clock stopped, and
-    extrapolated. Bit-identical candidates are simulated again, so that the count is honest.
-    """
-    controller = fp.paper_controller(supervised=False)
-    experiment = dataclasses.replace(fp.paper_experiment(), dynamics=dynamics)
-    part, steps = fp.paper_experiment(duration=2.0), 2000
-    plain: list[float] = []
-    aba: list[float] = []
-    paused = 0.0
-    seen: set[int] = set()
 
-    def measure() -> None:
-        nonlocal paused
-        began = time.perf_counter()
-        plain_loop(part, controller, part.rows)
-        plain.append((time.perf_counter() - began) / steps)
-        aba.append(1e-9 * aba_ns(1))
-        paused += time.perf_counter() - began
-
-    def told(progress: SearchProgress) -> None:
-        if progress.complete and progress.generation not in seen and progress.generation % 8 == 0:
-            seen.add(progress.generation)
-            measure()
-
-    with WorkerPool(workers) if workers else nullcontext() as pool:
-        if pool is not None:
-            # Workers have started and imported the package before the clock does.
-            short = dataclasses.replace(experiment, duration=0.1)
-            fp.evaluate(short, [controller] * 8, executor=pool)
-        measure()
-        paused = 0.0
-        began = time.perf_counter()
-        result = fp.tune(
-            experiment, controller, Space(integral_order=(0, 1), derivative_order=(0, 1)),
-            QuadraticCost(1.0, 0.0),
-            SearchSettings(generations=generations, reuse=False, executor=pool), progress=told,
-        )  # fmt: skip
-        seconds = time.perf_counter() - began - paused
-    run_steps = result.evaluations * (experiment.rows - 1)
-    each, one, unit = seconds / run_steps, float(np.median(plain)), float(np.median(aba))
-    print(f"60 x {generations} candidates, {run_steps / 1e6:.1f} million steps, {workers} workers:")
-    print(f"{seconds:.0f} s, {1e9 * each:.0f} ns a run-step, {each / unit:.3f} pin.aba calls")
-    print(f"plain loop {1e9 * one:.0f} ns a step, {one / unit:.1f} pin.aba calls; the whole search")
-    print(f"by it, extrapolated: {one * run_steps / 60:.0f} min; ratio {one / each:.1f}")
-    print(f"at 708 ns a pin.aba call: {708 * each / unit:.0f} ns a run-step")
-    print(f"cost {result.cost:.5f} at {result.parameters}")
+def search(generations: int) -> list[str]:
+    """Time the paper's whole search, 60 candidates a generation, 20 s at 1 ms each."""
+    law, e = fp.paper_controller(supervised=False), fp.paper_experiment()
+    fp.evaluate(fp.paper_experiment(duration=0.01), law)
+    began = time.perf_counter()
+    result = fp.tune(
+        e, law, Space(integral_order=(0, 1), derivative_order=(0, 1)), QuadraticCost(1.0, 0.0),
+        SearchSettings(generations=generations, reuse=False, workers=2),
+    )  # fmt: skip
+    seconds = time.perf_counter() - began
+    steps = result.evaluations * (e.rows - 1)
+    unit = aba_seconds(e.arm, 5)
+    return [
+        f"60 x {generations} candidates of 20 s, two threads: {seconds:.1f} s, "
+        f"{1e9 * seconds / steps:.0f} ns a step by the clock, {seconds / steps / unit:.3f} "
+        f"pin.aba; cost {result.cost:.5f}"
+    ]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--steps", type=int, default=2000)
-    parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--joints", action="store_true", help="also the cost against joints")
-    parser.add_argument("--search", type=int, metavar="GENERATIONS", help="only a whole search")
-    parser.add_argument("--workers", type=int, default=2, help="of the search; 0: this process")
-    parser.add_argument("--dynamics", choices=("pinocchio", "compiled"), default="pinocchio")
+    parser.add_argument("--search", action="store_true", help="also the paper's whole search")
+    parser.add_argument("--quick", action="store_true", help="fewer repeats")
     options = parser.parse_args()
+    repeats = 3 if options.quick else 9
+    lines = whole_steps(repeats)
+    lines += ["", own_law(repeats), *against_plain_loop(repeats), *loop_ticks(repeats)]
+    lines += [threads(repeats), *compiling()]
     if options.search:
-        search(options.search, options.workers, options.dynamics)
-        return
-    headline(options.steps, options.repeats, options.dynamics)
-    if options.dynamics == "compiled":
-        panda(options.repeats)
-    importing(options.repeats)
-    if options.joints:
-        joints(options.repeats)
+        lines += search(80)
+    text = "\n".join(lines)
+    print(text)
+    folder = Path(__file__).parent / "results"
+    folder.mkdir(exist_ok=True)
+    (folder / "speed.md").write_text(text + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

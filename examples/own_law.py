@@ -14,13 +14,12 @@ class IntegralTorque(fp.Controller):
     k0: ArrayLike  # [1/s^2]
     k1: ArrayLike  # [1/s]
     ki: ArrayLike  # [1/s^3]
-    name: str = "own: with an integral"
+    uses_model = True  # M a + C w + G of the arm that the law knows
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        e, e_dot = q_ref - q, v_ref - v
-        total = state.integral(e, e_dot)
-        a = a_ref + self.k1 * e_dot + self.k0 * e + self.ki * total
-        return state.inverse_dynamics(q, v, a)
+    @staticmethod
+    def surface(c):
+        c.a = c.a_ref + c.k1 * c.e_dot + c.k0 * c.e + c.ki * c.int_e
+        c.w = c.v
 
 
 arm = fp.Arm.from_example("ur5")
@@ -36,7 +35,7 @@ experiment = fp.Experiment(
 )
 laws = [
     fp.ComputedTorque(k0=100.0, k1=20.0),
-    IntegralTorque(k0=100.0, k1=20.0, ki=300.0),
+    IntegralTorque(k0=100.0, k1=20.0, ki=300.0, name="own: with an integral"),
     fp.suggest_gains(arm, bandwidth=10.0, name="adaptive FPID"),
 ]
 print("law                     worst joint, mrad   variation, N m")

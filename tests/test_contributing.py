@@ -1,11 +1,11 @@
 """CONTRIBUTING.md does not rot: its examples run, and its table is the house."""
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bounded import finished
 from test_house import PACKAGE, TIERS, is_module
 
 PAGE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -20,8 +20,9 @@ MOST_LINES = 25
 
 def test_each_recipe_has_one_example():
     assert [name.removeprefix("To add ") for name in EXAMPLES] == [
-        "an arm", "a law", "a law as a kernel", "a reference", "a disturbance", "a cost",
-        "a fractional design",
+        "an arm", "a law", "a fractional law", "a fractional sliding surface",
+        "a law of the whole robot", "a law in plain Python", "a reference", "a disturbance",
+        "a cost", "a fractional design",
     ]  # fmt: skip
     assert {len(examples) for examples in EXAMPLES.values()} == {1}
     assert PAGE.count("```python") == len(EXAMPLES)
@@ -37,10 +38,7 @@ def test_its_example_is_short_and_what_it_asserts_is_true(name, tmp_path):
     # A process each: what one registers under a name is not there for the others.
     path = tmp_path / "example.py"
     path.write_text(example, encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-W", "error", path], capture_output=True, text=True, cwd=tmp_path,
-        check=False,
-    )  # fmt: skip
+    done = finished([sys.executable, "-W", "error", path], cwd=tmp_path)
     assert done.returncode == 0, done.stderr
 
 

@@ -4,12 +4,12 @@ import errno
 import os
 import signal
 import socket
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
+from bounded import started
 
 from fpid_pin.cli.output import output_folder
 from fpid_pin.exceptions import FileFormatError
@@ -131,7 +131,7 @@ def test_a_file_is_on_the_disk_before_it_takes_the_place_and_its_folder_after(
 
 
 def test_what_killed_processes_left_is_removed_once_it_is_old(tmp_path):
-    with subprocess.Popen([sys.executable, "-c", ""]) as gone:
+    with started([sys.executable, "-c", ""]) as gone:
         pass
     mine = hidden_beside(tmp_path / "file")
     names = {

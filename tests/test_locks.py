@@ -8,6 +8,7 @@ import sys
 import threading
 
 import pytest
+from bounded import ended, started
 
 import fpid_pin as fp
 from fpid_pin.exceptions import FileFormatError
@@ -40,9 +41,8 @@ def test_a_second_one_is_refused_and_the_lock_goes_with_the_first(tmp_path):
 
 def test_a_killed_process_keeps_nobody_out(tmp_path):
     path = tmp_path / "file"
-    with subprocess.Popen(
-        [sys.executable, "-c", HOLD, str(path)], stdout=subprocess.PIPE, text=True
-    ) as other:
+    command = [sys.executable, "-c", HOLD, str(path)]
+    with started(command, stdout=subprocess.PIPE, text=True) as other:
         assert other.stdout.readline() == "mine\n"
         with pytest.raises(FileFormatError, match=rf"\(process {other.pid}\)"), locked(path):
             pass
@@ -66,11 +66,10 @@ def test_of_many_at_once_never_two_are_in(tmp_path):
             except FileFormatError:
                 refused.append(1)
 
-    threads = [threading.Thread(target=work) for _ in range(8)]
+    threads = [threading.Thread(target=work, daemon=True) for _ in range(8)]
     for thread in threads:
         thread.start()
-    for thread in threads:
-        thread.join()
+    assert all(ended(thread) for thread in threads)
     assert set(most) == {1}
     assert len(most) + len(refused) == 1600
     assert list(tmp_path.iterdir()) == []

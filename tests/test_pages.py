@@ -1,12 +1,12 @@
 """What docs/data.md and docs/robot.md show runs as it stands there, and links lead somewhere."""
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bounded import finished
 
 from fpid_pin.control import EncoderRate
 
@@ -19,10 +19,7 @@ def test_its_code_runs_from_top_to_bottom(name, tmp_path):
     text = (DOCS / name).read_text(encoding="utf-8")
     blocks = re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S)
     (tmp_path / "page.py").write_text("\n".join(blocks), encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "page.py"], capture_output=True, text=True, cwd=tmp_path,
-        check=False,
-    )  # fmt: skip
+    done = finished([sys.executable, "-W", "error", "page.py"], cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     if name == "robot.md":
         assert f"print(loop.ticks)  # {done.stdout.strip()}" in text

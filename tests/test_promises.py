@@ -4,11 +4,11 @@ import ast
 import hashlib
 import json
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.cli.experiments import demo_config
@@ -59,10 +59,11 @@ sys.addaudithook(hook)
 
 def watched(code, folder):
     """Return what a piece of code did that a hook can see, while ``on[0]``."""
-    done = subprocess.run(
+    done = finished(
         [sys.executable, "-c", WATCHED + code + "\nsys.stderr.write(json.dumps(sorted(seen)))"],
-        capture_output=True, text=True, cwd=folder, check=True,
-    )  # fmt: skip
+        cwd=folder,
+        check=True,
+    )
     return json.loads(done.stderr.splitlines()[-1])
 
 
@@ -135,10 +136,11 @@ def test_no_command_reaches_for_the_network(folder):
 def test_a_command_gives_the_same_bytes_in_any_process(folder):
     told = []
     for out in ("first", "second"):
-        subprocess.run(
+        finished(
             [sys.executable, "-m", "fpid_pin_start", "compare", "short.toml", "--out", out],
-            capture_output=True, cwd=folder, check=True,
-        )  # fmt: skip
+            cwd=folder,
+            check=True,
+        )
         files = sorted((folder / out).iterdir())
         told.append({f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in files})
     assert len(told[0]) > 10

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 import fpid_pin as fp
-from fpid_pin.kernels import law
+from fpid_pin.control import fpid
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 #: Code blocks and their languages, in order.
@@ -37,9 +37,9 @@ def test_ten_lines_of_python_print_what_stands_below_them():
 
 
 def test_the_law_that_is_quoted_is_the_law_that_runs():
-    source = [line.strip() for line in Path(law.__file__).read_text().splitlines()]
+    source = [line.strip() for line in Path(fpid.__file__).read_text().splitlines()]
     where = 0
-    for line in block("c.kp -= ").splitlines():
+    for line in block("c.s = ").splitlines():
         if line != "...":
             where = source.index(line.strip(), where) + 1
 

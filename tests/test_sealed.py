@@ -1,11 +1,11 @@
 """A sealed file is a zip that others can read, and one that knows what it holds."""
 
 import io
-import subprocess
 import zipfile
 
 import numpy as np
 import pytest
+from bounded import finished
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
@@ -155,7 +155,7 @@ def test_what_could_not_be_read_is_not_written(arrays, message):
 def test_what_is_none_is_told_in_one_line_and_soon(tmp_path, monkeypatch, path, message):
     monkeypatch.chdir(tmp_path)
     if path == "fifo":
-        subprocess.run(["mkfifo", path], check=True)
+        finished(["mkfifo", path], check=True)
     written("other", kind="stone")
     written("newer", number=8)
     open("empty", "wb").close()

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import fpid_pin as fp
-from fpid_pin.simulation.simulator import horizon_of
+from fpid_pin.simulation.engine import horizon_of
 
 experiment = fp.paper_experiment(duration=5.0)
 controller = fp.paper_controller()
@@ -31,7 +31,7 @@ library.begin()
 class OnTheRobot(fp.Controller):
     """The library as a law: what it is told goes through C, tick by tick."""
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
         given, torque = np.concatenate([q, v, q_ref, v_ref, a_ref]).ravel(), np.zeros_like(q)
         if library.tick(ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(torque.ctypes.data)):
             raise RuntimeError("the controller stopped")

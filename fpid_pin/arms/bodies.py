@@ -1,8 +1,7 @@
-"""An arm's model as the records of `kernels.rigid_body`: the same bodies, frames turned to z."""
+"""An arm's model for the kernels: the same bodies, frames turned so that joints move about z."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,13 +10,14 @@ import pinocchio as pin
 from fpid_pin.arms.arm import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArmError
+from fpid_pin.kernels.records import BODY
 
 #: Of a symmetric matrix: xx, xy, xz, yy, yz, zz.
 _UPPER = np.triu_indices(3)
 
 
-def bodies_of(model: Any) -> Any:
-    """Return the bodies of a Pinocchio model, (n,) records of `kernels.rigid_body`.
+def bodies_of(arm: Arm) -> Any:
+    """Return the bodies of an arm, (n,) BODY of `kernels.records`; not to be written.
 
     Each body's frame is turned so that its joint's axis is z; angles, and everything that has one
     number a joint, stay.
@@ -27,17 +27,25 @@ def bodies_of(model: Any) -> Any:
     ArmError
         A joint that neither turns about nor slides along one axis.
     """
-    # Imported late: it loads numba.
-    from fpid_pin.kernels.rigid_body import BODY
+    if "bodies" not in arm._cache:
+        bodies = _bodies(arm.model)
+        bodies.flags.writeable = False
+        arm._cache["bodies"] = bodies
+    return arm._cache["bodies"]
 
+
+def inertial_numbers(bodies: Any) -> FloatArray:
+    """Return the ten inertial numbers of each body, (n, 10): m, h (3), and j (6)."""
+    names = ["m", "h0", "h1", "h2", "j00", "j01", "j02", "j11", "j12", "j22"]
+    return np.stack([bodies[name] for name in names], axis=1)
+
+
+def _bodies(model: Any) -> Any:
     n = model.nv
     if model.njoints != n + 1 or model.nq != n:
         wrong = next(k for k in range(1, model.njoints) if model.joints[k].nq != 1)
         kind = model.joints[wrong].shortname().removeprefix("JointModel")
-        raise ArmError(
-            f"compiled dynamics: expected revolute and prismatic joints, got {model.names[wrong]} "
-            f'({kind}); dynamics = "pinocchio" has it'
-        )
+        raise ArmError(f"expected revolute and prismatic joints, got {model.names[wrong]} ({kind})")
     bodies = np.zeros(n, BODY)
     data, turned = model.createData(), [np.eye(3)]
     pin.computeJointJacobians(model, data, pin.neutral(model))
@@ -68,57 +76,3 @@ def _to_z(axis: FloatArray) -> FloatArray:
         return np.diag([1.0, -1.0, -1.0])
     cross = pin.skew(np.cross(z, axis))
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
-
-
-class CompiledFleet:
-    """`runs` arms for the kernels: the constants of each distinct plant, and room to work in.
-
-    Parameters
-    ----------
-    arms
-        One a run.
-    armature
-        Inertia added to the joints' own rotor inertia [kg m^2], (runs, n): friction's h F_v.
-
-    Attributes
-    ----------
-    model : ndarray of int, (runs,)
-        Which of the plants is a run's.
-    bodies, gravity
-        Records of `kernels.rigid_body`, (plants, n), and g [m/s^2], (plants, 3).
-    frames, mass
-        Room for frames, (n + 1,), and for M, (n, n).
-    """
-
-    def __init__(self, arms: Sequence[Arm], armature: FloatArray) -> None:
-        # Imported late: it loads numba.
-        from fpid_pin.kernels import rigid_body
-
-        plants: dict[tuple[bytes, bytes], int] = {}
-        bodies: list[Any] = []
-        gravity: list[FloatArray] = []
-        self.model = np.zeros(len(arms), dtype=np.int64)
-        for run, (arm, extra) in enumerate(zip(arms, armature, strict=True)):
-            key = (arm.dynamics_key(), extra.tobytes())
-            if key not in plants:
-                plants[key] = len(bodies)
-                own = bodies_of(arm.model)
-                own["armature"] += extra
-                bodies.append(own)
-                gravity.append(np.array(arm.model.gravity.linear))
-            self.model[run] = plants[key]
-        n = arms[0].n
-        self.bodies, self.gravity = np.array(bodies), np.array(gravity)
-        self.frames = np.zeros(n + 1, rigid_body.FRAME)
-        self.mass: FloatArray = np.zeros((n, n))
-        self._alive = np.ones(len(arms), dtype=np.bool_)
-        self._accelerations: Any = rigid_body.accelerations
-
-    def forward_dynamics(
-        self, q: FloatArray, v: FloatArray, tau: FloatArray, out: FloatArray
-    ) -> None:
-        """Set `out` to q'' = M^-1 (tau - C q' - G) [rad/s^2], all (runs, n)."""
-        self._accelerations(
-            self._alive, self.model, self.bodies, self.gravity, self.frames, q, v, tau, self.mass,
-            out,
-        )  # fmt: skip

@@ -17,9 +17,7 @@ from fpid_pin.control import Controller
 from fpid_pin.costs import Metrics
 from fpid_pin.exceptions import FpidError
 from fpid_pin.simulation import Experiment, Outcome
-from fpid_pin.simulation.entry import MOST_RUNS
-from fpid_pin.simulation.lockstep import batches, lockstep
-from fpid_pin.simulation.metrics import MetricsRecorder
+from fpid_pin.simulation.metrics import metrics_from
 
 #: Faults of the machine, which no run is to blame for.
 _NOT_THE_RUN = (MemoryError, ImportError, OSError)
@@ -104,41 +102,35 @@ def run_chunk(job: Job, first: int, last: int) -> Done:
     own_code.load_again(list(job.own))
     study = job.study
     samples = study.bound.samples(first, last)
-    experiments: dict[int, Experiment] = {}
-    ends: list[list[Ended]] = [[failed("")] * len(study.names) for _ in samples]
-    for row, sample in enumerate(samples):
-        try:
-            experiments[row] = study.bound.experiment(first + row, sample)
-        except _NOT_THE_RUN:
-            raise
-        except Exception as error:
-            ends[row] = [_fault(error)] * len(study.names)
-    for column, controller in enumerate(study.controllers.values()):
-        rows = list(experiments)
-        chosen = [experiments[row] for row in rows]
-        for members in batches(chosen, [controller] * len(chosen), MOST_RUNS) if rows else ():
-            some = [rows[k] for k in members]
-            for row, end in zip(
-                some, _ends([experiments[r] for r in some], controller), strict=True
-            ):
-                ends[row][column] = end
+    ends = [_ends(study, first + row, sample) for row, sample in enumerate(samples)]
     return Done(first, samples, ends)
 
 
-def _ends(experiments: Sequence[Experiment], controller: Controller) -> list[Ended]:
-    """Simulate runs in lockstep; where one goes wrong, find out which by halving them."""
-    recorder = MetricsRecorder()
+def _ends(study: Study, run: int, sample: FloatArray) -> list[Ended]:
+    """Simulate a run under every controller; what fails under one leaves the others alone."""
     try:
-        outcomes = lockstep(experiments, [controller] * len(experiments), [recorder])
+        experiment = study.bound.experiment(run, sample)
     except _NOT_THE_RUN:
         raise
     except Exception as error:
-        if len(experiments) == 1:
-            return [_fault(error)]
-        half = len(experiments) // 2
-        return _ends(experiments[:half], controller) + _ends(experiments[half:], controller)
-    found = zip(experiments, outcomes, recorder.result(), strict=True)
-    return [ended(e.arm.joint_names, outcome, metrics) for e, outcome, metrics in found]
+        return [_fault(error)] * len(study.names)
+    return [_end(experiment, law) for law in study.laws]
+
+
+def _end(experiment: Experiment, law: Controller) -> Ended:
+    """Simulate one run."""
+    # Imported late: it loads numba.
+    from fpid_pin.simulation.batch import advance_all, start_robots
+
+    try:
+        (robot,) = start_robots([experiment], [law], dynamics="compiled", measures=True)
+        (outcome,) = advance_all([robot])
+    except _NOT_THE_RUN:
+        raise
+    except Exception as error:
+        return _fault(error)
+    metrics = metrics_from(robot.sums, experiment.rows - 1, experiment.step)
+    return ended(experiment.arm.joint_names, outcome, metrics)
 
 
 def ended(joints: Sequence[str], outcome: Outcome, metrics: Metrics) -> Ended:

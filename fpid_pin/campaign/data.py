@@ -46,6 +46,8 @@ class CampaignData:
         By the names of `METRICS`, (runs, controllers); NaN where a run was not completed. Errors
         are root mean squares over all joints, of the whole run or its last half; energy and
         variation are sums over the joints, the peak is the largest of them.
+    dynamics
+        Which ones: ``"compiled"`` or ``"pinocchio"``.
     """
 
     title: str
@@ -57,6 +59,7 @@ class CampaignData:
     outcome: NDArray[np.str_]
     cause: NDArray[np.str_]
     metrics: Mapping[str, FloatArray]
+    dynamics: str = "compiled"
 
     @property
     def runs(self) -> int:
@@ -78,6 +81,7 @@ class CampaignData:
             "controller": np.tile(np.array(self.controllers, dtype=object), runs),
             "outcome": self.outcome.ravel().astype(object),
             "cause": self.cause.ravel().astype(object),
+            "dynamics": self.dynamics,
         }
         table |= {name: values.ravel() for name, values in self.metrics.items()}
         for label, values in zip(self.parameters, self.samples.T, strict=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Executor
-from contextlib import ExitStack
 from pathlib import Path
 
 from fpid_pin import checks, own_code
@@ -18,8 +17,8 @@ from fpid_pin.campaign.study import Study
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.locks import locked
 from fpid_pin.progress import Progress, ProgressCallback
-from fpid_pin.simulation.entry import warm
-from fpid_pin.tuning.workers import WorkerPool, check_workers
+from fpid_pin.simulation.entry import executor_of, warm
+from fpid_pin.simulation.workers import check_workers
 
 #: Runs of a task, and pieces that wait for each worker: none is idle while its last is recorded.
 CHUNK, AHEAD = 64, 2
@@ -49,7 +48,8 @@ def run(
     executor
         Any `concurrent.futures.Executor`; it stays open.
     workers
-        Or so many processes of our own. Neither: this process.
+        Or so many of our own: threads for compiled laws and dynamics, else processes. Neither: one
+        run after another.
     chunk
         Runs of a task. Neither it nor the executor changes a bit of what is recorded.
     until
@@ -77,23 +77,26 @@ def run(
     if points is not None and runs > len(points):  # type: ignore[arg-type]
         raise ArgumentError("runs", f"at most {len(points)} (the points given)", runs)  # type: ignore[arg-type]
     rule = stopping.parse(until, study.names) if isinstance(until, str) else until
+    nominal, laws = [study.experiment] * len(study.laws), study.laws
     job = Job(study, own=own_code.loaded())
-    with locked(ledger), Ledger(ledger, study) as book, ExitStack() as stack:
+    with (
+        locked(ledger),
+        Ledger(ledger, study) as book,
+        # A chunk whose worker dies is looked after by `carry_out`, not by the pool.
+        executor_of(executor, workers, nominal, laws, retries=0) as pool,
+    ):
         recorded = book.recorded()
         runs = max(runs, max(recorded, default=-1) + 1)
         book.plan(runs)
         missing = [k for k in range(runs) if k not in recorded]
-        if missing and (executor is not None or workers is not None):
+        if missing and pool is not None:
             # So that workers find the kernels compiled.
-            nominal = [study.experiment] * len(study.controllers)
-            warm(nominal, list(study.controllers.values()))
-        if executor is None and workers is not None:
-            executor = stack.enter_context(WorkerPool(workers, retries=0))
-        window = AHEAD * workers_of(executor)
+            warm(nominal, laws)
+        window = AHEAD * workers_of(pool)
         watch = _Watch(book, rule)
         if watch.ended(recorded):
             return book.data()
-        for done in carry_out(job, pieces(missing, chunk), executor, window):
+        for done in carry_out(job, pieces(missing, chunk), pool, window):
             book.record(done)
             recorded.update(range(done.first, done.first + len(done.ends)))
             if progress is not None:

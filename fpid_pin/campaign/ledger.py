@@ -140,6 +140,7 @@ class Ledger:
             outcome=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
             cause=np.array([row[3] for row in rows], dtype=np.str_).reshape(shape),
             metrics={name: table[:, :, k].copy() for k, name in enumerate(METRICS)},
+            dynamics=str(self.study_table["experiment"].get("dynamics", "")),
         )
 
     def end(self, run: int, controller: str) -> Ended:

@@ -93,7 +93,8 @@ def report_html(
         raise ArgumentError("data", "at least one run", "none")
     marks = {name: colour(k) for k, name in enumerate(data.controllers)}
     differences = _differences(data)
-    parts = [answer_html(answer(data, differences.get("rms", [])))]
+    told = answer(data, differences.get("rms", []))
+    parts = [answer_html([*told, f"Dynamics: {data.dynamics}."])]
 
     def add(heading: str, content: str, note: str) -> None:
         parts.append(section(heading, f"<p>{as_text(_NOTES[note])}</p>{content}"))

@@ -36,7 +36,8 @@ def export(data: CampaignData, path: str | Path) -> Path:
 
 
 def _header(data: CampaignData) -> list[str]:
-    return ["run", "controller", "outcome", "cause", *data.metrics, *data.parameters]
+    fixed = ["run", "controller", "outcome", "cause", "dynamics"]
+    return [*fixed, *data.metrics, *data.parameters]
 
 
 def _rows(data: CampaignData) -> Iterator[list[Any]]:
@@ -45,7 +46,8 @@ def _rows(data: CampaignData) -> Iterator[list[Any]]:
     for run, sample in enumerate(data.samples.tolist()):
         for column, name in enumerate(data.controllers):
             numbers = (values[run][column] for values in figures)
-            yield [run, name, outcome[run][column], cause[run][column], *numbers, *sample]
+            ended = outcome[run][column], cause[run][column]
+            yield [run, name, *ended, data.dynamics, *numbers, *sample]
 
 
 def _write_csv(data: CampaignData, path: Path) -> None:

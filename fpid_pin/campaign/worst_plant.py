@@ -18,7 +18,7 @@ from fpid_pin.campaign.execution import carry_out, pieces
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
 from fpid_pin.progress import Progress, ProgressCallback
-from fpid_pin.tuning.workers import executor_of
+from fpid_pin.simulation.entry import executor_of
 
 #: Worse than any error of a run that came to its end [rad].
 _LOST = 1e6
@@ -55,7 +55,7 @@ def attack(
     """
     checks.integer("population", population, low=5)
     checks.integer("generations", generations, low=1)
-    with executor_of(executor, workers) as pool:
+    with executor_of(executor, workers, [study.experiment], study.laws) as pool:
         points = []
         for k, name in enumerate(study.names):
 

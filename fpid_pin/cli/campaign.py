@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from concurrent.futures import Executor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -12,13 +12,13 @@ from urllib.parse import quote
 import numpy as np
 
 from fpid_pin import campaign, checks
-from fpid_pin.campaign import CampaignData, Replay, Study
+from fpid_pin.campaign import CampaignData, Replay, Study, dask_executor
 from fpid_pin.campaign.data import METRICS, OUTCOMES
 from fpid_pin.campaign.ledger import Ledger
 from fpid_pin.campaign.stopping import parse
 from fpid_pin.cli.campaign_plan import read_campaign
 from fpid_pin.cli.config import load
-from fpid_pin.cli.executors import check_means, executor_for
+from fpid_pin.cli.executors import check_means
 from fpid_pin.cli.names import file_names
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.screen import print_table, say, screen
@@ -35,7 +35,7 @@ class Means:
     Parameters
     ----------
     workers
-        Processes here.
+        Threads here, or processes (see `fpid_pin.campaign.run`).
     dask
         Or the address of a scheduler. Neither: this process.
     chunk
@@ -51,8 +51,8 @@ class Means:
         checks.integer("--chunk", self.chunk, low=1)
 
     def executor(self) -> AbstractContextManager[Executor | None]:
-        """Return what gives the executor; a chunk whose worker dies is looked after by `run`."""
-        return executor_for(self.workers, self.dask, retries=0)
+        """Return what gives the scheduler's executor, or None."""
+        return nullcontext() if self.dask is None else dask_executor(self.dask)
 
 
 def run_campaign(
@@ -80,8 +80,8 @@ def _carry_out(study: Study, ledger: Path, runs: int, means: Means, until: str |
     try:
         with means.executor() as executor, progress_bar("campaign") as bar:
             data = campaign.run(
-                study, ledger, runs, executor=executor, chunk=means.chunk, until=rule,
-                progress=bar,
+                study, ledger, runs, executor=executor, workers=means.workers, chunk=means.chunk,
+                until=rule, progress=bar,
             )  # fmt: skip
     except KeyboardInterrupt:
         say(console, f"{ledger}: `fpid-pin campaign resume {ledger}` goes on from here")
@@ -131,6 +131,7 @@ def replay_campaign(ledger: Path, run: int, controller: str | None, html: Path) 
         console,
         f"run {run}, {again.controller}: {again.again.outcome} {again.again.cause}".rstrip(),
     )
+    say(console, f"  dynamics: {again.run.meta['experiment']['dynamics']}")
     for name, before, now in zip(METRICS, again.recorded.figures, again.again.figures, strict=True):
         say(console, f"  {name}: {now!r}, recorded {before!r}")
     told = "the same bits" if again.exact else "NOT the same bits: recorded by another machine?"
@@ -149,7 +150,7 @@ def attack_campaign(
     with means.executor() as executor, progress_bar("attack") as bar:
         data = campaign.attack(
             plan.study, out, population=population, generations=generations,
-            executor=executor, progress=bar,
+            executor=executor, workers=means.workers, progress=bar,
         )  # fmt: skip
     console = screen()
     for k, name in enumerate(data.controllers):

@@ -45,6 +45,7 @@ TABLES = (
 SIMULATION_KEYS = (
     "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
 )  # fmt: skip
+PAYLOAD_KEYS = ("mass", "com", "frame")
 CONDITION_KEYS = ("name", "plant", "sensors", "disturbance")
 
 
@@ -99,8 +100,8 @@ class _Reader:
         arm = self._arm() if "arm" in table else None
         reference = self._build("reference", Reference) if "reference" in table else None
         controllers = self._controllers()
-        simulation = self._section("simulation", table.get("simulation", {}))
-        self._known("simulation", simulation, SIMULATION_KEYS)
+        section = self._section("simulation", table.get("simulation", {}))
+        simulation = self._known("simulation", section, SIMULATION_KEYS)
         parts = self._surroundings(table, "", arm)
         conditions = self._conditions(arm, parts)
         tune, campaign = (self._section(key, table.get(key, {})) for key in ("tune", "campaign"))
@@ -130,10 +131,15 @@ class _Reader:
 
     # ------------------------------------------------------------------ parts
 
-    def _known(self, path: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> None:
+    def _known(self, path: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> dict[str, Any]:
+        """Return what a table has under `keys`; every other key is a fault.
+
+        Only what this returns may become arguments of a call: a key can be called ``self``.
+        """
         for key in table:
             named = f"{path}.{key}".strip(".") or '""'
             self._try("", lambda key=key, named=named: checks.choice(named, key, keys))
+        return {key: table[key] for key in keys if key in table}
 
     def _import(self, value: Any) -> bool:
         files = [value] if isinstance(value, str) else value
@@ -226,10 +232,13 @@ class _Reader:
             true_arm = self._arm_from(table.pop("arm"), f"{path}.arm")
         payload = table.pop("payload", None)
         if payload is not None and true_arm is not None:
-            payload = self._section(f"{path}.payload", payload)
-            self._known(f"{path}.payload", payload, ("mass", "com", "frame"))
+            section = self._section(f"{path}.payload", payload)
+            given = self._known(f"{path}.payload", section, PAYLOAD_KEYS)
+            if "mass" not in given:
+                self._faults.append(ArgumentError(f"{path}.payload.mass", "a number", "none"))
+                return None
             base = true_arm
-            true_arm = self._try(path, lambda: base.with_payload(**{"mass": None, **payload}))
+            true_arm = self._try(f"{path}.payload", lambda: base.with_payload(**given))
         if "disturbance" in table:
             self._faults.append(
                 ArgumentError(f"{path}.disturbance", "[[disturbance]] tables instead", "a key")
@@ -257,7 +266,7 @@ class _Reader:
         self,
         arm: Arm,
         reference: Reference,
-        simulation: Mapping[str, Any],
+        simulation: dict[str, Any],
         parts: dict[str, Any],
     ) -> Experiment | None:
         plant = parts.get("plant")

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 
 from fpid_pin import checks
 from fpid_pin.campaign import dask_executor
+from fpid_pin.control import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.tuning import WorkerPool
+from fpid_pin.simulation import Experiment
+from fpid_pin.simulation.entry import executor_of
 
 
 def check_means(workers: int | None, dask: str | None) -> None:
@@ -26,27 +28,24 @@ def check_means(workers: int | None, dask: str | None) -> None:
             raise ArgumentError("--dask", "--workers or --dask, not both", "both")
 
 
-@contextmanager
 def executor_for(
-    workers: int | None, dask: str | None, *, retries: int = 3
-) -> Iterator[Executor | None]:
-    """Give worker processes, a scheduler's executor, or None for this process.
+    workers: int | None,
+    dask: str | None,
+    experiments: Sequence[Experiment],
+    controllers: Sequence[Controller],
+) -> AbstractContextManager[Executor | None]:
+    """Give workers of our own, a scheduler's executor, or None for this process.
 
     Parameters
     ----------
     workers
-        Number of processes.
+        Number of threads, or of processes where a law or the dynamics are not compiled.
     dask
         Or address of a scheduler.
-    retries
-        How often one task may lose its worker process.
+    experiments, controllers
+        What is to be simulated.
     """
     check_means(workers, dask)
     if dask is not None:
-        with dask_executor(dask) as executor:
-            yield executor
-    elif workers is not None:
-        with WorkerPool(workers, retries=retries) as pool:
-            yield pool
-    else:
-        yield None
+        return dask_executor(dask)
+    return executor_of(None, workers, experiments, controllers)

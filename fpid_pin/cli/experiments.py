@@ -139,8 +139,8 @@ def write(
         if tables[head]:
             text = summary.comma_separated(tables[head])
             (folder / f"{name}.csv").write_text(text, encoding="utf-8")
-    told = answer(entries, ranking)
-    lines = "".join(f"- {summary.in_markdown(line)}\n" for line in (*told, LEGEND))
+    told = [*answer(entries, ranking), LEGEND, summary.dynamics_of(entries)]
+    lines = "".join(f"- {summary.in_markdown(line)}\n" for line in told)
     sections = [
         f"# {summary.in_markdown(config.title or config.path)}\n",
         lines,
@@ -159,7 +159,7 @@ def write(
         figures=drawn,
         config_text=config.text,
         captions=[entry.controller for entry in entries],
-        answer=[*told, LEGEND],
+        answer=told,
         groups={c: [k for k, e in enumerate(entries) if e.condition == c] for c in order},
     )
 
@@ -171,5 +171,5 @@ def show(entries: Sequence[Entry], ranking: Ranking, title: str, out: Path) -> N
         say(console, line)
     rows = summary.drop_constant(summary.run_rows(entries, ranking), "condition")
     print_table(console, summary.rich_table(rows, title or "Result"))
-    say(console, f"{LEGEND}; *: best")
+    say(console, f"{LEGEND}; {summary.dynamics_of(entries)}; *: best")
     say(console, f"Written to {out}: report.html (open it in a browser), figures, tables, runs")

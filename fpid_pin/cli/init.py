@@ -48,7 +48,6 @@ offset = {offset}  # {units}
 [simulation]
 duration = 10.0                 # [s]
 step = 1e-3                     # [s], one tick of the controller
-dynamics = "pinocchio"          # or "compiled": faster, the same within rounding
 
 # Every controller knows the arm above, and none of what the conditions change.
 

@@ -14,7 +14,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.cli.arm_argument import find_arm
 from fpid_pin.cli.screen import say, screen
 from fpid_pin.control import AdaptiveFpid, gain_ceilings, stability_report, suggest_gains
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.text import visible
 
 WIDTH = 80

@@ -21,5 +21,5 @@ AllowImport = Annotated[
     bool,
     typer.Option("--allow-import", callback=_allow, help="Run the Python files it imports."),
 ]
-Workers = Annotated[int | None, typer.Option(help="Processes; none: this one.")]
+Workers = Annotated[int | None, typer.Option(help="Threads, or processes for laws in Python.")]
 Dask = Annotated[str | None, typer.Option(help="Or a scheduler: tcp://127.0.0.1:8786.")]

@@ -16,7 +16,7 @@ def simulate_pairs(
     controllers: Mapping[str, Controller],
     taken: Sequence[str] = (),
 ) -> list[Entry]:
-    """Simulate every pair in as few lockstep calls as may be, condition by condition.
+    """Simulate every pair, condition by condition.
 
     Parameters
     ----------

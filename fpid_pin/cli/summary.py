@@ -43,6 +43,11 @@ _NOT_ON_SCREEN = (
 _NAME = 16
 
 
+def dynamics_of(entries: Sequence[Entry]) -> str:
+    """Say which dynamics have made runs."""
+    return f"dynamics: {entries[0].run.meta['experiment']['dynamics']}"
+
+
 def run_rows(entries: Sequence[Entry], ranking: Ranking | None = None) -> list[Row]:
     """Return one row a run: figures over all joints.
 

@@ -50,12 +50,13 @@ def run_tuning(
     """
     config = load(path)
     plan = read_plan(config)
+    experiments = list(plan.experiments.values())
     checkpoint = out.with_name(f"{out.name}.checkpoint.npz")
     # Entered before hours are spent: what cannot be written is told now.
     with output_folder(out) as folder:
         _take_up(checkpoint, out / KEPT, resume)
         with ExitStack() as stack:
-            pool = stack.enter_context(executor_for(workers, dask))
+            pool = stack.enter_context(executor_for(workers, dask, experiments, [plan.controller]))
             try:
                 result = _search(plan, pool, checkpoint, resume)
             except KeyboardInterrupt:

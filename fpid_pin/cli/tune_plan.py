@@ -42,7 +42,7 @@ class Plan:
     controller
         Where the search starts from.
     experiments
-        By condition; every candidate goes through all of them.
+        By condition; every candidate goes through all of them. Dynamics are written out.
     cost, space, settings
         What `tune` takes.
     map_points
@@ -101,9 +101,10 @@ def read_plan(config: Config) -> Plan:
     if faults or controller is None:
         raise ConfigError.of(config.path, faults)
     robust = isinstance(made["cost"], RobustCost)
+    experiments = config.conditions if robust else {"nominal": config.experiment}
     return Plan(
         controller=controller,
-        experiments=config.conditions if robust else {"nominal": config.experiment},
+        experiments={name: e.with_dynamics("compiled") for name, e in experiments.items()},
         cost=made["cost"],
         space=made["space"],
         settings=made["settings"],

@@ -180,12 +180,12 @@ def write(
         "All joints": rows,
         "Each joint": joints,
     }
-    told = [str(result), *result.advice, *what_mattered(along)]
+    told = [str(result), *result.advice, *what_mattered(along), summary.dynamics_of(entries)]
     text = "".join(f"## {head}\n\n{summary.markdown(table)}\n" for head, table in tables.items())
     title = config.title or Path(config.path).stem
     files = {
         "config.toml": config.text,
-        "tuned.toml": _tuned_toml(config, result, out),
+        "tuned.toml": _tuned_toml(config, plan, result, out),
         "history.csv": result.history.comma_separated(),
         "summary.csv": summary.comma_separated(rows),
         "joints.csv": summary.comma_separated(joints),
@@ -207,13 +207,16 @@ def write(
     return costs
 
 
-def _tuned_toml(config: Config, result: TuningResult, out: Path) -> str:
+def _tuned_toml(config: Config, plan: Plan, result: TuningResult, out: Path) -> str:
     """Return the configuration with the tuned controller alone, as TOML that `run` takes."""
     import tomli_w
 
     table = tomllib.loads(config.text)
     table.pop("tune", None)
     table["controller"] = [descriptions.to_dict(result.controller)]
+    # Those of the search, so that a run costs what was found to the last bit.
+    dynamics = next(iter(plan.experiments.values())).dynamics
+    table["simulation"] = table.get("simulation", {}) | {"dynamics": dynamics}
     table["title"] = f"{config.title or Path(config.path).stem}, tuned"
     source = Path(config.path).resolve().parent
     if "import" in table:

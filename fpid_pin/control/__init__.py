@@ -1,22 +1,25 @@
 """Control laws: from reference and measurement to torque."""
 
 from fpid_pin.control.adaptive_orders import adapt_orders
-from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
 from fpid_pin.control.certificate import GainCertificate, certify_gains
 from fpid_pin.control.computed_torque import ComputedTorque
-from fpid_pin.control.controller import Controller
 from fpid_pin.control.encoder import EncoderRate
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import GainSuggestion, explain_gains, suggest_gains
 from fpid_pin.control.joint_order import JointOrder
+from fpid_pin.control.law import Controller
 from fpid_pin.control.loop import Loop
 from fpid_pin.control.observer_bandwidth import suggest_observer
+from fpid_pin.control.operators import Derivative, Integral, Operator
+from fpid_pin.control.pd_gravity import GravityOnly, PdGravity
+from fpid_pin.control.pid import Pid
 from fpid_pin.control.record import Record
 from fpid_pin.control.robot_loop import RobotLoop, Ticks
 from fpid_pin.control.safeguards import Safeguards
+from fpid_pin.control.sliding_mode import SlidingMode
+from fpid_pin.control.slotine_li import SlotineLi
 from fpid_pin.control.stability import StabilityReport, stability_report
-from fpid_pin.control.state import LawState, State
 from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
 
@@ -24,14 +27,16 @@ __all__ = [
     "AdaptiveFpid",
     "ComputedTorque",
     "Controller",
+    "Derivative",
     "EncoderRate",
     "GainCeilings",
     "GainCertificate",
     "GainSuggestion",
     "GravityOnly",
+    "Integral",
     "JointOrder",
-    "LawState",
     "Loop",
+    "Operator",
     "PdGravity",
     "Pid",
     "Record",
@@ -40,7 +45,6 @@ __all__ = [
     "SlidingMode",
     "SlotineLi",
     "StabilityReport",
-    "State",
     "SuggestedFpid",
     "Supervisor",
     "Ticks",

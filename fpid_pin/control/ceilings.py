@@ -11,6 +11,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.poses import seeded_poses, worst_pose
+from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.sampled import critical_derivative
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class DerivativeBound:
         self, arm: Arm, controller: AdaptiveFpid, *, step: float, horizon: float,
         poses: int = 200, seed: int = 0,
     ) -> None:  # fmt: skip
-        mu = controller.orders(arm.n)[:, 1].tolist()
+        mu = controller.orders(arm.n)[1].tolist()
         found = {
             order: critical_derivative(controller.design, order, step=step, horizon=horizon)
             for order in set(mu)
@@ -140,12 +141,12 @@ def ceilings_within(bound: DerivativeBound, controller: AdaptiveFpid) -> GainCei
     limit = kd / load if load > 0.0 else np.full(arm.n, np.inf)
     least = np.stack([kp, ki, kd])
     if controller.safeguards is not None:
-        least = np.minimum(least, controller.safeguards.bounds(arm.n)[0])
+        least = np.minimum(least, Safeguards.bounds_of(controller.safeguards, arm.n)[0])
     orders = controller.orders(arm.n)
     natural = np.sqrt(np.maximum(kp, 1e-12))
     damping = least[2] + arm.viscous_friction / scale
     # At the frequency w, D^mu has the size w^mu and I^lambda that of w^-lambda.
-    routh = least[0] * damping * natural ** (orders[:, 1] - 1.0 - orders[:, 0])
+    routh = least[0] * damping * natural ** (orders[1] + orders[0] - 2.0)
     return GainCeilings(
         kp=checks.read_only(16.0 * kp),
         ki=checks.read_only(0.5 * routh),

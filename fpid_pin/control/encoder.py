@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
@@ -21,21 +22,28 @@ class EncoderRate:
     tau
         Time constant [s]; 0 is the difference alone.
     turn
-        What an encoder that begins again counts for one turn [rad], 2 pi say; None: it does not.
+        After which angle an encoder begins again [rad], 2 pi say; (n,) where joints differ, inf for
+        those that do not; None: none does.
 
     Raises
     ------
     ArgumentError
         A `tau` below 0, or a `turn` that is not above 0.
+
+    Notes
+    -----
+    A joint that moves by more than half a turn from one angle to the next cannot be told from one
+    that moves the other way.
     """
 
     tau: float = 0.005
-    turn: float | None = None
+    turn: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tau", checks.number("tau", self.tau, low=0.0))
         if self.turn is not None:
-            object.__setattr__(self, "turn", checks.number("turn", self.turn, above=0.0))
+            turn = checks.floats("turn", self.turn, above=0.0, finite=False, max_ndim=1)
+            object.__setattr__(self, "turn", tuple(turn.tolist()) if turn.ndim else float(turn))
 
     def delay(self, step: float) -> float:
         """Return by how much slow motions are late, ``tau + h/2`` [s]; compare delay_margin.
@@ -53,6 +61,17 @@ class EncoderRate:
         share = step / (self.tau + step)
         return float(resolution / np.sqrt(12.0) * share / step * np.sqrt(2.0 / (2.0 - share)))
 
+    def nearest(self, angle: FloatArray, to: FloatArray) -> FloatArray:
+        """Return `angle` moved by whole turns, to within half a turn of `to` [rad].
+
+        With `to` the angle before, a motion goes on where the encoder begins again.
+        """
+        if self.turn is None:
+            return angle
+        turn = np.asarray(self.turn)
+        finite = np.where(np.isinf(turn), 0.0, turn)
+        return np.asarray(angle - finite * np.round((angle - to) / turn))
+
     def start(self, step: float) -> EncoderRateState:
         """Start it at a sampling period `step` [s]."""
         return EncoderRateState(self, checks.number("step", step, above=0.0))
@@ -61,9 +80,9 @@ class EncoderRate:
 class EncoderRateState:
     """What an `EncoderRate` remembers of any number of joints."""
 
-    def __init__(self, filter_: EncoderRate, step: float) -> None:
-        self._turn, self._step = filter_.turn, step
-        self._kept = filter_.tau / (filter_.tau + step)
+    def __init__(self, encoder: EncoderRate, step: float) -> None:
+        self.encoder, self._step = encoder, step
+        self._kept = encoder.tau / (encoder.tau + step)
         self._q: FloatArray | None = None
         self._v: FloatArray = np.zeros(())
 
@@ -72,9 +91,7 @@ class EncoderRateState:
         if self._q is None:
             self._q, self._v = q.copy(), np.zeros_like(q)
             return self._v.copy()
-        moved = q - self._q
-        if self._turn is not None:
-            moved -= self._turn * np.round(moved / self._turn)
+        moved = self.encoder.nearest(q, self._q) - self._q
         # As if the joint had moved evenly through the ticks that were missed.
         kept = self._kept**ticks
         self._v = kept * self._v + (1.0 - kept) * moved / (ticks * self._step)

@@ -1,24 +1,24 @@
-"""The adaptive fractional PID, eqs. (9) and (10), for one robot or a population in lockstep."""
+"""The adaptive fractional PID: eqs. (9), (10), (22) and (30)-(32)."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
-from fpid_pin.control.fpid_state import FpidState
-from fpid_pin.control.parameters import check_gains, check_scale, joint_scale
+from fpid_pin.control.law import Controller
+from fpid_pin.control.operators import Derivative, Integral, Operator
+from fpid_pin.control.parameters import check_gains
 from fpid_pin.control.safeguards import Safeguards
-from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.descriptions import described
 from fpid_pin.fractional import Design, ExponentialSum
 from fpid_pin.fractional.modes import INITIALISATIONS
+from fpid_pin.kernels.functions import clip, winds_up
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -29,7 +29,7 @@ REGRESSORS = ("law", "integer")
 @described("adaptive_fpid")
 @dataclass(frozen=True, eq=False)
 class AdaptiveFpid(Controller):
-    """Adaptive fractional PID with an optional supervisor, U = u_FPID + u_s (9).
+    """Adaptive fractional PID, eqs. (9) and (10), with an optional supervisor.
 
     Per joint (10), with gains that follow (30)-(32),
 
@@ -48,8 +48,6 @@ class AdaptiveFpid(Controller):
         gamma; also (3, n), a row each for Kp, Ki, Kd.
     k0, k1
         Sliding surface ``S = -(e' + k1 e + k0 int e)`` [1/s^2], [1/s].
-    supervisor
-        None: no supervisory torque.
     regressors
         ``"law"``: the gradient of (10) itself; ``"integer"``: e, int e, e' as printed.
     design
@@ -57,8 +55,6 @@ class AdaptiveFpid(Controller):
     initialisation
         What the operators take the error to have been before t = 0: ``"caputo"``,
         ``"riemann_liouville"`` or ``"grunwald_letnikov"``; see `fpid_pin.fractional.Bank`.
-    scale
-        Factor s: ``"none"`` (1, as in the paper), ``"inertia"`` (M_jj at the arm's home), or (n,).
     safeguards
         Bounds and leakage for the adapted gains; None: none, as in the paper.
     order_learning_rate
@@ -70,14 +66,8 @@ class AdaptiveFpid(Controller):
     integral_order_bounds, derivative_order_bounds
         What orders that move stay within, in [0, 1], from their start. Should mu fall to 0, its
         term is Caputo's limit e - e(0).
-    feedforward
-        Whether the nominal model's torque for the reference, M q''_d + C q'_d + G + F_v q'_d, is
-        added.
-    observer
-        Bandwidth [rad/s] of an observer of what the nominal model lacks, whose estimate is
-        cancelled; 0: none.
-    name
-        What tables and figures call it; ``adaptive_fpid`` if empty.
+    scale, feedforward, observer, supervisor, name
+        See `Controller`.
     """
 
     kp: ArrayLike
@@ -88,21 +78,77 @@ class AdaptiveFpid(Controller):
     learning_rate: ArrayLike = 25.0
     k0: ArrayLike = 1.0
     k1: ArrayLike = 2.0
-    supervisor: Supervisor | None = None
     regressors: str = "law"
     design: Design = field(default_factory=lambda: ExponentialSum(modes=24))
     initialisation: str = "caputo"
-    scale: str | ArrayLike = "none"
     safeguards: Safeguards | None = None
     order_learning_rate: ArrayLike = 0.0
     integral_order_bounds: Sequence[float] = (0.02, 1.0)
     derivative_order_bounds: Sequence[float] = (0.3, 1.0)
-    feedforward: bool = False
-    observer: float = 0.0
-    name: str = ""
+
+    # ------------------------------------------------------------------------ the law
+
+    @staticmethod
+    def surface(c: Any) -> None:
+        """Write the sliding surface, (22)."""
+        c.s = -(c.e_dot + c.k1 * c.e + c.k0 * c.int_e)
+
+    @staticmethod
+    def torque(c: Any) -> Any:
+        """Return u_FPID over the scale, (10)."""
+        return c.kp * c.e + c.ki * c.i_e + c.kd * c.d_e
+
+    @property
+    def adapt(self) -> Any:
+        """The function that moves the gains, and the orders where they adapt."""
+        return adapt_gains_and_orders if self.moves_orders else adapt_gains
+
+    # ---------------------------------------------------------------- what the engine asks
+
+    @property
+    def operators(self) -> Mapping[str, Operator]:
+        """I^lambda e and D^mu e of (10)."""
+        moves = self.moves_orders
+        return {
+            "i_e": Integral("integral_order", adapts=moves),
+            "d_e": Derivative("derivative_order", adapts=moves),
+        }
+
+    @property
+    def shown(self) -> Mapping[str, str]:
+        """What a run has of the law: gains, u_FPID, u_s, S and V; orders that adapt."""
+        names = ("kp", "ki", "kd", "u_s", "s", "lyapunov")
+        shown = {name: name for name in names} | {"u_fpid": "u_law"}
+        if self.feedforward or self.observer:
+            shown["u_model"] = "u_model"
+        if self.moves_orders:
+            shown |= {name: name for name in ("integral_order", "derivative_order")}
+        return shown
+
+    def numbers(self, arm: Arm, step: float, horizon: float) -> Mapping[str, ArrayLike]:
+        """Return gains, rates, bounds and orders on an arm, by name: see `Controller.numbers`."""
+        n, guard = arm.n, self.safeguards
+        rates, (low, high) = self.rates(n), Safeguards.bounds_of(guard, n)
+        found: dict[str, ArrayLike] = {name: getattr(self, name) for name in ("k0", "k1")}
+        for k, name in enumerate(("kp", "ki", "kd")):
+            # Projection counts from the start.
+            gain = np.clip(checks.spread(name, getattr(self, name), n), low[k], high[k])
+            found |= {name: gain, f"{name}_0": gain, f"gamma_{name[1]}": rates[k]}
+            found |= {f"{name}_min": low[k], f"{name}_max": high[k]}
+        found["as_printed"] = float(self.regressors == "integer")
+        for name in ("sigma", "e_modification", "dead_zone"):
+            found[name] = 0.0 if guard is None else getattr(guard, name)
+        orders, bounds = self.orders(n), self.order_bounds(n)
+        for k, name in enumerate(("integral_order", "derivative_order")):
+            found[name] = orders[k]
+            if self.moves_orders:
+                found |= {f"{name}_0": orders[k], f"{name}_rate": rates[3 + k]}
+                found |= {f"{name}_min": bounds[0, k], f"{name}_max": bounds[1, k]}
+        return found
+
+    # ----------------------------------------------------------------- the description
 
     def __post_init__(self) -> None:
-        check_scale(self)
         for name, rows in (("learning_rate", 3), ("order_learning_rate", 2)):
             rate = checks.floats(name, getattr(self, name), low=0.0, max_ndim=2)
             if rate.ndim == 2 and rate.shape[0] != rows:
@@ -114,57 +160,20 @@ class AdaptiveFpid(Controller):
             if bounds.shape != (2,) or bounds[0] > bounds[1]:
                 raise checks.ArgumentError(name, "a lower and an upper bound", bounds.tolist())
             object.__setattr__(self, name, tuple(bounds.tolist()))
-        checks.instance("feedforward", self.feedforward, bool, "true or false")
-        object.__setattr__(self, "observer", checks.number("observer", self.observer, low=0.0))
+        self.check_options()
         check_gains(self, "kp", "ki", "kd", "k0", "k1", what="gains and orders")
         orders = ("integral_order", "derivative_order")
         check_gains(self, *orders, high=1.0, what="gains and orders")
         checks.choice("regressors", self.regressors, REGRESSORS)
         checks.choice("initialisation", self.initialisation, INITIALISATIONS)
         checks.instance("design", self.design, Design, "a fractional design")
-        if self.supervisor is not None:
-            checks.instance("supervisor", self.supervisor, Supervisor, "a Supervisor or None")
         if self.safeguards is not None:
             checks.instance("safeguards", self.safeguards, Safeguards, "Safeguards or None")
-        _ = self.bandwidth
-
-    @property
-    def bandwidth(self) -> float:
-        """Of the one observer of law and supervisor [rad/s]; 0: none.
-
-        Raises
-        ------
-        ArgumentError
-            The two ask for different ones.
-        """
-        other = 0.0 if self.supervisor is None else self.supervisor.observer
-        if self.observer and other and self.observer != other:
-            raise checks.ArgumentError(
-                "observer", f"the supervisor's bandwidth ({other:g} rad/s)", self.observer
-            )
-        return self.observer or other
 
     @property
     def moves_orders(self) -> bool:
         """Whether orders adapt."""
         return bool(np.any(self.order_learning_rate))
-
-    def lockstep_key(self) -> Hashable:
-        """Return what all runs of a batch must share: design, start, and what the model does."""
-        kind = None if self.supervisor is None else self.supervisor.kind
-        model = (kind, self.feedforward, self.observer > 0.0, self.bandwidth > 0.0)
-        return (type(self), self.design, self.initialisation, self.moves_orders, *model)
-
-    @classmethod
-    def start_many(
-        cls, controllers: Sequence[AdaptiveFpid], arm: Arm, *, step: float, horizon: float
-    ) -> FpidState:
-        """Start all `controllers` in one state; see `Controller.start_many`."""
-        return FpidState(controllers, arm, step, horizon)
-
-    def scale_on(self, arm: Arm) -> FloatArray:
-        """Return s of (10) on an arm, (n,)."""
-        return joint_scale(self.scale, arm)
 
     def rates(self, n: int) -> FloatArray:
         """Return gamma of Kp, Ki, Kd, lambda and mu on an arm with n joints, (5, n)."""
@@ -178,24 +187,61 @@ class AdaptiveFpid(Controller):
         return np.concatenate(found)
 
     def order_bounds(self, n: int) -> FloatArray:
-        """Return the least and the largest orders of D^(1 - lambda), D^mu: (bound, n, 2).
+        """Return the least and the largest lambda and mu, (bound, 2, n).
 
         Orders whose rate is 0 are bounded by [0, 1] alone.
         """
-        low, high = self.integral_order_bounds
-        bounds = np.array([[1.0 - high, self.derivative_order_bounds[0]],
-                           [1.0 - low, self.derivative_order_bounds[1]]])  # fmt: skip
-        moves = self.rates(n)[3:].T > 0.0
-        return np.where(moves, bounds[:, np.newaxis], np.array([0.0, 1.0])[:, None, None])
+        bounds = np.array([self.integral_order_bounds, self.derivative_order_bounds]).T
+        moves = self.rates(n)[3:] > 0.0
+        return np.where(moves, bounds[:, :, np.newaxis], np.array([0.0, 1.0])[:, None, None])
 
     def orders(self, n: int) -> FloatArray:
-        """Return the orders of the derivatives that are taken, of int e and of e, (n, 2).
-
-        Projection of those that move counts from the start.
-        """
+        """Return lambda and mu, (2, n); projection of those that adapt counts from the start."""
         lam = checks.spread("integral_order", self.integral_order, n)
         mu = checks.spread("derivative_order", self.derivative_order, n)
         if self.moves_orders:
             # D^0 e is e, but the limit for mu that falls to 0 is e - e(0): the one to start from.
             mu = np.maximum(mu, np.finfo(float).tiny)
-        return np.clip(np.stack([1.0 - lam, mu], axis=1), *self.order_bounds(n))
+        return np.asarray(np.clip(np.stack([lam, mu]), *self.order_bounds(n)))
+
+
+def leakage(c: Any, value: float, initial: float, gamma: float, s: float) -> Any:
+    """Return the rate at which safeguards pull a gain, or an order, back to where it began."""
+    return (c.sigma + c.e_modification * gamma * abs(s)) * (value - initial)
+
+
+def bounded(x: float, low: float, high: float) -> float:
+    """Return x within [low, high]."""
+    return min(max(x, low), high)
+
+
+def adapt_gains(c: Any) -> None:
+    """Move the gains by one step along the gradient of S^2/2, (30)-(32).
+
+    dK phi has the sign of -S: that is where adaptation pushes the torque.
+    """
+    if not winds_up(c.cut, -c.s):
+        s = c.s - clip(c.s, c.dead_zone)
+        i_e = c.int_e if c.as_printed > 0.0 else c.i_e
+        d_e = c.e_dot if c.as_printed > 0.0 else c.d_e
+        p_leak = leakage(c, c.kp, c.kp_0, c.gamma_p, s)
+        i_leak = leakage(c, c.ki, c.ki_0, c.gamma_i, s)
+        d_leak = leakage(c, c.kd, c.kd_0, c.gamma_d, s)
+        c.kp = bounded(c.kp - c.h * (c.gamma_p * s * c.e + p_leak), c.kp_min, c.kp_max)  # (30)
+        c.ki = bounded(c.ki - c.h * (c.gamma_i * s * i_e + i_leak), c.ki_min, c.ki_max)  # (31)
+        c.kd = bounded(c.kd - c.h * (c.gamma_d * s * d_e + d_leak), c.kd_min, c.kd_max)  # (32)
+
+
+def adapt_gains_and_orders(c: Any) -> None:
+    """Move orders and gains along the same gradient: theta' = -gamma S s K d(term)/dtheta."""
+    if not winds_up(c.cut, -c.s):
+        s = c.s - clip(c.s, c.dead_zone)
+        rate, order = c.integral_order_rate, c.integral_order
+        leak = leakage(c, order, c.integral_order_0, rate, s)
+        order -= c.h * (rate * s * c.scale * c.ki * c.i_e_by_order + leak)
+        c.integral_order = bounded(order, c.integral_order_min, c.integral_order_max)
+        rate, order = c.derivative_order_rate, c.derivative_order
+        leak = leakage(c, order, c.derivative_order_0, rate, s)
+        order -= c.h * (rate * s * c.scale * c.kd * c.d_e_by_order + leak)
+        c.derivative_order = bounded(order, c.derivative_order_min, c.derivative_order_max)
+    adapt_gains(c)

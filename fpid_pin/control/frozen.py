@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -11,13 +12,13 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.baselines import Pid
-from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.law import Controller
 from fpid_pin.control.observed import beside, observer_system
+from fpid_pin.control.operators import Integral
 from fpid_pin.control.parameters import joint_scale
-from fpid_pin.control.sampled import ComplexArray, LinearSystem, operators
-from fpid_pin.control.state import LawState
+from fpid_pin.control.pid import Pid
+from fpid_pin.control.sampled import ComplexArray, LinearSystem, operators, signals_of
 from fpid_pin.fractional import Design, ExponentialSum
 
 if TYPE_CHECKING:
@@ -83,8 +84,7 @@ def terms_of(
     orders: FloatArray = np.ones((n, 2))
     own: Design = ExponentialSum(modes=24)
     if isinstance(controller, AdaptiveFpid):
-        orders, own = controller.orders(n), controller.design
-        orders = np.stack([1.0 - orders[:, 0], orders[:, 1]], axis=1)
+        orders, own = controller.orders(n).T, controller.design
     known: dict[tuple[float, ...], LinearSystem] = {}
     for pair in map(tuple, orders.tolist()):
         if pair not in known:
@@ -104,50 +104,83 @@ def gain_table(
 
 
 def linearised(arm: Arm, controller: Controller, step: float) -> LinearSystem:
-    """Linearise a law about home by central differences of its first tick.
+    """Linearise a law about home: its torque by its signals, and these by their recursions.
 
-    What a law in NumPy has from `LawState.integral` and `LawState.disturbance` counts as what it
-    is, an integral and an observer; what it keeps itself, such as parameters that adapt, stays.
+    Signals are angles, rates, int e, and the outputs of operators of e. What a law keeps itself,
+    such as parameters that adapt, stays.
 
     Raises
     ------
     ArgumentError
         The torque jumps there, as sgn without a boundary layer does: half as wide a difference
-        gives another slope. A kernel with a memory: nobody knows what that does.
+        gives another slope. An operator of something else than e.
     """
-    if controller.memory:
-        got = f"{type(controller).__name__}, which remembers {', '.join(controller.memory)}"
-        raise checks.ArgumentError("controller", "a law without a memory of its own", got)
+    # Imported late: it loads numba.
+    from fpid_pin.control.start import start_all
+    from fpid_pin.control.state import MODEL, TORQUES
+
     n = arm.n
     free = arm.with_limits(effort=np.zeros(n))
-    still, home = np.zeros(n), np.asarray(arm.home)
+    home, horizon = np.asarray(arm.home), 3600.0
+    alone = dataclasses.replace(controller, observer=0.0, supervisor=None)
+    outputs = list(controller.operators)
+
+    def asked(shift: FloatArray, remembered: str = "") -> tuple[FloatArray, bool]:
+        """Return the torque, and whether it writes what it remembers, which is then 1e-3."""
+        q, v, *others = np.split(shift, 3 + len(outputs))
+        state = start_all([alone], free, step=step, horizon=horizon)[0]
+        joints, inputs = state.joints, state.inputs
+        inputs[:3] = home + q, v, home
+        for name, value in (("q", home + q), ("v", v), ("q_ref", home), ("e", -q), ("e_dot", -v)):
+            joints[name] = value
+        for name, value in zip(("int_e", *outputs), others, strict=True):
+            joints[name] = value
+        if remembered:
+            joints[remembered] = 1e-3
+        if state.in_python:
+            state._control()
+        elif controller.surface is not None:
+            for c in joints:
+                controller.surface(c)
+        state.make(MODEL | TORQUES)
+        return state.torque.copy(), bool(remembered) and bool((joints[remembered] != 1e-3).any())
 
     def torque(shift: FloatArray) -> FloatArray:
-        q, v, integral, lost = np.split(shift, 4)
-        state = controller.start_many([controller], free, step=step, horizon=3600.0)
-        if isinstance(state, LawState):
-            state.int_e[:] = integral
-            state.known = lost[np.newaxis]
-        state.tick(np.array([[home + q], [v], [home], [still], [still]]))
-        found: FloatArray = state.torque[0].copy()
-        return found
+        return asked(shift)[0]
+
+    still = np.zeros((3 + len(outputs)) * n)
+    foreign = [name for name, o in controller.operators.items() if o.of != "e"]
+    for name in controller.memory:
+        felt, written = asked(still, name)
+        # What only `adapt` writes is a parameter, what the torque does not feel is a signal.
+        if written and not np.array_equal(felt, torque(still)):
+            foreign.append(name)
+    if foreign:
+        got = f"{type(controller).__name__}, whose {', '.join(foreign)} is not"
+        raise checks.ArgumentError("controller", "a law of e, its rate and its integral", got)
 
     def slopes(width: float) -> FloatArray:
-        ends = [(torque(shift), torque(-shift)) for shift in width * np.eye(4 * n)]
+        ends = [(torque(shift), torque(-shift)) for shift in width * np.eye((3 + len(outputs)) * n)]
         return np.stack([(up - down) / (2.0 * width) for up, down in ends], axis=1)
 
     slope = slopes(1e-6)
     if not np.allclose(slope, slopes(5e-7), rtol=1e-3, atol=1e-3 * np.abs(slope).max()):
         got = f"a jump in {type(controller).__name__}"
         raise checks.ArgumentError("controller", "a law that is smooth about home", got)
-    angle, rate, integral, answer = np.split(slope, 4, axis=1)
-    one = operators((1.0, 1.0), ExponentialSum(modes=24), step=step, horizon=3600.0)
-    terms = Terms((one,) * n).together  # e, int e, e', joint by joint
+    angle, rate, *others = np.split(slope, 3 + len(outputs), axis=1)
+    state = start_all([alone], free, step=step, horizon=horizon)[0]
+    design = controller.fractional_design
+    systems = []
+    for j in range(n):
+        rules = []
+        for operator, alpha in zip(controller.operators.values(), state.orders[j], strict=True):
+            rules.append((isinstance(operator, Integral), float(alpha)))
+        systems.append(signals_of(rules, design, step=step, horizon=horizon))
+    # Outputs of each: e, int e, e', then the operators'.
+    terms = Terms(tuple(systems)).together
     # e and e' fall as q and q' rise.
-    weights = np.stack([-angle, integral, -rate], axis=2).reshape(n, 3 * n)
+    weights = np.stack([-angle, others[0], -rate, *others[1:]], axis=2).reshape(n, -1)
     law = LinearSystem(terms.a, terms.b, weights @ terms.c, weights @ terms.d).observed()
-    state = controller.start_many([controller], free, step=step, horizon=3600.0)
-    if isinstance(state, LawState) and state.observer is not None:
-        bandwidth = float(state.observer.bandwidths[0])
-        return beside(law, observer_system(arm, home, bandwidth, step, answer))
+    if controller.observer:
+        return beside(law, observer_system(arm, home, controller.observer, step))
     return law

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,8 +12,10 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.record import ROWS, Record
-from fpid_pin.control.state import State
-from fpid_pin.exceptions import SimulationError
+from fpid_pin.exceptions import FpidWarning, SimulationError
+
+if TYPE_CHECKING:
+    from fpid_pin.control.state import State
 
 _NAMES = ("q", "v", "q_ref", "v_ref", "a_ref")
 
@@ -23,7 +26,7 @@ class Loop:
     Parameters
     ----------
     state
-        A state with one run.
+        Of one robot.
     restart
         Makes a state as it was at the start, for `reset`.
     controller
@@ -36,16 +39,20 @@ class Loop:
         # Imported late: it loads numba.
         from fpid_pin.kernels.limits import finite
 
-        self.state, self.controller = state, controller
+        self.controller = controller
         self._restart = restart
-        self._record: Record | None = None
+        self._record: Record | None
         self._finite: Any = finite
         self._shape = (state.n,)
-        self._inputs = np.zeros((5, 1, state.n))
-        self._flat = self._inputs.reshape(-1)
-        self._rows = tuple(self._inputs[:, 0])
         self._rest = np.zeros(state.n)
-        self._torque = state.torque[0]
+        self._take_over(state)
+
+    def _take_over(self, state: State) -> None:
+        """Work on a state from its start."""
+        state.prepare()
+        self.state, self._ticks, self._record = state, 0, None
+        self._rows, self._flat = tuple(state.inputs), state.inputs.reshape(-1)
+        self._last = state.ticks_within_horizon
 
     def torque(
         self,
@@ -60,7 +67,8 @@ class Loop:
         Parameters
         ----------
         q, v
-            Measured joint angles [rad] and rates [rad/s], (n,).
+            Measured joint angles [rad] and rates [rad/s], (n,). Angles are taken as they are: one
+            that jumps by a turn is an error of a turn (see `RobotLoop`).
         q_ref, v_ref, a_ref
             Reference; no `a_ref` means zero acceleration.
 
@@ -72,6 +80,7 @@ class Loop:
             A law of one's own that raises, or returns something of another shape.
         """
         given = (q, v, q_ref, v_ref, self._rest if a_ref is None else a_ref)
+        state = self.state
         for row, value in zip(self._rows, given, strict=True):
             # The checks of a well-made array take longer than the law; they are for the others.
             if type(value) is np.ndarray and value.shape == self._shape and value.dtype == float:
@@ -81,10 +90,13 @@ class Loop:
                 break
         if not self._finite(self._flat):
             self._take(self._rows)
-        self.state.tick(self._inputs)
-        torque: FloatArray = self._torque.copy()
+        if self._ticks == self._last > 0:
+            self._warn()
+        self._ticks += 1
+        state.tick()
+        torque: FloatArray = state.torque.copy()
         if self._record is not None:
-            self._record.take(self._inputs[:, 0], torque)
+            self._record.take(state.inputs, torque)
         return torque
 
     def _take(self, given: tuple[ArrayLike, ...]) -> None:
@@ -96,9 +108,17 @@ class Loop:
         for row, array in zip(self._rows, arrays, strict=True):
             row[:] = array
 
+    def _warn(self) -> None:
+        warnings.warn(
+            f"the law runs past its horizon of {self.state.horizon:g} s, for which its fractional "
+            "memories are fitted: give start() the time that it will run",
+            FpidWarning,
+            stacklevel=3,
+        )
+
     def signals(self) -> dict[str, FloatArray]:
         """Return copies of the law's inner signals at the last tick, (n,) or scalars."""
-        return {name: value[0].copy() for name, value in self.state.signals().items()}
+        return {name: np.array(value) for name, value in self.state.signals().items()}
 
     def record(self, rows: int = ROWS) -> Record:
         """Keep every tick from now on, until the next `record` or `reset`.
@@ -131,6 +151,4 @@ class Loop:
         """
         if self._restart is None:
             raise SimulationError("reset: expected a loop by controller.start, got a state's")
-        self.state = self._restart()
-        self._torque = self.state.torque[0]
-        self._record = None
+        self._take_over(self._restart())

@@ -1,9 +1,7 @@
-"""Parameters of laws: checked once, scaled by the arm, stacked to (runs, n)."""
+"""Parameters of laws: checked once, scaled by the arm."""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -83,34 +81,3 @@ def is_number(value: Any) -> bool:
     return isinstance(value, (int, float, np.ndarray, np.number)) or (
         isinstance(value, (tuple, list)) and len(value) > 0 and all(is_number(x) for x in value)
     )
-
-
-def number_fields(description: Any) -> list[str]:
-    """Return the names of the fields that hold numbers, the scale among them."""
-    return [
-        field.name
-        for field in dataclasses.fields(description)
-        if field.name == "scale" or is_number(getattr(description, field.name))
-    ]
-
-
-def stack(controllers: Sequence[Any], arm: Arm) -> Any:
-    """Return one description that stands for all `controllers`: numbers are (runs, n).
-
-    Raises
-    ------
-    ArgumentError
-        An array that is not one number a joint of `arm`.
-    """
-    first = controllers[0]
-    whole = object.__new__(type(first))
-    if not dataclasses.is_dataclass(first):
-        return first
-    for field in dataclasses.fields(first):
-        name, value = field.name, getattr(first, field.name)
-        if name == "scale":
-            value = np.array([joint_scale(c.scale, arm) for c in controllers])
-        elif is_number(value):
-            value = np.array([checks.per_joint(name, getattr(c, name), arm.n) for c in controllers])
-        object.__setattr__(whole, name, value)
-    return whole

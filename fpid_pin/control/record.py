@@ -29,7 +29,7 @@ class Record:
     Parameters
     ----------
     live
-        The law's signals, one run's: views, which are looked at in every row.
+        The law's signals: views, which are looked at in every row.
     rows
         That there is room for at first.
     """
@@ -40,7 +40,7 @@ class Record:
         self.arm, self.step, self.controller = arm, step, controller
         self._count, self._live = 0, dict(live)
         self._motion: FloatArray = np.zeros((rows, 5, arm.n))
-        self._kept = {name: np.zeros((rows, *value.shape[1:])) for name, value in live.items()}
+        self._kept = {name: np.zeros((rows, *np.shape(value))) for name, value in live.items()}
 
     def __len__(self) -> int:
         return self._count
@@ -65,7 +65,7 @@ class Record:
         row[:4] = inputs[:4]
         row[4] = torque
         for name, value in self._live.items():
-            self._kept[name][k] = value[0]
+            self._kept[name][k] = value
         self._count = k + 1
 
     def _grow(self) -> None:

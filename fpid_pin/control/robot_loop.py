@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,9 @@ from fpid_pin.control.joint_order import JointOrder
 from fpid_pin.control.loop import Loop
 from fpid_pin.control.record import ROWS, Record
 from fpid_pin.exceptions import ArgumentError
+
+if TYPE_CHECKING:
+    from fpid_pin.arms import Arm
 
 #: A tick counts as late from this part of a step on.
 LATE = 0.1
@@ -61,6 +64,12 @@ class RobotLoop:
     that integrals, fractional memories and gains have seen all of the time; meanwhile the drives
     have held the last torque. A second call for a tick changes nothing and gets the torque again.
 
+    Where an encoder begins again (`EncoderRate.turn`) the law, and the record, see angles that go
+    on. The first measured angle is taken to the turn nearest its reference; from then on each
+    angle, and each reference, to the turn nearest its own last one. So neither may move by more
+    than half a turn from one call to the next, missed ticks included, nor the first error be more
+    than half a turn: such a move cannot be told from one the other way.
+
     Parameters
     ----------
     loop
@@ -68,7 +77,8 @@ class RobotLoop:
     joint_names
         The robot's joints in its order, or places, as in `JointOrder`; None: the arm's own.
     rate
-        Makes rates of angles; None: every call brings them.
+        Makes rates of angles, where a call brings none; None: every call brings them. Its `turn`,
+        if one number, is for revolute joints alone; (n,) is in the arm's order.
     soft_start
         Time over which the torque goes from `hold` to the law's [s]; 0: at once.
     hold
@@ -80,7 +90,7 @@ class RobotLoop:
     Raises
     ------
     ArgumentError
-        Names that are not the arm's, negative times.
+        Names that are not the arm's, negative times, a `turn` for another number of joints.
     """
 
     def __init__(
@@ -97,7 +107,7 @@ class RobotLoop:
         arm = loop.state.arm
         self.loop, self.step = loop, loop.state.step
         self.order = JointOrder(arm.joint_names, joint_names or arm.joint_names)
-        self._rate = None if rate is None else rate.start(self.step)
+        self._rate = None if rate is None else _by_joint(rate, arm).start(self.step)
         self._soft_start = checks.number("soft_start", soft_start, low=0.0)
         self._hold = checks.per_joint("hold", hold, arm.n)
         self._most_missed = checks.integer("most_missed", most_missed, low=0)
@@ -127,8 +137,8 @@ class RobotLoop:
         Parameters
         ----------
         q, v
-            Measured angles [rad], and rates [rad/s] where no `EncoderRate` makes them: (m,) in the
-            robot's order, or tables by joint.
+            Measured angles [rad] and rates [rad/s], (m,) in the robot's order, or tables by joint;
+            no `v` means those of the `EncoderRate`.
         q_ref, v_ref, a_ref
             Reference, likewise; no `a_ref` means zero acceleration.
         now
@@ -157,13 +167,16 @@ class RobotLoop:
         x = self._inputs
         for row, name, value in zip(x, _NAMES, (q, v, q_ref, v_ref, a_ref), strict=True):
             row[:] = 0.0
-            if value is not None and not (name == "v" and self._rate is not None):
+            if value is not None:
                 row[:] = self.order.to_arm(name, value)
         if not np.isfinite(x).all():
             j = int(np.argmin(np.isfinite(x).all(axis=1)))
             raise ArgumentError(_NAMES[j], "finite numbers", "NaN or inf")
         if self._rate is not None:
-            x[1] = self._rate.rate(x[0], missed + 1)
+            self._unwrap(x, self._rate.encoder)
+            made = self._rate.rate(x[0], missed + 1)
+            if v is None:
+                x[1] = made
         elif v is None:
             raise ArgumentError("v", "rates, or RobotLoop(rate=EncoderRate())", "none")
         for k in range(1, missed + 1):
@@ -188,6 +201,14 @@ class RobotLoop:
         if tick < self._tick:
             raise ArgumentError("now", "a time that does not go back", f"{now:g} s")
         return tick, now - self._first - tick * self.step
+
+    def _unwrap(self, x: FloatArray, encoder: EncoderRate) -> None:
+        """Take angles and their references to the turn where they go on."""
+        if self._tick < 0:
+            x[0] = encoder.nearest(x[0], x[2])
+            return
+        for row in (0, 2):
+            x[row] = encoder.nearest(x[row], self._before[row])
 
     def _advance(self, x: FloatArray, held: FloatArray | None) -> FloatArray:
         torque = self.loop.torque(*x)
@@ -227,3 +248,13 @@ class RobotLoop:
             self._rate.reset()
         self._record = None
         self._begin()
+
+
+def _by_joint(rate: EncoderRate, arm: Arm) -> EncoderRate:
+    """Return `rate` with a turn for each joint; one number is for revolute joints alone."""
+    if rate.turn is None:
+        return rate
+    turn = rate.turn
+    if np.ndim(turn) == 0:
+        turn = np.where(np.array(arm.joint_kinds) == "revolute", turn, np.inf)
+    return replace(rate, turn=checks.per_joint("rate.turn", turn, arm.n, finite=False))

@@ -1,4 +1,4 @@
-"""What keeps adapted gains bounded; the adaptation itself, eqs. (30)-(32), is `kernels.law`."""
+"""What keeps adapted gains bounded; the adaptation itself, eqs. (30)-(32), is `control.fpid`."""
 
 from __future__ import annotations
 
@@ -54,9 +54,12 @@ class Safeguards:
             value = checks.number(f"safeguards.{name}", getattr(self, name), low=0)
             object.__setattr__(self, name, value)
 
-    def bounds(self, n: int) -> tuple[FloatArray, FloatArray]:
+    @staticmethod
+    def bounds_of(guard: Safeguards | None, n: int) -> tuple[FloatArray, FloatArray]:
         """Return the least and the largest Kp, Ki, Kd of an arm with n joints, (3, n) each."""
-        return _bound("minimum", self.minimum, n), _bound("maximum", self.maximum, n)
+        if guard is None:
+            return np.full((3, n), -np.inf), np.full((3, n), np.inf)
+        return _bound("minimum", guard.minimum, n), _bound("maximum", guard.maximum, n)
 
 
 def _bound(name: str, value: ArrayLike, n: int) -> FloatArray:

@@ -7,7 +7,7 @@ law does between two samples of its own is exact; the arm's motion is that of th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -98,25 +98,41 @@ def operators(
     ------
     ArgumentError
         A design that keeps the past instead of modes.
+    """
+    rules = [(True, 1.0 - orders[0]), (False, orders[1])]
+    whole = signals_of(rules, design, step=step, horizon=horizon)
+    kept = [0, 3, 4]
+    return LinearSystem(whole.a, whole.b, whole.c[kept], whole.d[kept], core=3)
+
+
+def signals_of(
+    rules: Sequence[tuple[bool, float]], design: Design, *, step: float, horizon: float
+) -> LinearSystem:
+    """Return e, int e, e' and fractional operators of e of one joint as a system from (e, e').
+
+    Parameters
+    ----------
+    rules
+        For each operator whether it is one of int e, and its order alpha as a derivative.
+    design, step, horizon
+        See `operators`.
 
     Notes
     -----
-    The states are int e, e and e' of the last sample and the modes of both operators. The mode
-    with p = 0 is the signal itself and needs no state of its own.
+    The states are int e, e and e' of the last sample and the modes of all operators. The mode with
+    p = 0 is the signal itself and needs no state of its own.
     """
-    rules = [
-        modes_of(design, order, step=step, horizon=horizon).recursion()
-        for order in (1.0 - orders[0], orders[1])
-    ]
-    states = 3 + sum(rule.decay.size for rule in rules)
+    found = [modes_of(design, alpha, step=step, horizon=horizon).recursion() for _, alpha in rules]
+    states = 3 + sum(rule.decay.size for rule in found)
     # Rows over [int e_, e_, e'_, modes..., e, e'] of this sample's signals.
     row = np.eye(states + 2)
     e, rate = row[states], row[states + 1]
     now = np.stack([row[0] + step / 2.0 * (e + row[1]) + step**2 / 12.0 * (row[2] - rate), e, rate])
     before, at = row[:3], 3
-    following, outputs = [now], [e]
-    for k, rule in enumerate(rules):
-        # f and f' are int e and e of the integral's operator, e and e' of the derivative's.
+    following, outputs = [now], [e, now[0], rate]
+    for (integral, _), rule in zip(rules, found, strict=True):
+        # f and f' are int e and e of an integral's operator, e and e' of a derivative's.
+        k = 0 if integral else 1
         f, f_, x = now[k : k + 2], before[k : k + 2], row[at : at + rule.decay.size]
         outputs.append(rule.now @ f + rule.before @ f_ + rule.weights @ x)
         driven = rule.drive_now @ f + rule.drive_before @ f_

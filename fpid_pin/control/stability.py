@@ -10,12 +10,12 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.baselines import Pid
 from fpid_pin.control.ceilings import gain_ceilings
-from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.frozen import gain_table, linearised, terms_of
+from fpid_pin.control.law import Controller
 from fpid_pin.control.observed import beside, observer_system
+from fpid_pin.control.pid import Pid
 from fpid_pin.control.sampled import (
     ComplexArray,
     LinearSystem,
@@ -137,7 +137,7 @@ def stability_report(
     controller
         Adaptive laws count with fixed parameters: adaptation is slow beside the loop. Torque
         limits and dry friction are left out, and so is a supervisor: it is silent at rest. A
-        disturbance observer counts, and so does the integral of a law in NumPy.
+        disturbance observer counts, and so does the integral of a law of one's own.
     step, horizon
         [s].
     gains
@@ -150,7 +150,7 @@ def stability_report(
     ------
     ArgumentError
         A fractional design that keeps the past instead of modes, or a law whose torque jumps at
-        home: sgn without a boundary layer; a kernel that has a memory.
+        home: sgn without a boundary layer; one whose torque depends on what it remembers.
 
     Notes
     -----
@@ -174,7 +174,7 @@ def stability_report(
         path = np.zeros((len(z), n, 2 * n), dtype=np.complex128)
         for j in range(n):
             path[:, j, [j, n + j]] = seen[j]
-        if isinstance(controller, AdaptiveFpid) and controller.observer:
+        if controller.observer:
             observer = observer_system(arm, arm.home, controller.observer, step)
             direct, asked = np.split(observer.response(z), [2 * n], axis=2)
             law, path = beside(law, observer), direct + asked @ path

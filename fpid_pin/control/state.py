@@ -1,239 +1,364 @@
-"""All that changes while a law runs, for one robot or many in lockstep."""
+"""What changes while a law runs on one robot: numbers of its joints, operators, model, torque."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms.fleet import Fleet
-from fpid_pin.checks import BoolArray, FloatArray
-from fpid_pin.control.disturbance import DisturbanceObserver
-from fpid_pin.control.parameters import number_fields, stack
-from fpid_pin.exceptions import SimulationError
+from fpid_pin.arms.bodies import bodies_of, inertial_numbers
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
+from fpid_pin.control.observer_gains import observer_gains
+from fpid_pin.control.operators import Integral, check_declared
+from fpid_pin.control.order_changes import OrdersByHand
+from fpid_pin.exceptions import ArgumentError, SimulationError
+from fpid_pin.fractional import Bank
+from fpid_pin.kernels import records
+from fpid_pin.kernels.compiled import entry_point
+from fpid_pin.kernels.layout import record_type
+from fpid_pin.kernels.records import (
+    DERIVATIVE,
+    ESTIMATES,
+    FRAME,
+    GIVEN,
+    INERTIA,
+    INTEGRAL,
+    INTEGRAL_OF_ERROR,
+    LINK,
+    MODE,
+    OPERATOR,
+    POLE,
+    ROBOT,
+    SLOPES,
+    TERMS,
+)
+from fpid_pin.kernels.rollout import step_tick
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
+    from fpid_pin.control.law import Controller
+
+#: Rates of given signals.
+RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
+#: Parts of a tick, for `kernels.rollout.step_tick`.
+SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 
 
-class State(ABC):
-    """What `runs` robots under one kind of law remember.
+@lru_cache(maxsize=256)
+def _record(own: tuple[str, ...]) -> Any:
+    return record_type(dict.fromkeys((*GIVEN.names, *own), ""))  # type: ignore[misc]
+
+
+class State(OrdersByHand):
+    """One robot under one law.
+
+    Parameters
+    ----------
+    controller
+        The law.
+    arm
+        The nominal arm.
+    step, horizon
+        Sampling period, and the longest time that it will run [s].
 
     Attributes
     ----------
-    torque : ndarray, (runs, n)
-        Of the last tick, saturated [N m]; always this buffer.
-    alive : ndarray of bool, (runs,)
-        Runs that have not ended.
+    arm, step, horizon, n
+        As given; number of joints.
+    c : kernels.records.Controller
+        All arrays of the controller.
+    joints : record array, (n,)
+        A record of each joint, by name: given numbers, the law's, what it remembers.
+    inputs, torque : ndarray, (5, n) and (n,)
+        Buffers of a tick: q, v, and the reference's q, v, a; the torque [N m].
+    memory, shown : dict
+        For laws in plain Python: what they remember; signals for the record, (n,) arrays.
     """
 
-    def __init__(self, runs: int, arm: Arm, step: float) -> None:
-        self.runs, self.n, self.arm = runs, arm.n, arm
+    def __init__(self, controller: Controller, arm: Arm, *, step: float, horizon: float) -> None:
+        self.controller, self.arm, self.n = controller, arm, arm.n
         self.step = checks.number("step", step, above=0.0)
-        self.torque: FloatArray = np.zeros((runs, arm.n))
-        self.alive: BoolArray = np.ones(runs, dtype=np.bool_)
-
-    @abstractmethod
-    def tick(self, inputs: FloatArray) -> None:
-        """Advance by one tick and write `torque`.
-
-        Parameters
-        ----------
-        inputs
-            Measured q, v, and the reference's q, v, a, (5, runs, n).
-        """
-
-    def signals(self) -> Mapping[str, FloatArray]:
-        """Return live views of what a record should hold beside the torque."""
-        return {}
-
-    def retire(self, run: int) -> None:
-        """End a run: it costs nothing from now on, and its torque is zero."""
-        self.alive[run] = False
-        self.torque[run] = 0.0
-
-
-class LawState(State):
-    """A law written in NumPy, for all runs at once.
-
-    Attributes
-    ----------
-    law
-        The description, with the number fields of all runs, (runs, n).
-    memory : dict
-        What `Controller.begin` puts here is the law's to change; in arrays the rows (first axis)
-        of runs that end become zeros.
-    shown : dict of ndarray
-        Signals for the record, (runs, n), likewise.
-    cut : ndarray, (runs, n)
-        By how much the last torque was cut by the effort limit [N m].
-    int_e : ndarray, (runs, n)
-        What `integral` has come to [rad s].
-    observer : DisturbanceObserver or None
-        See `observe`.
-    known : ndarray or None
-        What `disturbance` is to answer, whatever an observer makes of it: to linearise laws by.
-    """
-
-    def __init__(self, controllers: Sequence[Any], arm: Arm, step: float) -> None:
-        super().__init__(len(controllers), arm, step)
-        shape = self.torque.shape
-        self.law = stack(controllers, arm)
+        self.horizon = horizon
+        n = arm.n
+        given = controller.numbers(arm, step, horizon)
+        check_declared(controller.operators, controller.memory, [*given, *controller.memory])
+        operators = controller.operators
+        outputs = [
+            name
+            for output, operator in operators.items()
+            for name in ([output, f"{output}_by_order"] if operator.adapts else [output])
+        ]
+        estimated = [*ESTIMATES, *SLOPES] if controller.estimates_model else []
+        names = dict.fromkeys([*estimated, *given, *controller.memory, *outputs])
+        own_names = tuple(name for name in names if name not in GIVEN.names)  # type: ignore[operator]
+        try:
+            self.record = _record(own_names)
+        except ValueError as error:
+            raise ArgumentError("fields and memory", "other names", str(error)) from None
+        for name, field in self.shown_names().items():
+            if field not in self.record.names:
+                raise ArgumentError(f"shown.{name}", "a number of the law", field)
+        numbers = np.zeros((n, len(self.record.names)))
+        self.joints = numbers.view(self.record)[:, 0]
+        inertia = inertial_numbers(bodies_of(arm))
+        numbers[:, INERTIA : INERTIA + 10] = inertia
+        for name, value in given.items():
+            try:
+                self.joints[name] = value
+            except ValueError:
+                self.joints[name] = checks.per_joint(name, value, n)
+        self.joints["h"], self.joints["limit"] = self.step, arm.effort_limit
+        self.joints["viscous"], self.joints["scale"] = (
+            arm.viscous_friction,
+            controller.scale_on(arm),
+        )
+        bodies = bodies_of(arm).copy()
+        own = np.ascontiguousarray(controller.arrays(arm, step, horizon), dtype=np.float64)
+        self.c = records.Controller(
+            robot=np.zeros(1, ROBOT),
+            joints=np.ndarray((n,), GIVEN, buffer=numbers, strides=numbers.strides[:1]),
+            numbers=numbers,
+            own=own,
+            ops=np.zeros((n, 0), OPERATOR),
+            poles=np.zeros((1, 0), POLE),
+            modes=np.zeros((n, 0, 0), MODE),
+            table=np.zeros((0, 4)),
+            bodies=bodies,
+            links=np.zeros(n, LINK),
+            motions=np.zeros((3, n, 6)),
+            frames=np.zeros(n + 1, FRAME),
+            gravity=np.array(arm.model.gravity.linear),
+            mass=np.zeros((n, n)),
+            factored=np.zeros((n, n)),
+            terms=np.zeros((TERMS, n)),
+        )
+        self._columns = {name: k for k, name in enumerate(self.record.names)}
+        self.inputs: FloatArray = np.zeros((5, n))
+        self.torque: FloatArray = np.zeros(n)
         self.memory: dict[str, Any] = {}
         self.shown: dict[str, FloatArray] = {}
-        self.cut: FloatArray = np.zeros(shape)
-        self._limit = np.broadcast_to(arm.effort_limit, shape)
-        self._fleet = Fleet([arm], self.runs)
-        self._last: tuple[FloatArray, FloatArray] | None = None
-        self.int_e: FloatArray = np.zeros(shape)
-        self.observer: DisturbanceObserver | None = None
-        self.known: FloatArray | None = None
-        self.law.begin(self)
+        self._ticked = False
+        self._step: Any = None
+        self._operators = list(operators.items())
+        self.orders = self._initial_orders()
+        self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
+        self._fill_robot()
+        self._bind()
+        self.in_python = controller.control is not None
+        if self.in_python:
+            controller.begin(self)
 
-    def tick(self, inputs: FloatArray) -> None:
-        """See `State.tick`; what a law does wrong is told as a `SimulationError`."""
-        try:
-            asked = np.asarray(self.law.torque(self, *inputs), dtype=np.float64)
-        except Exception as error:
-            name = type(error).__name__
-            raise SimulationError(f"the law raised {name}: {error}") from error
-        shape = self.torque.shape
-        if asked.shape != shape:
+    # ------------------------------------------------------------------ at the start
+
+    def _fill_robot(self) -> None:
+        law, robot = self.controller, self.c.robot
+        robot["h"], robot["threshold"] = self.step, np.inf
+        robot["feedforward"] = law.feedforward
+        robot["declares"] = law.uses_model and law.torques is None
+        robot["inertia"], robot["estimates"] = INERTIA, law.estimates_model
+        if law.estimates_model:
+            robot["inertia"] = self._columns[ESTIMATES[0]]
+        robot["observes"], robot["compensates"] = law.bandwidth > 0.0, law.observer > 0.0
+        if law.bandwidth:
+            robot["l1"], robot["l2"] = observer_gains(law.bandwidth, self.step)
+        guard = law.supervisor
+        if guard is not None:
+            robot["supervised"], robot[guard.kind] = 1, 1
+            self.joints["bound"] = guard.bound(self.n)
+            for name, value in guard.constants(self.step).items():
+                robot[name] = value
+            if not law.bandwidth:
+                guard.warn(self.arm, self.step)
+
+    def _bind(self) -> None:
+        """Find the law's functions, check those of a user's, and note their addresses."""
+        law, robot = self.controller, self.c.robot
+        if law.control is not None:
+            return
+        whole = law.torques is not None
+        if not whole and law.torque is None and law.surface is None:
             raise SimulationError(
-                f"the law's torque: expected shape {shape} (runs, joints), got {asked.shape}"
+                f"{type(law).__name__}: expected functions (torque, or torques, or control), got "
+                "none of them"
             )
-        if not self.alive.all():
-            asked = np.where(self.alive[:, np.newaxis], asked, 0.0)
-        np.clip(asked, -self._limit, self._limit, out=self.torque)
-        # As `kernels.limits.clip` has it: an overflow must not look like a torque at its limit.
-        np.copyto(self.torque, asked, where=np.isinf(asked))
-        np.subtract(asked, self.torque, out=self.cut)
+        roles = {"torque": ("torques", "robot"), "adapt": ("adapts", "robot")}
+        if not whole:
+            roles = {"surface": ("surface", "joint"), "torque": ("torque", "torque")}
+            roles["adapt"] = ("adapt", "joint")
+        for place, (name, role) in roles.items():
+            function = getattr(law, name)
+            if function is not None:
+                self._check(function, name, role)
+                columns = self.c.own.shape[1]
+                robot[place] = address_of(function, self.record, role, columns=columns)
 
-    def signals(self) -> Mapping[str, FloatArray]:
-        """See `State.signals`."""
-        return self.shown
+    def _check(self, function: Any, name: str, role: str) -> None:
+        """Run a function of a user's law once in Python, on a copy."""
+        module = getattr(plain_function(function), "__module__", "")
+        if module.partition(".")[0] == __name__.partition(".")[0]:
+            return
+        who = f"{type(self.controller).__name__}.{name}"
+        joints = self.joints.copy()
+        joints["e"], joints["e_dot"] = 0.1, -0.1
+        if role == "robot":
+            c = self.c
+            model = Model(c.bodies, c.links.copy(), c.motions.copy(), c.gravity)
+            check_in_python(function, role, joints, c.own.copy(), model, who=who)
+        else:
+            for joint in joints:
+                check_in_python(function, role, joint, who=who)
 
-    def retire(self, run: int) -> None:
-        """See `State.retire`."""
-        super().retire(run)
-        for array in (*self.memory.values(), *self.shown.values(), self.int_e):
-            if isinstance(array, np.ndarray):
-                array[run] = 0.0
-        if self.observer is not None:
-            self.observer.retire(run)
+    def _initial_orders(self) -> FloatArray:
+        """Return the orders alpha of the law's operators, (n, operators), each checked."""
+        orders: FloatArray = np.zeros((self.n, len(self._operators)))
+        for i, (output, operator) in enumerate(self._operators):
+            known = operator.order in self._columns if isinstance(operator.order, str) else True
+            if not known:
+                raise ArgumentError(f"operators.{output}", "a field with its order", operator.order)
+            order: Any = operator.order
+            if isinstance(order, str):
+                order = self.joints[order]
+            order = checks.per_joint(f"operators.{output}", order, self.n, low=0.0, high=1.0)
+            orders[:, i] = 1.0 - order if isinstance(operator, Integral) else order
+            if operator.of not in self._columns:
+                raise ArgumentError(
+                    f"operators.{output}", f"a signal ({', '.join(self.record.names)})", operator.of
+                )
+        # Operators of given signals come first; the others follow the law's surface.
+        early = set(GIVEN.names) - {"s", "a", "w"}  # type: ignore[arg-type]
+        given = [operator.of in early for _, operator in self._operators]
+        if sorted(given, reverse=True) != given:
+            order_of = np.argsort(np.logical_not(given), kind="stable")
+            self._operators = [self._operators[k] for k in order_of]
+            orders = orders[:, order_of]
+        self.c.robot["first_operators"] = sum(given)
+        return orders
 
-    # ------------------------------------------------------------------ for the law
+    def use_modes(self, ops: Any, poles: Any, modes: Any) -> None:
+        """Take the operators' records: see `fractional.modes.Records`."""
+        table = np.zeros((3 + modes.shape[-1], 4))
+        for i, (output, operator) in enumerate(self._operators):
+            column = ops[:, i]
+            column["source"] = self._columns[operator.of]
+            column["output"] = self._columns[output]
+            column["rate"] = self._columns[RATES[operator.of]] if operator.of in RATES else -1
+            column["kind"], column["sign"] = DERIVATIVE, operator.sign
+            column["order_column"] = -1
+            if isinstance(operator, Integral):
+                column["kind"] = INTEGRAL_OF_ERROR if operator.of == "e" else INTEGRAL
+                if operator.of == "e":
+                    column["source"], column["rate"] = self._columns["int_e"], self._columns["e"]
+            if operator.adapts:
+                column["variable"] = 1
+                column["order_column"] = self._columns[str(operator.order)]
+                self._need_shared_poles(poles)
+                table = self._table()
+            ops[:, i] = column
+        self.c = self.c._replace(
+            ops=np.ascontiguousarray(ops),
+            poles=poles,
+            modes=np.ascontiguousarray(modes),
+            table=table,
+        )
 
-    def winds_up(self, push: FloatArray) -> BoolArray:
-        """Return where `push` would drive a torque that was cut further beyond its limit."""
-        mask: BoolArray = self.cut * push > 0.0
-        return mask
+    # ------------------------------------------------------------------------- a tick
 
-    def integral(self, e: FloatArray, e_dot: FloatArray) -> FloatArray:
-        """Return int e, once a tick; held where the effort limit would wind it up.
+    def prepare(self) -> None:
+        """Compile what is yet to be compiled, so that no tick has to wait for it."""
+        self._step = entry_point(step_tick, *self.c, self.inputs, self.torque, 0)
 
-        Both e and its rate are known: ``int e += h (e + e_)/2 + h^2 (e'_ - e')/12``.
-        """
-        h = self.step
-        if self._last is not None:
-            e_, e_dot_ = self._last
-            growth = 0.5 * h * (e + e_) + h * h / 12.0 * (e_dot_ - e_dot)
-            growth[self.winds_up(e)] = 0.0
-            self.int_e += growth
-        self._last = (e.copy(), e_dot.copy())
-        return self.int_e
+    def make(self, parts: int) -> None:
+        """Make parts of a tick: a sum of `SIGNALS`, `MODEL`, `TORQUES` and `ADAPT`."""
+        if self._step is None:
+            self.prepare()
+        self._step(*self.c, self.inputs, self.torque, parts)
 
-    def observe(self, bandwidth: FloatArray) -> None:
-        """Ask, in `Controller.begin`, for the disturbance observer that `AdaptiveFpid` has.
+    def tick(self, model: Callable[[State], None] | None = None) -> None:
+        """Advance by one tick: from `inputs` to `torque`.
 
         Parameters
         ----------
-        bandwidth
-            [rad/s], (runs, n), one for all joints of a run; 0: none.
+        model
+            Writes what the nominal model says (`kernels.tick.ask_model`); None: the compiled one.
 
         Raises
         ------
-        ArgumentError
-            An observer faster than the sampling allows.
+        SimulationError
+            A law in plain Python that raises, or returns something else than (n,) numbers.
         """
-        if bandwidth.any():
-            self.observer = DisturbanceObserver(self.arm, bandwidth[:, 0], self.step)
+        if self._ramp is not None:
+            self._follow_ramp()
+        # Gains move by the signals of the last tick, so that until then they are those that made
+        # its torque.
+        first = (ADAPT if self._ticked else 0) | SIGNALS
+        self._ticked = True
+        if model is None and not self.in_python:
+            self.make(first | MODEL | TORQUES)
+            return
+        self.make(first if model is not None else first | MODEL)
+        if model is not None:
+            model(self)
+        if self.in_python:
+            self._control()
+        self.make(TORQUES)
 
-    def disturbance(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the torque that acts and that the nominal model knows nothing of, once a tick.
-
-        (runs, n) [N m], as observed; 0 where `observe` was not asked for.
-        """
-        if self.known is not None:
-            return self.known
-        if self.observer is None:
-            return np.zeros_like(q)
-        return self.observer.observe(self.alive, q, v, self.torque)
-
-    def gravity(self, q: FloatArray) -> FloatArray:
-        """Return G(q) of the nominal model, (runs, n) [N m]."""
-        self._fleet.gravity(q, out := np.empty_like(q))
-        return out
-
-    def coriolis(self, q: FloatArray, v: FloatArray) -> FloatArray:
-        """Return C(q, v) v of the nominal model, (runs, n) [N m]."""
-        self._fleet.coriolis(q, v, out := np.empty_like(q))
-        return out
-
-    def inverse_dynamics(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Return M a + C v + G of the nominal model, (runs, n) [N m]."""
-        self._fleet.inverse_dynamics(q, v, np.ascontiguousarray(a), out := np.empty_like(q))
-        return out
-
-
-class KernelState(State):
-    """A law written as a kernel of one robot; its numbers are records, one a joint."""
-
-    def __init__(self, controllers: Sequence[Any], arm: Arm, step: float) -> None:
-        super().__init__(len(controllers), arm, step)
-        law = stack(controllers, arm)
-        names = [*number_fields(law), *law.memory, "limit", "cut", "ticks"]
-        dtype = np.dtype((np.record, [(name, np.float64) for name in dict.fromkeys(names)]))
-        self.joints = np.zeros(self.torque.shape, dtype)
-        for name in number_fields(law):
-            self.joints[name] = getattr(law, name)
-        self.joints["limit"] = arm.effort_limit
-        self._memory = law.memory
-        self._runs = _over_runs(type(law).kernel)
-        # A tick of nobody: what cannot be compiled is known before anything moves.
+    def _control(self) -> None:
+        law = self.controller
         try:
-            inputs = np.zeros((5, *self.torque.shape))
-            self._runs(np.zeros_like(self.alive), self.joints, self.step, inputs, self.torque)
+            asked = np.asarray(law.control(self, *self.inputs.copy()), dtype=np.float64)
         except Exception as error:
-            reason = str(error).strip().splitlines()[-1]
-            raise SimulationError(f"the law's kernel cannot be compiled: {reason}") from error
+            name = type(error).__name__
+            raise SimulationError(f"the law raised {name}: {error}") from error
+        if asked.shape != (self.n,):
+            raise SimulationError(
+                f"the law's torque: expected shape ({self.n},), got {asked.shape}"
+            )
+        self.joints["u_law"] = self.joints["scale"] * asked
 
-    def tick(self, inputs: FloatArray) -> None:
-        """See `State.tick`."""
-        self._runs(self.alive, self.joints, self.step, inputs, self.torque)
+    def signals(self) -> Mapping[str, Any]:
+        """Return live views of what a record should hold beside the torque, (n,) or scalars."""
+        found: dict[str, Any] = {}
+        for name, field in self.shown_names().items():
+            found[name] = self.joints[field]
+            if field == "lyapunov":
+                found[name] = found[name][:1].reshape(())
+        return found | self.shown
 
-    def signals(self) -> Mapping[str, FloatArray]:
-        """Return a view of each number that the kernel keeps, (runs, n)."""
-        return {name: self.joints[name] for name in self._memory}
+    def shown_names(self) -> Mapping[str, str]:
+        """Return the names of signals for the record, and the numbers that they are."""
+        return self.controller.shown
 
+    def columns(self, names: Sequence[str]) -> Any:
+        """Return which columns of the numbers hold some signals, (names,)."""
+        shown = self.shown_names()
+        return np.array([self._columns[shown[name]] for name in names], dtype=np.int64)
 
-@cache
-def _over_runs(one: Callable[..., None]) -> Callable[..., None]:
-    """Return a kernel that ticks all runs that are alive by a kernel of one robot."""
-    import numba
+    # ----------------------------------------------------------- for laws in plain Python
 
-    from fpid_pin.kernels.limits import saturate
+    @property
+    def int_e(self) -> FloatArray:
+        """Int e so far, held where the effort limit would wind it up, (n,) [rad s]."""
+        return self.joints["int_e"]  # type: ignore[no-any-return]
 
-    @numba.njit(error_model="numpy")
-    def ticks(alive, joints, h, inputs, torque):  # type: ignore[no-untyped-def]
-        for r in range(alive.size):
-            if alive[r]:
-                q, v, q_ref = inputs[0, r], inputs[1, r], inputs[2, r]
-                one(joints[r], h, q, v, q_ref, inputs[3, r], inputs[4, r], torque[r])
-                saturate(joints[r], torque[r])
+    @property
+    def cut(self) -> FloatArray:
+        """By how much the last torque was cut by the effort limit, (n,) [N m]."""
+        return self.joints["cut"]  # type: ignore[no-any-return]
 
-    return ticks
+    def operator(self, order: ArrayLike, *, rate: str = "measured") -> Bank:
+        """Return a streaming fractional derivative of (n,) signals: see `fractional.Bank`."""
+        orders = checks.per_joint("order", order, self.n)
+        design = self.controller.fractional_design
+        return Bank(design, orders, step=self.step, horizon=self.horizon, rate=rate)
+
+    # ---------------------------------------------------------------- orders by hand
+
+    @property
+    def ticks_within_horizon(self) -> int:
+        """How many ticks the fractional memories are fitted for; 0: there are none."""
+        return round(self.horizon / self.step) + 1 if self.orders.size else 0

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from fpid_pin import checks
 from fpid_pin.control.adaptive_orders import adapt_orders
-from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import suggest_gains
+from fpid_pin.control.law import Controller
 from fpid_pin.control.observer_bandwidth import SUGGESTED, check_observer
-from fpid_pin.control.state import State
 from fpid_pin.descriptions import described
 
 if TYPE_CHECKING:
@@ -39,10 +37,9 @@ class SuggestedFpid(Controller):
     integral_order: float = 0.9
     derivative_order: float | None = None
     adaptive: bool = True
-    feedforward: bool = False
-    observer: float | str = 0.0
     order_learning_rate: float | str = 0.0
-    name: str = "FPID, suggested gains"
+    observer: float | str = field(default=0.0, kw_only=True)  # type: ignore[assignment]
+    name: str = field(default="FPID, suggested gains", kw_only=True)
 
     def __post_init__(self) -> None:
         value = checks.number("bandwidth", self.bandwidth, above=0.0)
@@ -72,20 +69,3 @@ class SuggestedFpid(Controller):
         if self.order_learning_rate == SUGGESTED:
             return adapt_orders(law, arm)
         return dataclasses.replace(law, order_learning_rate=self.order_learning_rate)
-
-    def lockstep_key(self) -> Hashable:
-        """See `Controller.lockstep_key`: the model's part and orders that move are other ticks."""
-        moves = bool(self.order_learning_rate)
-        return (type(self), self.feedforward, bool(self.observer), moves)
-
-    @classmethod
-    def start_many(
-        cls, controllers: Sequence[SuggestedFpid], arm: Arm, *, step: float, horizon: float
-    ) -> State:
-        """Start all `controllers` in one state; see `Controller.start_many`."""
-        # Fitted to no particular horizon: a run's gains do not depend on how long it lasts. Most
-        # populations have one description many times, and a suggestion takes a second.
-        known = {id(c): c for c in controllers}
-        laws = {key: controller.on(arm, step=step) for key, controller in known.items()}
-        each = [laws[id(c)] for c in controllers]
-        return AdaptiveFpid.start_many(each, arm, step=step, horizon=horizon)

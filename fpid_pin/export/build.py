@@ -77,18 +77,19 @@ def compare(program: Path, vectors: Path, torques: Path | None = None) -> Compar
     )
 
 
-def code_size(folder: Path) -> int | None:
-    """Return the bytes of machine code of ``fpid.c`` at -Os here; None: no way to know."""
-    tool, compile_with = shutil.which("size"), compiler()
-    if tool is None or compile_with is None:
-        return None
-    with tempfile.TemporaryDirectory() as there:
-        target = str(Path(there) / "fpid.o")
-        flags = [flag for flag in FLAGS if flag != "-O2"]
-        command = [compile_with, *flags, "-Os", "-c", str(folder / "fpid.c"), "-o", target]
-        done = subprocess.run(command, capture_output=True, check=False, timeout=_SECONDS)
-        if done.returncode:
-            return None
-        listed = subprocess.run([tool, target], capture_output=True, text=True, check=False)
-    numbers = listed.stdout.split("\n")[1].split() if listed.returncode == 0 else []
-    return int(numbers[0]) if numbers else None
+def sizes(folder: Path, flags: Sequence[str] = ()) -> tuple[str, str]:
+    """Return the bytes of code and of constants at -Os here; a dash where nobody knows them."""
+    tool, found = shutil.which("size"), []
+    for name in ("fpid", "fpid_parameters"):
+        with tempfile.TemporaryDirectory() as there:
+            target = str(Path(there) / "fpid.o")
+            own = [flag for flag in FLAGS if flag != "-O2"]
+            source = str(folder / f"{name}.c")
+            command = [compiler() or "cc", *own, *flags, "-Os", "-c", source, "-o", target]
+            done = subprocess.run(command, capture_output=True, check=False, timeout=_SECONDS)
+            if tool is None or done.returncode:
+                found.append("–")
+                continue
+            listed = subprocess.run([tool, target], capture_output=True, text=True, check=True)
+        found.append(listed.stdout.split("\n")[1].split()[0])
+    return found[0], found[1]

@@ -1,7 +1,8 @@
 """Kernels in C99: records are structs, arrays are pointers to their first element.
 
-`real_t` is double or float. Every constant is cast to it, so that no operation is made in a
-precision that was not asked for, and integers become real where they meet reals, visibly.
+`real_t` is double or float; <tgmath.h> finds the functions of either. Every constant is cast to it,
+so that no operation is made in a precision that was not asked for, and integers become real where
+they meet reals, visibly.
 """
 
 from __future__ import annotations
@@ -9,54 +10,51 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
-from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Kind, Number, Record
-from fpid_pin.export.language import (
-    ATOM,
-    COMPARISON,
-    SUM,
-    Language,
-    Parameter,
-    Value,
-    offset,
-)  # fmt: skip
+from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Bundle, Kind, Number, Record
+from fpid_pin.export.language import ATOM, COMPARISON, SUM, Language, Parameter, Value, offset
 
-#: Functions that the printed kernels call by these names. min and max are Python's, which let NaN
-#: through where it comes first and drop it where it comes second: fmin and fmax would always drop
-#: it, and a joint that has lost its numbers would look sound.
-HELPERS = """\
-#ifdef FPID_SINGLE
-#define real_sqrt sqrtf
-#define real_sin sinf
-#define real_cos cosf
-#define real_floor floorf
-#define real_abs fabsf
-#else
-#define real_sqrt sqrt
-#define real_sin sin
-#define real_cos cos
-#define real_floor floor
-#define real_abs fabs
-#endif
-static inline real_t real_min(real_t a, real_t b) { return (b < a) ? b : a; }
-static inline real_t real_max(real_t a, real_t b) { return (b > a) ? b : a; }
-static inline int int_min(int a, int b) { return (b < a) ? b : a; }
-static inline int int_max(int a, int b) { return (b > a) ? b : a; }
-static inline int int_mod(int a, int b) { return ((a % b) + b) % b; }
-/* What no int can hold becomes 0: to convert it is undefined in C. */
-static inline int real_int(real_t x) {
-    return ((x > (real_t)-2e9) && (x < (real_t)2e9)) ? (int)x : 0;
+#: Functions that printed kernels may call. min and max are Python's, which let NaN through where it
+#: comes first and drop it where it comes second: fmin and fmax would always drop it, and a joint
+#: that has lost its numbers would look sound.
+HELPERS = {
+    "real_min": "real_t real_min(real_t a, real_t b) { return (b < a) ? b : a; }",
+    "real_max": "real_t real_max(real_t a, real_t b) { return (b > a) ? b : a; }",
+    "int_min": "int int_min(int a, int b) { return (b < a) ? b : a; }",
+    "int_max": "int int_max(int a, int b) { return (b > a) ? b : a; }",
+    "int_mod": "int int_mod(int a, int b) { return ((a % b) + b) % b; }",
+    "int_floordiv": "int int_floordiv(int a, int b)"
+    " { return (a / b) - (((a % b) != 0) && ((a < 0) != (b < 0)) ? 1 : 0); }",
+    # What no int can hold becomes 0: to convert it is undefined in C.
+    "real_int": "int real_int(real_t x)"
+    " { return ((x > (real_t)-2e9) && (x < (real_t)2e9)) ? (int)x : 0; }",
+    # By squaring, as numba does it.
+    "real_ipow": """real_t real_ipow(real_t x, int k)
+{
+    real_t y = (real_t)1.0;
+    for (int i = (k < 0) ? -k : k; i > 0; i /= 2) {
+        y = ((i % 2) == 1) ? y * x : y;
+        x *= x;
+    }
+    return (k < 0) ? (real_t)1.0 / y : y;
+}""",
 }
-"""
 
 _RESERVED = """
     auto break case char const continue default do double else enum extern float for goto if
     inline int long register restrict return short signed sizeof static struct switch
     typedef union unsigned void volatile while main real_t
 """
+_TAKEN = """
+    abs acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1
+    fabs fdim floor fma fmax fmin fmod frexp gamma hypot ilogb isfinite isinf isnan j0 j1 jn ldexp
+    lgamma log log10 log1p log2 logb lrint lround modf nearbyint pow remainder rint round scalbn
+    sin sinh sqrt tan tanh tgamma trunc y0 y1 yn memcpy memset
+    all_finite
+"""
 
 
 class C99(Language):
-    """C99, or C++.
+    """C99.
 
     Parameters
     ----------
@@ -66,6 +64,7 @@ class C99(Language):
 
     equal: Mapping[str, str] = {"==": "==", "!=": "!="}
     reserved = frozenset(_RESERVED.split())
+    taken = frozenset(_TAKEN.split()) | frozenset(HELPERS)
 
     def __init__(self, prefix: str = "fpid_") -> None:
         self.prefix = prefix
@@ -76,15 +75,15 @@ class C99(Language):
 
     def real(self, value: float) -> Value:
         """See `Language`."""
-        if math.isfinite(value):
-            return Value(f"(real_t){value!r}", REAL)
-        name = "NAN" if math.isnan(value) else "INFINITY"
-        return Value(f"(real_t){name}" if not value < 0.0 else f"(-(real_t){name})", REAL)
+        text = repr(abs(value))
+        if not math.isfinite(value):
+            text = "NAN" if math.isnan(value) else "INFINITY"
+        text = f"(real_t){text}"
+        # 0 and -0 are different numbers.
+        return Value(f"(-{text})" if math.copysign(1.0, value) < 0.0 else text, REAL, known=value)
 
-    def coerce(self, value: Value, kind: Number) -> Value:
+    def convert(self, value: Value, kind: Number) -> Value:
         """See `Language`."""
-        if value.kind == kind:
-            return value
         if kind == BOOL:
             zero = self.real(0.0).text if value.kind == REAL else "0"
             return Value(f"{value.within(SUM)} != {zero}", BOOL, COMPARISON)
@@ -97,35 +96,32 @@ class C99(Language):
         """Return the name of a type, a pointer's without its star."""
         if isinstance(kind, Array):
             return self.type_of(kind.element)
-        if isinstance(kind, Record):
+        if isinstance(kind, (Record, Bundle)):
             return self.prefix + kind.name
         return "real_t" if kind == REAL else "int"
 
     def field(self, record: Value, name: str, place: int, kind: Number) -> Value:
         """See `Language`."""
+        name = self.name(name)
         dot = f"{record.text[1:]}.{name}" if record.text.startswith("&") else ""
         return Value(dot or f"{record.text}->{name}", kind, ATOM, record.roots)
 
-    def element(self, array: Value, index: Sequence[Value]) -> Value:
+    def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
         """See `Language`."""
-        kind = array.kind
-        assert isinstance(kind, Array)
-        text = f"{_base(array)}[{offset(kind, index).text}]"
-        if len(index) < len(kind.shape):
-            row = Array(kind.element, kind.shape[len(index) :])
-            return Value(f"&{text}", row, ATOM, array.roots)
-        if isinstance(kind.element, Record):
-            return Value(f"&{text}", kind.element, ATOM, array.roots)
-        return Value(text, kind.element, ATOM, array.roots)
+        assert isinstance(array.kind, Array)
+        base = f"({array.text})" if array.text.startswith("&") else array.text
+        text = f"{base}[{offset(array.kind, index).text}]"
+        return Value(text if isinstance(kind, Number) else f"&{text}", kind, ATOM, array.roots)
 
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
         """See `Language`."""
         given = ", ".join(argument.text for argument in arguments)
-        if name == "isfinite":
-            return Value(f"isfinite({given}) != 0", BOOL, COMPARISON)
-        if name == "int":
-            return Value(f"real_int({given})", INT)
-        return Value(f"{'int' if kind == INT else 'real'}_{name}({given})", kind)
+        if kind == BOOL:
+            return Value(f"{name}({given}) != 0", BOOL, COMPARISON)
+        if name in ("min", "max", "mod", "floordiv"):
+            return Value(f"{'int' if kind == INT else 'real'}_{name}({given})", kind)
+        own = {"abs": "fabs", "int": "real_int", "ipow": "real_ipow"}
+        return Value(f"{own.get(name, name)}({given})", kind)
 
     def declare(self, name: str, kind: Kind, fixed: bool) -> str:
         """See `Language`."""
@@ -148,10 +144,12 @@ class C99(Language):
         """Return the types of records."""
         parts = []
         for record in records:
-            lines = [f"    {self.type_of(kind)} {name};" for name, kind in record.fields]
-            parts.append("\n".join(["typedef struct {", *lines, f"}} {self.prefix}{record.name};"]))
+            lines = [f"    {self.type_of(kind)} {self.name(name)};" for name, kind in record.kept]
+            parts.append("\n".join(["typedef struct {", *lines, f"}} {self.type_of(record)};"]))
         return "\n\n".join(parts) + "\n"
 
 
-def _base(array: Value) -> str:
-    return f"({array.text})" if array.text.startswith("&") else array.text
+def helpers(text: str) -> str:
+    """Return the helpers that some functions call: a strict compiler refuses others."""
+    used = [helper for name, helper in HELPERS.items() if f"{name}(" in text]
+    return "".join(f"static inline {helper}\n" for helper in used)

@@ -19,7 +19,8 @@ int main(void)
     int status = FPID_OK;
     fpid_reset(&state);
     for (int k = 0; (k < 2000) && (status == FPID_OK); ++k) {
-        /* On a robot: read the encoders into q and v, the trajectory into q_ref, v_ref, a_ref. */
+        /* On a robot: read the encoders into q and v, the trajectory into q_ref, v_ref, a_ref.
+           Neither angles nor references may jump by a turn where an encoder begins again. */
         for (int j = 0; j < FPID_JOINTS; ++j) {
             input.q_ref[j] = (real_t)0.1;
         }

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import math
+import re
 import zlib
-from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fpid_pin._version import __version__
-from fpid_pin.export.c99 import C99, HELPERS
+from fpid_pin.export.c99 import C99, helpers
 from fpid_pin.export.c_templates import HEADER, PARAMETERS, SOURCE
-from fpid_pin.export.kinds import INT, REAL, Number, Record
-from fpid_pin.export.language import product
-from fpid_pin.export.parts import INPUTS, Law, Part
+from fpid_pin.export.kinds import REAL, Array, Number, Record
+from fpid_pin.export.law import INPUTS, bundle, real, stand_ins
 from fpid_pin.export.printer import Program
+
+if TYPE_CHECKING:
+    from fpid_pin.control.state import State
 
 _LANGUAGE = C99()
 _WIDTH = 100
+#: Arrays of a controller that no tick writes to.
+_FIXED = ("poles", "table", "bodies", "gravity")
+#: What is rounded in one way here and in another there.
+_INEXACT = re.compile(r"\b(exp|expm1|log|log1p|pow|\w*sin|\w*cos|\w*tan|\w*[sc]?anh|hypot)\w*\(")
 
 
 class CSource:
@@ -25,123 +32,99 @@ class CSource:
 
     Parameters
     ----------
-    law
-        See `parts.law_of`.
-    step
-        Sampling period [s].
+    state
+        At t = 0: see `law.start`.
 
     Attributes
     ----------
     header, source, parameters
         Of ``fpid.h``, ``fpid.c`` and ``fpid_parameters.c``.
+    exact
+        Whether it has only operations in it whose bits are the same everywhere.
     """
 
-    def __init__(self, law: Law, step: float) -> None:
-        self._law, self._step = law, step
-        program = Program(_LANGUAGE)
-        self._tick = [
-            f"    {program.add(call.kernel, [law.kind(a) for a in call.arguments])}"
-            f"({', '.join(self._argument(a) for a in call.arguments)});"
-            for call in law.calls
+    def __init__(self, state: State) -> None:
+        from fpid_pin.kernels import tick
+
+        n = state.n
+        texts = {name: f"{{}}->{name}" for name in state.c._fields}
+        texts |= {name: f"fpid_{name}" for name in _FIXED} | {"numbers": "((real_t *){}->joints)"}
+        arrays = bundle("state", state.c, texts, record=state.record)
+        program = Program(_LANGUAGE, stand_ins(state.controller))
+        given = {"c": "state", "inputs": "inputs", "torque": "output->torque"}
+        calls = []
+        for kernel, kinds in (
+            (tick.signals, [real(INPUTS, n)]), (tick.ask_model, [real(INPUTS, n)]),
+            (tick.torques, [real(n)]), (tick.adapt, []),
+        ):  # fmt: skip
+            part = program.add(kernel, [arrays, *kinds])
+            arguments = ", ".join(given[p.name] for p in part.parameters if p.taken)
+            calls.append(f"    {part.name}({arguments});")
+        text = program.text
+        used = set(re.findall(r"(?:->|\bfpid_)(\w+)", text)) | {"robot", "joints"}
+        #: Name, kind and values of the arrays that are used.
+        self._arrays = [
+            (name, kind, state.joints if name == "joints" else getattr(state.c, name))
+            for name, kind, _ in arrays.members
+            if name in used - {"numbers"} and getattr(state.c, name).size
         ]
-        # What is only given on is no argument's type.
-        for part in law.parts:
-            if isinstance(part.element, Record):
-                program.records.setdefault(part.element.name, part.element)
-        self._program = program
-        self.parameters = self._parameters()
-        self.stamp = zlib.crc32((self.parameters + program.text).encode()) & 0x7FFFFFFF
-        #: Whether it has no sine or cosine in it, so that its bits are the same everywhere.
-        self.exact = "real_sin(" not in program.text and "real_cos(" not in program.text
-        self.header, self.source = self._header(), self._source()
-
-    @property
-    def records(self) -> Iterable[Record]:
-        """The structs."""
-        return self._program.records.values()
-
-    def _argument(self, argument: str | float) -> str:
-        if not isinstance(argument, str):
-            return _LANGUAGE.number(argument).text
-        name, _, row = argument.partition("[")
-        if name == "inputs":
-            place = product((int(row[:-1]), "FPID_JOINTS")).text if row else ""
-            return f"&inputs[{place}]" if place and row != "0]" else "inputs"
-        if name == "torque":
-            return "output->torque"
-        part = self._law.part(name)
-        if part.fixed:
-            return f"&fpid_{name}" if not part.shape else f"fpid_{name}"
-        return f"state->{name}"
-
-    # ------------------------------------------------------------------ files
-
-    def _header(self) -> str:
-        law = self._law
-        extents = "\n".join(f"#define {name} {value}" for name, value in law.extents.items())
-        moving = "\n".join(
-            f"    {_type(part)} {part.name}{_extent(part)};" for part in law.parts if not part.fixed
+        self.exact = _INEXACT.search(text) is None
+        constants = [part for part in self._arrays if part[0] in _FIXED or np.any(_flat(part[2]))]
+        self.parameters = PARAMETERS.format(
+            version=__version__,
+            constants="\n".join(
+                f"const {_declared(name, kind)} = {_values(kind, values)};\n"
+                for name, kind, values in constants
+            ),
         )
-        constants = "\n".join(
-            f"extern const {_type(part)} {_constant(part)}{_extent(part)};"
-            for part in law.parts
-            if part.values is not None
-        )
-        return HEADER.format(
-            version=__version__, step=repr(float(self._step)), extents=extents, stamp=self.stamp,
-            structs=_LANGUAGE.structs(self.records), moving=moving, constants=constants,
+        stamp = zlib.crc32((self.parameters + text).encode()) & 0x7FFFFFFF
+        moving = [(name, kind) for name, kind, _ in self._arrays if name not in _FIXED]
+        elements = [kind.element for _, kind, _ in self._arrays]
+        records = {e.name: e for e in elements if isinstance(e, Record)}
+        self.header = HEADER.format(
+            version=__version__, step=repr(float(state.step)), n=n, stamp=stamp,
+            structs=_LANGUAGE.structs(records.values()),
+            moving="\n".join(
+                f"    {_LANGUAGE.type_of(kind)} {name}{_extent(kind)};" for name, kind in moving
+            ),
+            constants="\n".join(
+                f"extern const {_declared(name, kind)};" for name, kind, _ in constants
+            ),
+        )  # fmt: skip
+        self.source = SOURCE.format(
+            version=__version__, inputs=INPUTS, helpers=helpers(text), functions=text,
+            tick="\n".join(calls),
+            reset="\n".join(
+                f"    memcpy(state->{name}, fpid_{name}_0, sizeof fpid_{name}_0);"
+                for name, _, _ in constants
+                if name not in _FIXED
+            ),
         )  # fmt: skip
 
-    def _source(self) -> str:
-        reset = [line for part in self._law.parts if not part.fixed for line in _reset(part)]
-        return SOURCE.format(
-            version=__version__, helpers=HELPERS, functions=self._program.text,
-            reset="\n".join(reset), tick="\n".join(self._tick), inputs=INPUTS,
-        )  # fmt: skip
 
-    def _parameters(self) -> str:
-        parts = [
-            f"const {_type(part)} {_constant(part)}{_extent(part)} = {_values(part)};\n"
-            for part in self._law.parts
-            if part.values is not None
-        ]
-        return PARAMETERS.format(version=__version__, constants="\n".join(parts))
+def _flat(values: Any) -> Any:
+    """Return all numbers of an array."""
+    names = values.dtype.names
+    return values if names is None else np.array([values[name] for name in names])
 
 
-def _type(part: Part) -> str:
-    return _LANGUAGE.type_of(part.element)
+def _declared(name: str, kind: Array) -> str:
+    """Return the declaration of a constant: an array, or its contents at t = 0."""
+    start = "" if name in _FIXED else "_0"
+    return f"{_LANGUAGE.type_of(kind)} fpid_{name}{start}{_extent(kind)}"
 
 
-def _constant(part: Part) -> str:
-    return f"fpid_{part.name}" if part.fixed else f"fpid_{part.name}_0"
+def _extent(kind: Array) -> str:
+    return f"[{math.prod(extent or 0 for extent in kind.shape)}]"
 
 
-def _extent(part: Part) -> str:
-    return f"[{product(part.shape).text}]" if part.shape else ""
-
-
-def _reset(part: Part) -> list[str]:
-    """Return the lines that set a part of the state to what it is at t = 0."""
-    loop = f"    for (int i = 0; i < {product(part.shape).text}; ++i) {{"
-    if part.values is not None:
-        return [loop, f"        state->{part.name}[i] = {_constant(part)}[i];", "    }"]
-    if isinstance(part.element, Record):
-        none = f"none_{part.element.name}"
-        before = f"    static const {_type(part)} {none} = {{0}};"
-        return [before, loop, f"        state->{part.name}[i] = {none};", "    }"]
-    return [loop, f"        state->{part.name}[i] = {_LANGUAGE.real(0.0).text};", "    }"]
-
-
-def _values(part: Part) -> str:
+def _values(kind: Array, values: Any) -> str:
     """Return the initial values of a constant, an element a line."""
-    flat = np.asarray(part.values).reshape(-1)
-    if isinstance(part.element, Record):
-        rows = [_row([_number(one[name], kind) for name, kind in part.element.fields])
-                for one in flat]  # fmt: skip
-    else:
-        numbers = [_number(one, part.element) for one in flat]
-        return "{\n" + _wrapped(numbers, "    ") + "\n}"
-    return rows[0] if not part.shape else "{\n" + ",\n".join(rows) + "\n}"
+    flat = np.asarray(values).reshape(-1)
+    if not isinstance(kind.element, Record):
+        return "{\n" + _wrapped([_number(one, REAL) for one in flat], "    ") + "\n}"
+    fields = kind.element.kept
+    return "{\n" + ",\n".join(_row([_number(one[f], k) for f, k in fields]) for one in flat) + "\n}"
 
 
 def _row(numbers: list[str]) -> str:
@@ -161,7 +144,6 @@ def _wrapped(numbers: list[str], indent: str) -> str:
 
 def _number(value: Any, kind: Number) -> str:
     if kind != REAL:
-        assert kind == INT or value in (0, 1)
         return str(int(value))
     value = float(value)
     if np.isfinite(value):

@@ -24,7 +24,7 @@ typedef double real_t;
 #endif
 
 #define FPID_STEP {step} /* [s] */
-{extents}
+#define FPID_JOINTS {n}
 
 #define FPID_OK 0
 /* An input is NaN or infinite: state and output are as before. */
@@ -79,7 +79,8 @@ int fpid_restore(fpid_state *state, const fpid_state *saved);
 SOURCE = """\
 /* The kernels of fpid_pin {version}, printed; what each is for stands above it. Compile with
  * -ffp-contract=off (and without -ffast-math) for the bits of the simulation. */
-#include <math.h>
+#include <string.h>
+#include <tgmath.h>
 
 #include "fpid.h"
 
@@ -87,14 +88,25 @@ SOURCE = """\
 {functions}
 void fpid_reset(fpid_state *state)
 {{
+    /* All bits zero is the number zero. */
+    memset(state, 0, sizeof *state);
     state->stamp = FPID_STAMP;
 {reset}
+}}
+
+static int all_finite(const real_t *numbers, int count)
+{{
+    for (int i = 0; i < count; ++i) {{
+        if (isfinite(numbers[i]) == 0) {{
+            return 0;
+        }}
+    }}
+    return 1;
 }}
 
 int fpid_step(fpid_state *state, const fpid_input *input, fpid_output *output)
 {{
     real_t inputs[{inputs} * FPID_JOINTS];
-    int sound = 1;
     for (int j = 0; j < FPID_JOINTS; ++j) {{
         inputs[j] = input->q[j];
         inputs[FPID_JOINTS + j] = input->v[j];
@@ -102,17 +114,11 @@ int fpid_step(fpid_state *state, const fpid_input *input, fpid_output *output)
         inputs[3 * FPID_JOINTS + j] = input->v_ref[j];
         inputs[4 * FPID_JOINTS + j] = input->a_ref[j];
     }}
-    for (int i = 0; i < {inputs} * FPID_JOINTS; ++i) {{
-        sound = (sound != 0) && (isfinite(inputs[i]) != 0);
-    }}
-    if (sound == 0) {{
+    if (all_finite(inputs, {inputs} * FPID_JOINTS) == 0) {{
         return FPID_BAD_INPUT;
     }}
 {tick}
-    for (int j = 0; j < FPID_JOINTS; ++j) {{
-        sound = (sound != 0) && (isfinite(output->torque[j]) != 0);
-    }}
-    return (sound != 0) ? FPID_OK : FPID_BAD_TORQUE;
+    return (all_finite(output->torque, FPID_JOINTS) != 0) ? FPID_OK : FPID_BAD_TORQUE;
 }}
 
 int fpid_restore(fpid_state *state, const fpid_state *saved)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Sequence
-from typing import Any
+import math
+import operator
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Kind, Number, Record, joined
+from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Bundle, Kind, Number, Record, joined
 from fpid_pin.export.language import (
     AND,
     CHOICE,
@@ -17,19 +19,25 @@ from fpid_pin.export.language import (
     UNARY,
     Language,
     Value,
-    product,
 )  # fmt: skip
 from fpid_pin.export.source import Source, is_kernel
 
+if TYPE_CHECKING:
+    from fpid_pin.export.printer import Program
+
 _ARITHMETIC = {
     ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT), ast.Div: ("/", PRODUCT),
+    ast.BitAnd: ("&", AND),
 }  # fmt: skip
 _COMPARE = {ast.Gt: ">", ast.Lt: "<", ast.GtE: ">=", ast.LtE: "<=", ast.Eq: "==", ast.NotEq: "!="}
-_MATH = {"sqrt", "sin", "cos", "floor", "isfinite"}
-
-#: Prints a kernel for the kinds that it is called with; returns its name, what it returns, and
-#: which of its arguments it writes to.
-Caller = Callable[[Any, Sequence[Kind], ast.AST, Source], tuple[str, Kind | None, list[bool]]]
+_FOLDED = {
+    "+": operator.add, "-": operator.sub, "*": operator.mul, ">": operator.gt, "<": operator.lt,
+    ">=": operator.ge, "<=": operator.le, "==": operator.eq, "!=": operator.ne, "&": operator.and_,
+}  # fmt: skip
+_MATH = """
+    sqrt exp expm1 log log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh hypot floor ceil
+    fabs copysign isfinite isnan
+"""
 
 
 class Expressions:
@@ -39,20 +47,18 @@ class Expressions:
     ----------
     kinds
         Of the variables, as far as is known.
-    written, used
-        Names of variables through which memory is written; that are looked at.
+    fixed
+        Values of variables that are constants.
+    written
+        Names of variables through which memory is written.
     """
 
-    def __init__(self, source: Source, language: Language, calls: Caller) -> None:
-        self.source, self.language, self._calls = source, language, calls
+    def __init__(self, source: Source, language: Language, program: Program) -> None:
+        self.source, self.language, self._program = source, language, program
         self.kinds: dict[str, Kind] = {}
         self.roots: dict[str, frozenset[str]] = {}
+        self.fixed: dict[str, Value] = {}
         self.written: set[str] = set()
-        self.used: set[str] = set()
-
-    def name(self, name: str) -> str:
-        """Return how a variable is called, where the language has taken its name."""
-        return f"{name}_v" if name in self.language.reserved else name
 
     def refuse(self, node: ast.AST, what: str) -> Exception:
         """Return the error that says what cannot be printed, and where."""
@@ -87,43 +93,65 @@ class Expressions:
         return self.language.number(node.value)
 
     def _name(self, node: ast.Name) -> Value:
+        if node.id in self.fixed:
+            return self.fixed[node.id]
         if node.id in self.kinds:
-            self.used.add(node.id)
             roots = self.roots.get(node.id, frozenset()) | {node.id}
-            return Value(self.name(node.id), self.kinds[node.id], roots=roots)
+            return Value(self.language.name(node.id), self.kinds[node.id], roots=roots)
         known = self.source.globals.get(node.id)
         if isinstance(known, (bool, int, float)):
             return self.language.number(known)
         raise self.refuse(node, f"{node.id}: expected a number or a variable that has a value")
 
     def _binop(self, node: ast.BinOp) -> Value:
-        if isinstance(node.op, ast.Mod):
+        if isinstance(node.op, (ast.Mod, ast.FloorDiv)):
             given = [self._whole(node.left), self._whole(node.right)]
-            return self.language.call("mod", given, INT)
+            name = "mod" if isinstance(node.op, ast.Mod) else "floordiv"
+            return self.language.call(name, given, INT)
+        if isinstance(node.op, ast.Pow):
+            base, power = self.number(node.left, REAL), self.number(node.right)
+            if power.kind == INT:
+                return self.language.call("ipow", [base, power], REAL)
+            return self.language.call("pow", [base, self.language.coerce(power, REAL)], REAL)
         if type(node.op) not in _ARITHMETIC:
             raise self.refuse(node, ast.unparse(node))
         sign, rank = _ARITHMETIC[type(node.op)]
-        left, right = self.number(node.left), self.number(node.right)
+        each = self._whole if sign == "&" else self.number
+        left, right = each(node.left), each(node.right)
         # A quotient of integers is a real number in Python.
         kind = REAL if sign == "/" else joined(_number(left), joined(_number(right), INT))
         left, right = self.language.coerce(left, kind), self.language.coerce(right, kind)
+        if kind == INT and left.known is not None and right.known is not None:
+            return self.language.number(_FOLDED[sign](left.known, right.known))
         return Value(f"{left.within(rank)} {sign} {right.within(rank + 1)}", kind, rank)
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
             truth = self.number(node.operand, BOOL)
+            if truth.known is not None:
+                return self.language.number(not truth.known)
             return Value(f"!{truth.within(UNARY)}", BOOL, UNARY)
         if not isinstance(node.op, ast.USub):
             raise self.refuse(node, ast.unparse(node))
         value = self.number(node.operand)
         value = self.language.coerce(value, joined(_number(value), INT))
+        if value.kind == INT and value.known is not None:
+            return self.language.number(-value.known)
         return Value(f"-{value.within(UNARY + 1)}", value.kind, UNARY)
 
     def _boolop(self, node: ast.BoolOp) -> Value:
-        sign, rank = ("&&", AND) if isinstance(node.op, ast.And) else ("||", OR)
+        ends = isinstance(node.op, ast.Or)
+        sign, rank = ("||", OR) if ends else ("&&", AND)
+        parts = [self.number(value, BOOL) for value in node.values]
+        decided = next((k for k, part in enumerate(parts) if part.known is ends), None)
+        # A call before it is made all the same.
+        if decided is not None and not any(map(_calls, node.values[:decided])):
+            return self.language.number(ends)
+        parts = [part for part in parts if part.known is not (not ends)]
+        if len(parts) < 2:
+            return parts[0] if parts else self.language.number(not ends)
         # A compiler wants parentheses around && within ||.
-        parts = [self.number(value, BOOL).within(COMPARISON) for value in node.values]
-        return Value(f" {sign} ".join(parts), BOOL, rank)
+        return Value(f" {sign} ".join(part.within(COMPARISON) for part in parts), BOOL, rank)
 
     def _compare(self, node: ast.Compare) -> Value:
         if len(node.ops) > 1 or type(node.ops[0]) not in _COMPARE:
@@ -132,11 +160,15 @@ class Expressions:
         sign = _COMPARE[type(node.ops[0])]
         kind = joined(_number(left), joined(_number(right), INT))
         left, right = self.language.coerce(left, kind), self.language.coerce(right, kind)
+        if left.known is not None and right.known is not None:
+            return self.language.number(bool(_FOLDED[sign](left.known, right.known)))
         sign = self.language.equal.get(sign, sign)
         return Value(f"{left.within(SUM)} {sign} {right.within(SUM)}", BOOL, COMPARISON)
 
     def _ifexp(self, node: ast.IfExp) -> Value:
         test = self.number(node.test, BOOL)
+        if test.known is not None:
+            return self.number(node.body if test.known else node.orelse)
         yes, no = self.number(node.body), self.number(node.orelse)
         kind = joined(_number(yes), _number(no))
         yes, no = self.language.coerce(yes, kind), self.language.coerce(no, kind)
@@ -146,21 +178,32 @@ class Expressions:
     # ------------------------------------------------------------------ memory
 
     def _attribute(self, node: ast.Attribute) -> Value:
+        name = node.attr
+        if ast.unparse(node.value) == "math" and isinstance(getattr(math, name, None), float):
+            return self.language.number(getattr(math, name))
         record = self.value(node.value)
-        if isinstance(record.kind, Array) and node.attr == "size":
+        if isinstance(record.kind, Array) and name == "size":
             return self._extent(node, record.kind, slice(None))
+        if isinstance(record.kind, Bundle):
+            found = [member for member in record.kind.members if member[0] == name]
+            if not found:
+                raise self.refuse(node, f"{name} is no array of {record.kind}")
+            return Value(found[0][2].format(record.text), found[0][1], roots=record.roots)
         if not isinstance(record.kind, Record):
             raise self.refuse(node, ast.unparse(node))
-        place = record.kind.place(node.attr)
+        place = record.kind.place(name)
         if place is None:
-            raise self.refuse(node, f"{node.attr} is no field of {record.kind}")
-        return self.language.field(record, node.attr, place, record.kind.fields[place][1])
+            raise self.refuse(node, f"{name} is no field of {record.kind}")
+        known = dict(record.kind.constants).get(name)
+        if known is not None:
+            return self.language.number(known)
+        return self.language.field(record, name, place, record.kind.fields[place][1])
 
     def _extent(self, node: ast.AST, array: Array, part: slice) -> Value:
         extents = array.shape[part]
         if None in extents:
             raise self.refuse(node, "the size of a slice")
-        return product(extents)
+        return self.language.number(math.prod(extent or 0 for extent in extents))
 
     def _subscript(self, node: ast.Subscript) -> Value:
         asked = node.value
@@ -176,19 +219,26 @@ class Expressions:
         index = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if len(index) > len(array.kind.shape):
             raise self.refuse(node, f"more indices than dimensions: {ast.unparse(node)}")
-        if isinstance(index[0], ast.Slice) and len(index) == 1:
-            return self._rows(node, array, index[0])
+        if any(isinstance(k, ast.Slice) for k in index):
+            return self._part(node, array, index)
         return self.language.element(array, [self._whole(k) for k in index])
 
-    def _rows(self, node: ast.AST, array: Value, rows: ast.Slice) -> Value:
-        """Translate a slice of rows: an array that begins further on."""
-        assert isinstance(array.kind, Array)
-        if rows.step is not None or rows.lower is None or len(array.kind.shape) < 2:
-            raise self.refuse(node, "a slice that is not one of whole rows, first:last")
-        row = self.language.element(array, [self._whole(rows.lower)])
-        assert isinstance(row.kind, Array)
-        kind = Array(row.kind.element, (None, *row.kind.shape))
-        return Value(row.text, kind, row.rank, row.roots)
+    def _part(self, node: ast.AST, array: Value, index: Sequence[ast.expr]) -> Value:
+        """Translate ``x[first:last]`` or ``x[:, first:last]``: an array that begins further on."""
+        kind, part = array.kind, index[-1]
+        assert isinstance(kind, Array)
+        columns = [ast.unparse(k) for k in index[:-1]] == [":"]
+        if not isinstance(part, ast.Slice) or part.step or not (columns or len(index) == 1):
+            raise self.refuse(node, "a slice that is not one of rows or of columns, first:last")
+        zero, axis = self.language.number(0), 1 if columns else 0
+        first = zero if part.lower is None else self._whole(part.lower)
+        last = None if part.upper is None else self._whole(part.upper).known
+        end = kind.shape[axis] if part.upper is None else last
+        extent = None if end is None or first.known is None else int(end - first.known)
+        shape = (*kind.shape[:axis], extent, *kind.shape[axis + 1 :])
+        pitch = (kind.pitch or kind.shape[1]) if columns else kind.pitch
+        at = [zero, first] if columns else [first]
+        return self.language.element(array, at, Array(kind.element, shape, pitch))
 
     # ------------------------------------------------------------------ calls
 
@@ -204,23 +254,23 @@ class Expressions:
             raise self.refuse(node, f"arguments other than plain ones: {ast.unparse(node)}")
         name = ast.unparse(node.func)
         if isinstance(node.func, ast.Attribute):
-            if not name.startswith("math.") or node.func.attr not in _MATH:
+            if not name.startswith("math.") or node.func.attr not in _MATH.split():
                 raise self.refuse(node, name)
-            kind = BOOL if node.func.attr == "isfinite" else REAL
+            kind = BOOL if node.func.attr.startswith("is") else REAL
             given = [self.number(argument, REAL) for argument in node.args]
             return self.language.call(node.func.attr, given, kind)
         if name in ("min", "max", "abs", "int") and name not in self.source.globals:
             return self._builtin(node, name)
-        kernel = self.source.globals.get(name)
+        kernel, arguments = self._program.instead(self.source.globals.get(name), node.args)
         if name in self.kinds or not is_kernel(kernel):
             raise self.refuse(node, f"{name}() is no kernel")
-        values = [self.value(argument) for argument in node.args]
-        called, kind_, writes = self._calls(kernel, [v.kind for v in values], node, self.source)
-        for value, written in zip(values, writes, strict=True):
-            if written:
-                self.written |= value.roots
-        text = f"{called}({', '.join(value.text for value in values)})"
-        return text if kind_ is None else Value(text, kind_)
+        values = [self.value(argument) for argument in arguments]
+        kinds = [value.kind for value in values]
+        printed = self._program.add(kernel, kinds, node, self.source)
+        taken = [(v, p) for v, p in zip(values, printed.parameters, strict=True) if p.taken]
+        self.written.update(*(v.roots for v, p in taken if p.written))
+        text = f"{printed.name}({', '.join(v.text for v, _ in taken)})"
+        return text if printed.returns is None else Value(text, printed.returns)
 
     def _builtin(self, node: ast.Call, name: str) -> Value:
         given = [self.number(argument) for argument in node.args]
@@ -233,6 +283,11 @@ class Expressions:
         for value in given:
             kind = joined(kind, _number(value)) if value.kind != BOOL else kind
         return self.language.call(name, [self.language.coerce(v, kind) for v in given], kind)
+
+
+def _calls(node: ast.expr) -> bool:
+    """Return whether an expression has a call in it, which may write."""
+    return any(isinstance(part, ast.Call) for part in ast.walk(node))
 
 
 def _number(value: Value) -> Number:

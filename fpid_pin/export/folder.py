@@ -13,10 +13,10 @@ from fpid_pin.control import Controller
 from fpid_pin.exceptions import ExportError, FileFormatError
 from fpid_pin.export import c_extras, vectors
 from fpid_pin.export.c_source import CSource
-from fpid_pin.export.operations import operations
-from fpid_pin.export.parts import law_of
+from fpid_pin.export.law import start
 from fpid_pin.export.readme import readme
 from fpid_pin.files import discard, hidden_beside, kind_of, make_folder, sweep, sync, sync_tree
+from fpid_pin.references import Hold
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 
 #: Of test vectors: some hundred megabytes.
 MOST_TICKS = 1_000_000
-#: Ticks over which operations are counted, line by line, in Python.
-_COUNTED = 20
 
 
 def export_c(
@@ -44,8 +42,7 @@ def export_c(
     Parameters
     ----------
     controller
-        An `AdaptiveFpid` with whatever it has, a `ComputedTorque`, or a law of one's own that is a
-        kernel.
+        Any law by its functions (`Controller`'s first two forms), with whatever it has.
     arm
         The nominal arm: its joints, effort limits, and its model where the law uses it.
     step
@@ -72,8 +69,8 @@ def export_c(
     Raises
     ------
     ExportError
-        A folder that exists, too many joints, a law without kernel, or a kernel that cannot be
-        printed.
+        A folder that exists, too many joints, a law in plain Python, or one with a line that has no
+        counterpart in C.
     ArgumentError
         A design without modes.
     """
@@ -84,8 +81,8 @@ def export_c(
     ticks = checks.integer("ticks", ticks, low=1, high=MOST_TICKS)
     checks.instance("controller", controller, Controller, "a controller")
     controller = controller.on(arm, step=step, horizon=horizon)
-    law = law_of(controller, arm, step, horizon)
-    source = CSource(law, step)
+    state = start(controller, arm, step, horizon)
+    source = CSource(state)
     ticks = min(ticks, round(horizon / step))
     if experiment is None:
         inputs = vectors.signals(arm, step, ticks)
@@ -106,8 +103,7 @@ def export_c(
         write_sources(source, temporary)
         proof.write(temporary / "vectors.bin")
         (temporary / "controller.toml").write_text(made_by, encoding="utf-8")
-        count = operations(law, inputs[:_COUNTED])
-        text = readme(law, temporary, step, horizon, count, source.exact)
+        text = readme(state, temporary, source.exact)
         (temporary / "README.md").write_text(text, encoding="utf-8")
         sync_tree(temporary)
         os.rename(temporary, path)
@@ -137,11 +133,12 @@ def write_sources(source: CSource, folder: Path) -> None:
 def _toml(controller: Controller, arm: Arm, step: float, horizon: float) -> str:
     import tomli_w
 
+    rest = Hold(tuple(arm.home.tolist()))
     table = {
         "format": 1,
         "arm": descriptions.to_dict(arm),
+        "reference": descriptions.to_dict(rest),
         "simulation": {"step": step},
-        "export": {"horizon": horizon},
         "controller": [descriptions.to_dict(controller)],
     }
-    return tomli_w.dumps(table)
+    return f"# Exported with --horizon {horizon:g}.\n{tomli_w.dumps(table)}"

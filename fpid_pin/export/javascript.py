@@ -7,10 +7,9 @@ operation everywhere. `kinds.words` gives what belongs into the memory.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 
-from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Kind, Number, Record
+from fpid_pin.export.kinds import BOOL, REAL, Array, Kind, Number
 from fpid_pin.export.language import (
     ATOM,
     CHOICE,
@@ -30,16 +29,26 @@ HELPERS = """\
 const min = (a, b) => (b < a ? b : a);
 const max = (a, b) => (b > a ? b : a);
 const mod = (a, b) => ((a % b) + b) % b;
-const whole = (x) => (Math.abs(x) < 2e9 ? Math.trunc(x) : 0);
+const floordiv = (a, b) => Math.floor(a / b);
+const int = (x) => (Math.abs(x) < 2e9 ? Math.trunc(x) : 0);
+const copysign = (a, b) => (b < 0 || Object.is(b, -0) ? -Math.abs(a) : Math.abs(a));
+const ipow = (x, k) => {
+  let y = 1;
+  for (let i = Math.abs(k); i > 0; i >>= 1) {
+    if (i & 1) y *= x;
+    x *= x;
+  }
+  return k < 0 ? 1 / y : y;
+};
 """
 
-_MATH = {"abs": "Math.abs", "isfinite": "Number.isFinite"}
+_OWN = frozenset({"min", "max", "mod", "floordiv", "int", "copysign", "ipow"})
+_MATH = {"fabs": "Math.abs", "isfinite": "Number.isFinite", "isnan": "Number.isNaN"}
 _RESERVED = """
     arguments await break case catch class const continue debugger default delete do else
     enum eval export extends false finally for function if implements import in instanceof
     interface let new null package private protected public return static super switch this
-    throw true try typeof undefined var void while with yield M min max mod whole Math
-    Number NaN Infinity
+    throw true try typeof undefined var void while with yield M Math Number NaN Infinity Object
 """
 
 
@@ -47,7 +56,7 @@ class JavaScript(Language):
     """ECMAScript 2015."""
 
     equal: Mapping[str, str] = {"==": "===", "!=": "!=="}
-    reserved = frozenset(_RESERVED.split())
+    reserved = frozenset(_RESERVED.split()) | _OWN
 
     def truth(self, value: bool) -> str:
         """See `Language`."""
@@ -55,15 +64,11 @@ class JavaScript(Language):
 
     def real(self, value: float) -> Value:
         """See `Language`."""
-        if math.isnan(value):
-            return Value("NaN", REAL)
-        text = repr(value).replace("inf", "Infinity")
-        return Value(text, REAL, UNARY if text.startswith("-") else ATOM)
+        text = repr(value).replace("inf", "Infinity").replace("nan", "NaN")
+        return Value(text, REAL, UNARY if text.startswith("-") else ATOM, known=value)
 
-    def coerce(self, value: Value, kind: Number) -> Value:
+    def convert(self, value: Value, kind: Number) -> Value:
         """See `Language`."""
-        if value.kind == kind:
-            return value
         if kind == BOOL:
             return Value(f"{value.within(SUM)} !== 0", BOOL, COMPARISON)
         if value.kind == BOOL:
@@ -72,29 +77,31 @@ class JavaScript(Language):
 
     def field(self, record: Value, name: str, place: int, kind: Number) -> Value:
         """See `Language`."""
-        return _read(f"{record.within(SUM)} + {place} /* {name} */", kind, record)
+        at = record.text
+        # A place that is known to the last digit needs no sum.
+        at = str(int(at) + place) if at.isdigit() else f"{record.within(SUM)} + {place}"
+        return Value(f"M[{at} /* {name} */]", kind, ATOM, record.roots)
 
-    def element(self, array: Value, index: Sequence[Value]) -> Value:
+    def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
         """See `Language`."""
-        kind = array.kind
-        assert isinstance(kind, Array)
-        at = offset(kind, index, stride_of(kind.element))
-        text = array.text if at.text == "0" else f"{array.within(SUM)} + {at.within(SUM)}"
-        rank = array.rank if at.text == "0" else SUM
-        if len(index) < len(kind.shape):
-            return Value(text, Array(kind.element, kind.shape[len(index) :]), rank, array.roots)
-        if isinstance(kind.element, Record):
-            return Value(text, kind.element, rank, array.roots)
-        return _read(text, kind.element, array)
+        assert isinstance(array.kind, Array)
+        at = offset(array.kind, index, stride_of(array.kind.element))
+        if at.text.isdigit() and array.text.isdigit():
+            place = Value(str(int(array.text) + int(at.text)), kind, ATOM, array.roots)
+        elif at.text == "0":
+            place = Value(array.text, kind, array.rank, array.roots)
+        else:
+            text = f"{array.within(SUM)} + {at.within(SUM)}"
+            place = Value(text, kind, SUM, array.roots)
+        if isinstance(kind, Number):
+            return Value(f"M[{place.text}]", kind, ATOM, array.roots)
+        return place
 
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
         """See `Language`."""
         given = ", ".join(argument.text for argument in arguments)
-        if name == "int":
-            return Value(f"whole({given})", INT)
-        if name in ("min", "max", "mod"):
-            return Value(f"{name}({given})", kind)
-        return Value(f"{_MATH.get(name, f'Math.{name}')}({given})", kind)
+        called = name if name in _OWN else _MATH.get(name, f"Math.{name}")
+        return Value(f"{called}({given})", kind)
 
     def declare(self, name: str, kind: Kind, fixed: bool) -> str:
         """See `Language`."""
@@ -107,7 +114,3 @@ class JavaScript(Language):
     def head(self, name: str, parameters: Sequence[Parameter], returns: Kind | None) -> list[str]:
         """See `Language`."""
         return [f"function {name}({', '.join(p.name for p in parameters)}) {{"]
-
-
-def _read(place: str, kind: Number, memory: Value) -> Value:
-    return Value(f"M[{place}]", kind, ATOM, memory.roots)

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Extent, Kind, Number, Record
+from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Kind, Number, Record
 
 #: How tightly an expression holds together; a looser one goes into parentheses.
 CHOICE, OR, AND, COMPARISON, SUM, PRODUCT, UNARY, ATOM = range(8)
@@ -30,12 +30,15 @@ class Value:
         How tightly it holds together.
     roots
         Names of the variables through which it reaches into memory.
+    known
+        Its value where it is a constant; None: it is none.
     """
 
     text: str
     kind: Kind
     rank: int = ATOM
     roots: frozenset[str] = field(default=frozenset())
+    known: bool | float | None = None
 
     def within(self, rank: int) -> str:
         """Return the text, in parentheses where something of `rank` would tear it apart."""
@@ -44,23 +47,17 @@ class Value:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An argument of a printed function, and whether what it points to is written."""
+    """An argument of a kernel: whether what it points to is written, whether it is looked at."""
 
     name: str
     kind: Kind
     written: bool
     used: bool
 
-
-def product(extents: Sequence[Extent]) -> Value:
-    """Return how many elements there are in `extents` together."""
-    numbers = [extent for extent in extents if isinstance(extent, int)]
-    names = [str(extent) for extent in extents if not isinstance(extent, int)]
-    count = 1
-    for number in numbers:
-        count *= number
-    factors = names if count == 1 and names else [*names, str(count)]
-    return Value(" * ".join(factors), INT, ATOM if len(factors) == 1 else PRODUCT)
+    @property
+    def taken(self) -> bool:
+        """Whether the printed function has it: numbers may be calls, which are made in any case."""
+        return self.used or isinstance(self.kind, Number)
 
 
 def offset(array: Array, index: Sequence[Value], stride: int = 1) -> Value:
@@ -68,13 +65,15 @@ def offset(array: Array, index: Sequence[Value], stride: int = 1) -> Value:
     terms: list[str] = []
     sure = 0
     for k, value in enumerate(index):
-        size = product((*array.shape[k + 1 :], stride))
-        if value.text.isdigit() and size.text.isdigit():
-            sure += int(value.text) * int(size.text)
-        elif size.text == "1":
-            terms.append(value.within(SUM))
-        elif value.text != "0":
-            terms.append(size.text if value.text == "1" else f"{value.within(UNARY)} * {size.text}")
+        size = stride
+        for extent in array.shape[k + 1 :]:
+            size *= extent or 1
+        if k == 0 and array.pitch is not None:
+            size = array.pitch * stride
+        if isinstance(value.known, int):
+            sure += value.known * size
+        else:
+            terms.append(value.within(SUM) if size == 1 else f"{value.within(UNARY)} * {size}")
     if sure or not terms:
         terms.append(str(sure))
     rank = SUM if len(terms) > 1 else PRODUCT if " * " in terms[0] else ATOM
@@ -82,18 +81,48 @@ def offset(array: Array, index: Sequence[Value], stride: int = 1) -> Value:
 
 
 class Language(ABC):
-    """A language of the C family."""
+    """A language of the C family.
+
+    Attributes
+    ----------
+    equal
+        How ``==`` and ``!=`` are written.
+    reserved
+        Names that no variable may have.
+    taken
+        Names that no function may have, either.
+    """
 
     equal: Mapping[str, str]
     reserved: frozenset[str]
+    taken: frozenset[str] = frozenset()
 
     def number(self, value: bool | float) -> Value:
         """Return a constant."""
         if isinstance(value, bool):
-            return Value(self.truth(value), BOOL)
+            return Value(self.truth(value), BOOL, known=value)
         if isinstance(value, int):
-            return Value(str(value), INT, ATOM if value >= 0 else UNARY)
+            return Value(str(value), INT, ATOM if value >= 0 else UNARY, known=value)
         return self.real(value)
+
+    def coerce(self, value: Value, kind: Number) -> Value:
+        """Return a number as one of another kind."""
+        if value.kind == kind:
+            return value
+        if value.known is not None:
+            return self.number({REAL: float, INT: int, BOOL: bool}[kind](value.known))
+        return self.convert(value, kind)
+
+    def element(self, array: Value, index: Sequence[Value], part: Array | None = None) -> Value:
+        """Return an element of an array, or a row of it, or a `part` that begins there."""
+        kind = array.kind
+        assert isinstance(kind, Array)
+        rest = kind.shape[len(index) :]
+        return self.at(array, index, part or (Array(kind.element, rest) if rest else kind.element))
+
+    def name(self, name: str) -> str:
+        """Return how a variable or a field is called, where the language has taken its name."""
+        return f"{name}_v" if name in self.reserved else name
 
     @abstractmethod
     def truth(self, value: bool) -> str:
@@ -104,20 +133,20 @@ class Language(ABC):
         """Return a real constant, to the last bit."""
 
     @abstractmethod
-    def coerce(self, value: Value, kind: Number) -> Value:
-        """Return a number as one of another kind."""
+    def convert(self, value: Value, kind: Number) -> Value:
+        """Return a number as one of another kind than its own."""
 
     @abstractmethod
     def field(self, record: Value, name: str, place: int, kind: Number) -> Value:
         """Return a field of a record."""
 
     @abstractmethod
-    def element(self, array: Value, index: Sequence[Value]) -> Value:
-        """Return an element of an array, or a row of it."""
+    def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
+        """Return what begins at an element of an array: the number there, or its address."""
 
     @abstractmethod
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
-        """Call one of `min`, `max`, `abs`, `int`, `mod` or a function of `math`."""
+        """Call `min`, `max`, `abs`, `int`, `mod`, `floordiv`, `ipow` or a function of `math`."""
 
     @abstractmethod
     def declare(self, name: str, kind: Kind, fixed: bool) -> str:
@@ -132,9 +161,9 @@ class Language(ABC):
         """Return the lines that open a function."""
 
 
-def zero(kind: Kind) -> float | int | bool:
+def zero(kind: Number) -> float | int | bool:
     """Return what a number is before it has a value."""
-    return {REAL: 0.0, INT: 0, BOOL: False}[kind] if isinstance(kind, Number) else 0
+    return {REAL: 0.0, INT: 0, BOOL: False}[kind]
 
 
 def stride_of(element: Number | Record) -> int:

@@ -8,22 +8,24 @@ subset is refused with file and line.
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from fpid_pin.export.kinds import Array, Kind, Record
+from fpid_pin.export.kinds import Kind
 from fpid_pin.export.language import Language, Parameter
 from fpid_pin.export.source import Source
 from fpid_pin.export.statements import Statements
 
+#: What is called in a kernel's place, from the arguments of its call.
+StandIn = Callable[[Sequence[ast.expr]], tuple[Any, Sequence[ast.expr]]]
+
 
 @dataclass
-class _Printed:
-    """A kernel printed for some kinds of arguments."""
+class Printed:
+    """A kernel printed for some kinds of arguments: what its callers want to know."""
 
     name: str
-    source: Source
     returns: Kind | None = None
     parameters: list[Parameter] = field(default_factory=list)
     done: bool = False
@@ -36,28 +38,37 @@ class Program:
     ----------
     language
         `c99.C99` or `javascript.JavaScript`.
+    stand_ins
+        For kernels that are not printed themselves: from the arguments of a call, what is called in
+        their place, and with what.
 
     Attributes
     ----------
     functions
         The text of each function, callees first.
-    records
-        Records that they take, in the order in which they were met.
     """
 
-    def __init__(self, language: Language) -> None:
+    def __init__(self, language: Language, stand_ins: Mapping[Any, StandIn] | None = None) -> None:
         self.language = language
         self.functions: list[str] = []
-        self.records: dict[str, Record] = {}
-        self._printed: dict[tuple[Any, tuple[Kind, ...]], _Printed] = {}
+        self._stand_ins = stand_ins or {}
+        self._printed: dict[tuple[Any, ...], Printed] = {}
 
     @property
     def text(self) -> str:
         """All functions."""
         return "\n".join(self.functions)
 
-    def add(self, kernel: Any, kinds: Sequence[Kind]) -> str:
-        """Print a kernel and all that it calls; return the name of its function.
+    def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
+        """Return what is called in a kernel's place, and with what; itself as a rule."""
+        stand_in = self._stand_ins.get(kernel) if callable(kernel) else None
+        return (kernel, arguments) if stand_in is None else stand_in(arguments)
+
+    def add(
+        self, kernel: Any, kinds: Sequence[Kind], node: ast.AST | None = None,
+        caller: Source | None = None,
+    ) -> Printed:  # fmt: skip
+        """Print a kernel and all that it calls, unless they are there.
 
         Parameters
         ----------
@@ -65,6 +76,8 @@ class Program:
             See `kernels.compiled.kernel`.
         kinds
             Of its arguments.
+        node, caller
+            Where it is called, in another kernel's text; None: from outside.
 
         Raises
         ------
@@ -72,36 +85,21 @@ class Program:
             A line that has no counterpart.
         """
         source = Source(kernel)
+        node, caller = node or source.tree, caller or source
         if len(kinds) != len(source.parameters):
-            what = f"{len(source.parameters)} arguments, given {len(kinds)}"
-            raise source.refusal(source.tree, what)
-        return self._print(source, tuple(kinds), source.tree, source).name
-
-    def _call(
-        self, kernel: Any, kinds: Sequence[Kind], node: ast.AST, caller: Source
-    ) -> tuple[str, Kind | None, list[bool]]:
-        source = Source(kernel)
-        if len(kinds) != len(source.parameters):
-            raise caller.refusal(node, f"{source.name} takes {len(source.parameters)} arguments")
-        printed = self._print(source, tuple(kinds), node, caller)
-        return printed.name, printed.returns, [p.written for p in printed.parameters]
-
-    def _print(
-        self, source: Source, kinds: tuple[Kind, ...], node: ast.AST, caller: Source
-    ) -> _Printed:
-        key = (source.function, kinds)
+            what = f"{source.name} takes {len(source.parameters)} arguments, given {len(kinds)}"
+            raise caller.refusal(node, what)
+        # The same function may have been compiled more than once.
+        key = (source.file, source.name, source.function.__code__, tuple(kinds))
         if key in self._printed:
             if not self._printed[key].done:
                 raise caller.refusal(node, f"recursion: {source.name} calls itself")
             return self._printed[key]
-        printed = self._printed[key] = _Printed(self._name(source), source)
-        for kind in kinds:
-            element = kind.element if isinstance(kind, Array) else kind
-            if isinstance(element, Record):
-                self.records.setdefault(element.name, element)
-        body = Statements(source, self.language, self._call, kinds)
+        printed = self._printed[key] = Printed(self._name(source))
+        body = Statements(source, self.language, self, kinds)
         printed.parameters, printed.returns = body.parameters, body.returns
-        head = self.language.head(printed.name, body.parameters, body.returns)
+        taken = [parameter for parameter in body.parameters if parameter.taken]
+        head = self.language.head(printed.name, taken, body.returns)
         comment = f"/* {source.module}.{source.name}: {source.says.replace('*/', '* /')} */"
         self.functions.append("\n".join([comment, *head, *body.lines, "}", ""]))
         printed.done = True
@@ -109,7 +107,8 @@ class Program:
 
     def _name(self, source: Source) -> str:
         """Return a name that no other function has, nor the language."""
-        taken = {printed.name for printed in self._printed.values()} | self.language.reserved
+        taken = {printed.name for printed in self._printed.values()}
+        taken |= self.language.reserved | self.language.taken
         if source.name not in taken:
             return source.name
         name = f"{source.module}_{source.name}"

@@ -47,7 +47,9 @@ class Source:
         if not isinstance(tree, ast.FunctionDef):
             raise ExportError(f"{name}: expected a kernel made by def, got {ast.unparse(tree)}")
         self.function, self.tree, self.name = function, tree, name
-        self.globals: Mapping[str, Any] = function.__globals__
+        cells = [cell.cell_contents for cell in function.__closure__ or ()]
+        closed = dict(zip(function.__code__.co_freevars, cells, strict=True))
+        self.globals: Mapping[str, Any] = {**function.__globals__, **closed}
         self._first = first
         path = Path(function.__code__.co_filename)
         self.file = str(path.relative_to(_PACKAGE)) if path.is_relative_to(_PACKAGE) else str(path)

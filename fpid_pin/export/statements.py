@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from fpid_pin.export.expressions import Caller, Expressions
+from fpid_pin.export.expressions import Expressions
 from fpid_pin.export.kinds import BOOL, INT, REAL, Kind, Number, joined
 from fpid_pin.export.language import SUM, Language, Parameter, Value, zero
 from fpid_pin.export.scopes import Scopes
 from fpid_pin.export.source import Source
+
+if TYPE_CHECKING:
+    from fpid_pin.export.printer import Program
 
 _AUGMENTED = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*=", ast.Div: "/="}
 #: The kinds of variables may depend on one another; more rounds than any kernel needs.
@@ -30,11 +35,11 @@ class Statements:
     """
 
     def __init__(
-        self, source: Source, language: Language, calls: Caller, kinds: Sequence[Kind]
+        self, source: Source, language: Language, program: Program, kinds: Sequence[Kind]
     ) -> None:
         self._source, self._language = source, language
         self._scopes = Scopes(source)
-        self._x = Expressions(source, language, calls)
+        self._x = Expressions(source, language, program)
         self._given = dict(zip(source.parameters, kinds, strict=True))
         self._x.kinds.update(self._given)
         self.returns: Kind | None = None
@@ -44,13 +49,18 @@ class Statements:
             self._print()
             if before == (self._x.kinds, self._x.written, self.returns):
                 break
+        self._drop_unused()
+        text = "\n".join(self.lines)
         self.parameters = [
-            Parameter(self._x.name(name), kind, name in self._x.written, name in self._x.used)
+            Parameter(p, kind, name in self._x.written, _uses(text, p))
             for name, kind in self._given.items()
+            for p in [self._language.name(name)]
         ]
 
     def _print(self) -> None:
         self.lines: list[str] = []
+        #: Names by the lines that declare them.
+        self._declarations: dict[str, str] = {}
         self._depth, self._temporaries = 1, 0
         self._declared: set[str] = set()
         for name in self._scopes.hoisted:
@@ -58,6 +68,7 @@ class Statements:
             if isinstance(kind, Number):
                 start = self._language.number(zero(kind)).text
                 self._line(f"{self._declare(name, kind)} = {start};")
+                self._declarations[self.lines[-1]] = self._language.name(name)
             elif kind is not None:
                 raise self._source.refusal(
                     self._source.tree, f"{name}: a record or row that outlives its block"
@@ -66,11 +77,19 @@ class Statements:
         for statement in self._source.body:
             self._statement(statement)
 
+    def _drop_unused(self) -> None:
+        """Drop variables that nothing is left of but where they begin."""
+        for line, name in reversed(self._declarations.items()):
+            others = "\n".join(other for other in self.lines if other != line)
+            # A call may write.
+            if not _uses(others, name) and not re.search(r"\w\(", line):
+                self.lines = [other for other in self.lines if other != line]
+
     def _line(self, text: str) -> None:
         self.lines.append("    " * self._depth + text)
 
     def _declare(self, name: str, kind: Kind) -> str:
-        return self._language.declare(self._x.name(name), kind, name not in self._x.written)
+        return self._language.declare(self._language.name(name), kind, name not in self._x.written)
 
     # ------------------------------------------------------------------ statements
 
@@ -110,17 +129,30 @@ class Statements:
         self.returns = joined(self.returns, value.kind)
         self._line(f"return {self._language.coerce(value, self.returns).text};")
 
+    def _pass(self, node: ast.Pass) -> None:
+        pass
+
     def _if(self, node: ast.If) -> None:
         word = "if"
         while True:
-            self._line(f"{word} ({self._x.number(node.test, BOOL).text}) {{")
-            self._block(node.body)
-            if len(node.orelse) != 1 or not isinstance(node.orelse[0], ast.If):
+            test = self._x.number(node.test, BOOL)
+            left: list[ast.stmt] = node.orelse
+            if test.known is not None:
+                # Only what can ever happen is printed.
+                left = node.body if test.known else node.orelse
+                if word == "if":
+                    for statement in left:
+                        self._statement(statement)
+                    return
                 break
-            node, word = node.orelse[0], "} else if"
-        if node.orelse:
+            self._line(f"{word} ({test.text}) {{")
+            self._block(node.body)
+            if len(left) != 1 or not isinstance(left[0], ast.If):
+                break
+            node, word = left[0], "} else if"
+        if left:
             self._line("} else {")
-            self._block(node.orelse)
+            self._block(left)
         self._line("}")
 
     def _while(self, node: ast.While) -> None:
@@ -144,14 +176,17 @@ class Statements:
         for end, argument in zip(ends, made.args, strict=True):
             if end.kind != INT:
                 raise self._x.refuse(argument, f"expected an integer, got {ast.unparse(argument)}")
-        if self._scopes.changes(made.args[-1], node):
+        if ends[-1].known is None and ast.unparse(made.args[-1]) not in self._scopes.steady:
             # Python asks only once where it ends.
             ends[-1] = self._keep(ends[-1])
         start = ends[0].text if len(ends) == 2 else "0"
+        first, last = (ends[0].known, ends[-1].known) if len(ends) == 2 else (0, ends[0].known)
+        if first is not None and last is not None and first >= last:
+            return
         name = target.id
         kept = self._x.kinds.get(name)
         self._x.kinds[name] = INT
-        self._line(self._language.loop(self._x.name(name), start, ends[-1].within(SUM)))
+        self._line(self._language.loop(self._language.name(name), start, ends[-1].within(SUM)))
         self._block(node.body)
         self._line("}")
         # Its name is its own: the same may stand for something else elsewhere.
@@ -223,6 +258,9 @@ class Statements:
             kind = value.kind
         if self._given.get(name, kind) != kind:
             raise self._x.refuse(target, f"{name} is given as {self._given[name]}, then {kind}")
+        if value.known is not None and kind in (INT, BOOL) and name in self._scopes.steady:
+            self._x.fixed[name] = value
+            return
         self._x.kinds[name] = kind
         if isinstance(kind, Number):
             value = self._language.coerce(value, kind)
@@ -230,8 +268,10 @@ class Statements:
             self._x.roots[name] = self._x.roots.get(name, frozenset()) | value.roots
         own = name in self._given or name in self._declared
         self._declared.add(name)
-        left = self._x.name(name) if own else self._declare(name, kind)
+        left = self._language.name(name) if own else self._declare(name, kind)
         self._line(f"{left} = {value.text};")
+        if not own:
+            self._declarations[self.lines[-1]] = self._language.name(name)
 
     def _augassign(self, node: ast.AugAssign) -> None:
         if type(node.op) not in _AUGMENTED:
@@ -249,6 +289,11 @@ class Statements:
         assert isinstance(target.kind, Number)
         right = self._language.coerce(value, target.kind)
         self._line(f"{target.text} {_AUGMENTED[type(node.op)]} {right.text};")
+
+
+def _uses(text: str, name: str) -> bool:
+    """Return whether a name occurs in some lines."""
+    return re.search(rf"\b{name}\b", text) is not None
 
 
 def _head(node: ast.For) -> str:

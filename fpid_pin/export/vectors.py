@@ -11,7 +11,7 @@ import numpy as np
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ExportError, FileFormatError
-from fpid_pin.export.parts import INPUTS
+from fpid_pin.export.law import INPUTS
 from fpid_pin.simulation import Experiment, simulate
 
 if TYPE_CHECKING:

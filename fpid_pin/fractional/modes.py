@@ -128,15 +128,15 @@ class Modes:
     def records(self, initialisation: str = "caputo") -> Records:
         """Return new records, at t = 0, for the kernels."""
         # Imported late: it loads numba.
-        from fpid_pin.kernels.operator import MODE, OPERATOR, POLE
+        from fpid_pin.kernels.records import MODE, OPERATOR, POLE
 
         shape = self.order.shape
         ops = np.zeros(shape, OPERATOR)
         for name, value in self.operator().items():
             ops[name] = value
-        ops["rest"] = FROM_REST[initialisation]
+        ops["initial_mode"] = FROM_REST[initialisation]
         if initialisation == "grunwald_letnikov":
-            ops["kick"] = self.kick
+            ops["initial_output"] = self.kick
         if not self.shared_poles:
             ops["row"] = np.arange(self.order.size).reshape(shape)
         one = integrate_step(self.poles.reshape(len(self.poles), -1).T, self.step)

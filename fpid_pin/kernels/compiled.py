@@ -7,13 +7,16 @@ edit of any of them is a new folder.
 
 from __future__ import annotations
 
+import contextlib
+import dis
 import hashlib
 import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
+from types import CellType, CodeType, FunctionType
 from typing import Any, TypeVar, cast, overload
 
 import numba
@@ -26,8 +29,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 _HERE = Path(__file__).parent
 
 
+@lru_cache(maxsize=1)
 def source_stamp() -> str:
-    """Return a name for the contents of all files of this room."""
+    """Return a name for the contents of all files of this room, as this process found them."""
     digest = hashlib.sha256()
     for path in sorted(_HERE.glob("*.py")):
         digest.update(path.name.encode())
@@ -74,6 +78,8 @@ def is_cold() -> bool:
 def kernel(function: F) -> F: ...
 @overload
 def kernel(*, inline: bool) -> Callable[[F], F]: ...
+@overload
+def kernel(function: F, *, inline: bool) -> F: ...
 
 
 def kernel(function: F | None = None, *, inline: bool = False) -> F | Callable[[F], F]:
@@ -94,9 +100,72 @@ def kernel(function: F | None = None, *, inline: bool = False) -> F | Callable[[
     return _compile(function, inline=inline)
 
 
+def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return what a kernel is compiled to for arguments of these types, and compile it for them.
+
+    It does not look up the types of its arguments again, which takes most of a short call with many
+    arrays: whoever calls it sees to it that they stay the same.
+    """
+    if not hasattr(function, "overloads"):
+        return cast("Callable[..., Any]", function)
+    types = tuple(_numba.typeof(argument) for argument in arguments)
+    function.compile(types)
+    return cast("Callable[..., Any]", function.overloads[types].entry_point)
+
+
+def compile_plain(function: F, *, cache: bool = True, inline: bool = False) -> F:
+    """Compile a function in plain Python, and the functions in plain Python that it calls.
+
+    Parameters
+    ----------
+    function
+        Of the subset; not one that is compiled already.
+    cache
+        Whether to keep it for other processes, which do not see edits outside this room.
+    inline
+        Whether it becomes part of what calls it; what it calls itself becomes part of it.
+    """
+    plain: Any = function
+
+    def compiled(value: Any) -> Any:
+        if isinstance(value, FunctionType):
+            return compile_plain(value, cache=cache, inline=True)
+        return value
+
+    names = {name: compiled(value) for name, value in globals_of(plain).items()}
+    cells = tuple(CellType(compiled(cell.cell_contents)) for cell in plain.__closure__ or ())
+    rebuilt = FunctionType(
+        plain.__code__, plain.__globals__ | names, plain.__name__, plain.__defaults__, cells
+    )
+    rebuilt.__qualname__, rebuilt.__module__ = plain.__qualname__, plain.__module__
+    if cache:
+        return cast("F", _compile(rebuilt, inline=inline))
+    options = {"error_model": "numpy", "nogil": True, "inline": "always" if inline else "never"}
+    return cast("F", _numba.njit(rebuilt, **options))
+
+
+def globals_of(function: Any) -> dict[str, Any]:
+    """Return the global names that a function uses, also in functions within it, and their values.
+
+    Names of builtins are left out.
+    """
+    known = function.__globals__
+    return {name: known[name] for name in _global_names(function.__code__) if name in known}
+
+
+@lru_cache(maxsize=1024)
+def _global_names(code: CodeType) -> frozenset[str]:
+    """Return the global names in some code; not those of attributes, which may be the same."""
+    found = {i.argval for i in dis.get_instructions(code) if i.opname == "LOAD_GLOBAL"}
+    inner = [part for part in code.co_consts if isinstance(part, CodeType)]
+    return frozenset(found.union(*map(_global_names, inner)))
+
+
 def _compile(function: F, *, inline: bool) -> F:
     options = {
-        "error_model": "numpy", "nogil": True, "inline": "always" if inline else "never",
+        "error_model": "numpy", "nogil": True,
+        # Kernels allocate nothing: no reference is counted.
+        "_nrt": False, "inline": "always" if inline else "never",
     }  # fmt: skip
     if CACHE is None:
         return cast("F", _numba.njit(function, **options))
@@ -121,6 +190,9 @@ def _forgive(cache: Any) -> None:
             try:
                 return method(*arguments)
             except Exception:  # whatever a broken file raises
+                # Nothing could be written beside it either, in any later process.
+                with contextlib.suppress(Exception):
+                    cache.flush()
                 return None
 
         return attempt

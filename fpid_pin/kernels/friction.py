@@ -11,6 +11,8 @@ which joints stick, solve, exchange those at fault, repeat.
 from __future__ import annotations
 
 from fpid_pin.kernels.compiled import kernel
+from fpid_pin.kernels.limits import sign
+from fpid_pin.kernels.records import ROOM
 from fpid_pin.kernels.rigid_body import solve_tree
 
 #: Relative slack of the conditions on friction and speed, well above rounding.
@@ -20,133 +22,90 @@ BLOCK_ROUNDS = 8
 
 
 @kernel(inline=True)
-def sign(x):
-    """Return -1, 0 or 1."""
-    s = 0.0
-    if x > 0.0:
-        s = 1.0
-    elif x < 0.0:
-        s = -1.0
-    return s
+def solve(matrix, right, joints):
+    """Solve the rows and columns of joints that stick, of a symmetric positive definite system.
 
-
-@kernel
-def slide(alive, dry, v_free, force):
-    """Write the friction of joints that all go on as they do, F_d sgn(v_free), (runs, n)."""
-    for r in range(alive.size):
-        for j in range(dry.shape[1]):
-            force[r, j] = dry[r, j] * sign(v_free[r, j]) if alive[r] else 0.0
-
-
-@kernel
-def keeps_sliding(dry, v_free, speed, stuck, h, turns):
-    """Turn `speed` from M^-1 l into v+; note the joints and the runs in which one would turn round.
-
-    Returns whether there is such a run.
-    """
-    any_turns = False
-    for r in range(dry.shape[0]):
-        turns[r] = False
-        for j in range(dry.shape[1]):
-            speed[r, j] = v_free[r, j] - h * speed[r, j]
-            against = dry[r, j] > 0.0 and not sign(v_free[r, j]) * speed[r, j] > 0.0
-            turns[r] = turns[r] or against
-        for j in range(dry.shape[1]):
-            against = dry[r, j] > 0.0 and not sign(v_free[r, j]) * speed[r, j] > 0.0
-            # A joint that stuck is taken to stick until it is found to slide.
-            stuck[r, j] = turns[r] and (against or stuck[r, j])
-        any_turns = any_turns or turns[r]
-    return any_turns
-
-
-@kernel
-def rests(dry, hold, stuck, force, speed, turns, h):
-    """Settle runs in which all joints stay where they stick; `hold` is M v_free.
-
-    Friction then takes up the whole momentum, l = M v_free/h. Returns whether a run is left.
-    """
-    left = False
-    for r in range(dry.shape[0]):
-        if not turns[r]:
-            continue
-        stays = True
-        for j in range(dry.shape[1]):
-            stays = stays and stuck[r, j] and abs(hold[r, j] / h) <= dry[r, j]
-        if stays:
-            turns[r] = False
-            for j in range(dry.shape[1]):
-                force[r, j] = hold[r, j] / h
-                speed[r, j] = 0.0
-        left = left or turns[r]
-    return left
-
-
-@kernel(inline=True)
-def solve(matrix, right, chosen):
-    """Solve the rows and columns that are `chosen` of a symmetric positive definite system.
-
-    Both `matrix` and `right` are overwritten; `right` is then the solution, 0 where not chosen.
+    Both `matrix` and `right` are overwritten; `right` is then the solution, 0 for joints that
+    slide.
     """
     n = right.size
     for i in range(n):
-        if not chosen[i]:
+        if not joints[i].stuck:
             right[i] = 0.0
             continue
         for k in range(i + 1, n):
-            if chosen[k]:
+            if joints[k].stuck:
                 factor = matrix[k, i] / matrix[i, i]
                 right[k] -= factor * right[i]
                 for j in range(i + 1, n):
                     matrix[k, j] -= factor * matrix[i, j]
     for back in range(n):
         i = n - 1 - back
-        if chosen[i]:
+        if joints[i].stuck:
             for j in range(i + 1, n):
                 right[i] -= matrix[i, j] * right[j]
             right[i] /= matrix[i, i]
 
 
-@kernel(inline=True)
-def rub(bodies, factored, dry, stuck, force, v, room, response, matrix, h):
+@kernel
+def apply_dry_friction(bodies, factored, joints, v, room, h):
     """Turn the free speeds v of one robot into those that dry friction leaves, in place.
 
-    `factored` is M as the forward dynamics left it. First every joint is taken to slide on as it
-    does; only where one would turn round is the box problem solved. The rest, (3, n) and twice
-    (n, n), is room to work in.
+    First every joint is taken to slide on as it does; only where one would turn round is the box
+    problem solved.
+
+    Parameters
+    ----------
+    bodies, factored
+        Of the plant; M + h F_v as `factor_tree` left it.
+    joints
+        PLANT, (n,): their F_d; whether they stick (a guess from the last step, then the answer);
+        their friction torques.
+    v
+        Joint speeds, (n,) [rad/s].
+    room
+        See `records.Plant`.
+    h
+        Step [s].
     """
     n = v.size
     speed = room[0]
     for j in range(n):
-        force[j] = dry[j] * sign(v[j])
-        speed[j] = force[j]
+        joints[j].friction = joints[j].dry * sign(v[j])
+        speed[j] = joints[j].friction
     solve_tree(bodies, factored, speed)
     turns = False
     for j in range(n):
+        c = joints[j]
         speed[j] = v[j] - h * speed[j]
-        against = dry[j] > 0.0 and not sign(v[j]) * speed[j] > 0.0
-        turns = turns or against
-        stuck[j] = against or stuck[j]
+        if c.dry > 0.0 and not sign(v[j]) * speed[j] > 0.0:
+            turns = True
+            c.stuck = 1
     if turns:
+        response = room[ROOM : ROOM + n]
         for i in range(n):
             for j in range(n):
                 response[i, j] = h if i == j else 0.0
             solve_tree(bodies, factored, response[i])
-        stick_slip(response, dry, v, stuck, force, speed, room[1], room[2], matrix)
+        stick_slip(response, joints, v, room[0], room[1], room[2], room[ROOM + n : ROOM + 2 * n])
     for j in range(n):
-        stuck[j] = turns and stuck[j]
+        if not turns:
+            joints[j].stuck = 0
         v[j] = speed[j]
 
 
-@kernel
-def stick_slip(response, dry, v_free, stuck, force, speed, side, fault, matrix):
-    """Solve the box problem of one robot, (n,); `stuck` holds a guess and then the answer.
+@kernel(inline=True)
+def stick_slip(response, joints, v_free, speed, side, force, matrix):
+    """Solve the box problem of one robot: write v+ into `speed` and the friction torques.
 
-    `response` is W; `side`, `fault` and `matrix` are room to work in.
+    `response` is W; `stuck` holds a guess and then the answer. `side`, the directions of sliding,
+    `force` and `matrix` are room to work in.
     """
-    n = dry.size
+    n = joints.size
     for j in range(n):
         side[j] = sign(v_free[j])
-        stuck[j] = stuck[j] and dry[j] > 0.0
+        if not joints[j].dry > 0.0:
+            joints[j].stuck = 0
     last = BLOCK_ROUNDS + 20 * n
     rounds = 0
     going = True
@@ -155,36 +114,45 @@ def stick_slip(response, dry, v_free, stuck, force, speed, side, fault, matrix):
             force[j] = v_free[j]
             for k in range(n):
                 matrix[j, k] = response[j, k]
-                if not stuck[k]:
-                    force[j] -= response[j, k] * side[k] * dry[k]
-        solve(matrix, force, stuck)
+                if not joints[k].stuck:
+                    force[j] -= response[j, k] * side[k] * joints[k].dry
+        solve(matrix, force, joints)
+        for j in range(n):
+            if not joints[j].stuck:
+                force[j] = side[j] * joints[j].dry
         at_fault = -1
         for j in range(n):
-            if not stuck[j]:
-                force[j] = side[j] * dry[j]
-        for j in range(n):
             speed[j] = 0.0
-            if not stuck[j]:
+            if not joints[j].stuck:
                 speed[j] = v_free[j]
                 for k in range(n):
                     speed[j] -= response[j, k] * force[k]
-            # Speeds below this are zero: a rounding of what its own friction would do to it.
-            still = -SLACK * dry[j] * response[j, j]
-            breaks = stuck[j] and abs(force[j]) > dry[j] * (1.0 + SLACK)
-            stops = dry[j] > 0.0 and side[j] * speed[j] < still
-            fault[j] = breaks or stops
-            if fault[j]:
+            if is_at_fault(joints[j], speed[j], side[j], force[j], response[j, j]):
                 at_fault = j
         going = at_fault >= 0 and rounds < last
         if going:
             for j in range(n):
+                c = joints[j]
                 # After a while only the last joint at fault: Murty's rule, which always ends.
-                if fault[j] and (rounds < BLOCK_ROUNDS or j == at_fault):
-                    if stuck[j]:
+                turn = rounds < BLOCK_ROUNDS or j == at_fault
+                if turn and is_at_fault(c, speed[j], side[j], force[j], response[j, j]):
+                    if c.stuck:
                         side[j] = sign(force[j])
-                    stuck[j] = not stuck[j]
+                    c.stuck = 0 if c.stuck else 1
         rounds += 1
     for j in range(n):
-        force[j] = min(max(force[j], -dry[j]), dry[j])
-        if dry[j] > 0.0 and side[j] * speed[j] < 0.0:
+        c = joints[j]
+        c.friction = min(max(force[j], -c.dry), c.dry)
+        if c.dry > 0.0 and side[j] * speed[j] < 0.0:
             speed[j] = 0.0
+
+
+@kernel(inline=True)
+def is_at_fault(c, speed, side, force, response):
+    """Return whether a joint that sticks would break loose, or one that slides would turn round."""
+    if c.stuck:
+        fault = abs(force) > c.dry * (1.0 + SLACK)
+    else:
+        # Speeds below this are zero: a rounding of what its own friction would do to it.
+        fault = c.dry > 0.0 and side * speed < -SLACK * c.dry * response
+    return fault

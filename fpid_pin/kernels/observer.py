@@ -3,62 +3,36 @@
     v^ = v^- + (1 - p^2) (v - v^-),   xi += (1 - p)^2/h (v - v^-),   p = exp(-omega h)
     v^- of the next sample = v^ + h (a(q, v^, u) + xi)
 
-Both error poles are p; a(q, v, u) is the nominal model's acceleration.
+Both error poles are p; a(q, v^, u) is the nominal model's acceleration over a step, viscous
+friction implicit and of the measured speed, (M + h F_v) a = u - C v^ - G - F_v v. It is a
+Luenberger observer of the speed with a constant disturbance as its second state, both poles placed
+at p (Franklin, Powell and Workman, *Digital Control of Dynamic Systems*, 1998, section 8.2).
 """
 
 from __future__ import annotations
 
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.limits import clip
 
 
-@kernel
-def correct(alive, robots, joints, v, v_hat, lost):
-    """Correct the observers by the measured speeds, (runs, n); without one v^ is what is measured.
+@kernel(inline=True)
+def correct_observer(robot, joints):
+    """Correct v^ and xi by the measured speeds; without an observer v^ is what is measured."""
+    for j in range(joints.size):
+        c = joints[j]
+        if robot.l1 == 0.0 or robot.ticks == 0:
+            c.v_hat = c.v
+        else:
+            miss = c.v - c.predicted
+            c.v_hat = c.predicted + robot.l1 * miss
+            c.xi += robot.l2 * miss
 
-    Writes v^, and the accelerations of unknown cause.
+
+@kernel(inline=True)
+def predict(robot, joints, acceleration, change):
+    """Say what speed the next sample should find.
+
+    `acceleration` is the model's, (n,); `change` what a supervisor adds to it.
     """
-    for r in range(robots.size):
-        s = robots[r]
-        for j in range(joints.shape[1]):
-            c = joints[r, j]
-            if alive[r]:
-                if s.l1 == 0.0 or not s.observing:
-                    c.v_hat = v[r, j]
-                else:
-                    miss = v[r, j] - c.predicted
-                    c.v_hat = c.predicted + s.l1 * miss
-                    c.xi += s.l2 * miss
-            v_hat[r, j] = c.v_hat
-            lost[r, j] = c.xi
-        if alive[r]:
-            s.observing = 1
-
-
-@kernel
-def compensate(alive, joints, feedforward, disturbance, torque):
-    """Add the model's part of the torque, u_m: feedforward less what disturbs, (runs, n)."""
-    for r in range(joints.shape[0]):
-        for j in range(joints.shape[1]):
-            c = joints[r, j]
-            if alive[r]:
-                c.u_m = feedforward[r, j] - disturbance[r, j]
-                torque[r, j] = clip(c.u_fpid + c.u_m, c.limit)
-                c.cut = c.u_fpid + c.u_m - torque[r, j]
-
-
-@kernel
-def brake(joints, torque, v_hat, tau):
-    """Write the torques that move the nominal arm: those of the drives less F_v v^."""
-    for r in range(joints.shape[0]):
-        for j in range(joints.shape[1]):
-            tau[r, j] = torque[r, j] - joints[r, j].viscous * v_hat[r, j]
-
-
-@kernel
-def predict(robots, joints, acceleration, change):
-    """Say what speed the next sample should find; `change` is what u_s adds to the model's."""
-    for r in range(robots.size):
-        for j in range(joints.shape[1]):
-            c = joints[r, j]
-            c.predicted = c.v_hat + robots[r].h * (acceleration[r, j] + change[r, j] + c.xi)
+    for j in range(joints.size):
+        c = joints[j]
+        c.predicted = c.v_hat + robot.h * (acceleration[j] + change[j] + c.xi)

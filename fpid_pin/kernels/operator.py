@@ -15,24 +15,16 @@ from __future__ import annotations
 import math
 
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.layout import layout
-
-#: An operator: its order; the weights c1, c0, c2 of the newest step; its start (what its modes
-#: hold of f(0), and its output for each unit of it); dD/dalpha, where orders move, now and a sample
-#: ago; and the row of the poles that are its own.
-OPERATOR = layout("order c1 c0 c2 rest kick slope slope_", "row")
-#: A pole over one step: E and b1, b0, b2.
-POLE = layout("decay b1 b0 b2")
-#: A mode of one operator: its weight g and its value x.
-MODE = layout("weight x")
+from fpid_pin.kernels.limits import winds_up
+from fpid_pin.kernels.records import DERIVATIVE, INTEGRAL_OF_ERROR
 
 
 @kernel(inline=True)
-def begin(op, modes, f, rate):
+def initialise(op, modes, f, rate):
     """Return D^alpha f at t = 0, where the initialisation decides, and set the modes to it."""
     for i in range(modes.size):
-        modes[i].x = op.rest * f
-    y = op.kick * f
+        modes[i].x = op.initial_mode * f
+    y = op.initial_output * f
     if op.order == 0.0:
         y = f
     elif op.order == 1.0:
@@ -59,8 +51,8 @@ def derivative(op, poles, modes, f, f_, rate, rate_, h):
 
 
 @kernel(inline=True)
-def moving(op, table, poles, modes, f, f_, rate, rate_, h):
-    """Return D^alpha f for an order that moves, as `derivative` does, and write dD/dalpha.
+def variable_order_derivative(op, table, poles, modes, f, f_, rate, rate_, h):
+    """Return D^alpha f for an order that varies, as `derivative` does, and write dD/dalpha.
 
     `table` has c1, c0, c2 and the modes' weights, (3 + modes, nodes), at equally spaced orders from
     0 to 1. The modes are the same for all orders: the outputs at the four nodes around alpha are
@@ -90,9 +82,68 @@ def moving(op, table, poles, modes, f, f_, rate, rate_, h):
     d2 = y2 - 2.0 * y1 + y0
     d3 = y3 - 3.0 * y2 + 3.0 * y1 - y0
     slope = d1 + (2.0 * t - 1.0) * d2 / 2.0 + (3.0 * t * t - 6.0 * t + 2.0) * d3 / 6.0
-    op.slope_ = op.slope
-    op.slope = slope * last
+    op.previous_sensitivity = op.sensitivity
+    op.sensitivity = slope * last
     return y0 + t * (d1 + (t - 1.0) * (d2 / 2.0 + (t - 2.0) * d3 / 6.0))
+
+
+@kernel(inline=True)
+def advance_operator(op, table, poles, modes, numbers, started, held, cut, h):
+    """Take one sample of an operator of a law and write its output.
+
+    Parameters
+    ----------
+    op, table, poles, modes
+        Records of one operator; see `variable_order_derivative` for the table.
+    numbers
+        The law's numbers of this joint, among them signal, rate and output.
+    started
+        Whether this is not the first sample.
+    held
+        Whether all integrals are held, as while the paper's supervisor acts.
+    cut
+        By how much the last torque was cut: integrals that would wind up are held.
+    h
+        Sampling period [s].
+    """
+    f = numbers[op.source]
+    stays = False
+    if op.kind == DERIVATIVE:
+        if op.rate >= 0:
+            rate = numbers[op.rate]
+        else:
+            # The rate is taken to be constant over the step.
+            rate = (f - op.f_) / h if started else 0.0
+            op.rate_ = rate
+    elif op.kind == INTEGRAL_OF_ERROR:
+        rate = numbers[op.rate]
+        stays = held or winds_up(cut, rate)
+    else:
+        rate = f
+        stays = held or winds_up(cut, op.sign * f)
+        if started and not stays:
+            op.total += 0.5 * h * (f + op.rate_)
+        f = op.total
+    if op.order_column >= 0:
+        order = numbers[op.order_column]
+        op.order = order if op.kind == DERIVATIVE else 1.0 - order
+    if not started:
+        numbers[op.output] = initialise(op, modes, f, rate)
+    elif stays:
+        pass
+    elif op.variable:
+        numbers[op.output] = variable_order_derivative(
+            op, table, poles, modes, f, op.f_, rate, op.rate_, h
+        )
+    else:
+        numbers[op.output] = derivative(op, poles, modes, f, op.f_, rate, op.rate_, h)
+    if op.order_column >= 0:
+        # lambda = 1 - alpha for integrals. One sample old, as noise of a measured rate would
+        # otherwise be in two factors of one product.
+        slope = op.previous_sensitivity
+        numbers[op.output + 1] = slope if op.kind == DERIVATIVE else -slope
+    op.f_ = f
+    op.rate_ = rate
 
 
 @kernel
@@ -101,7 +152,7 @@ def sample(started, ops, poles, modes, f, f_, rate, rate_, held, out, h):
     for c in range(ops.size):
         op = ops[c]
         if not started:
-            out[c] = begin(op, modes[c], f[c], rate[c])
+            out[c] = initialise(op, modes[c], f[c], rate[c])
         elif not held[c]:
             out[c] = derivative(op, poles[op.row], modes[c], f[c], f_[c], rate[c], rate_[c], h)
         f_[c] = f[c]
@@ -116,7 +167,7 @@ def record(ops, poles, modes, f, rate, rate_, out, h):
     """
     for c in range(ops.size):
         op = ops[c]
-        out[0, c] = begin(op, modes[c], f[0, c], rate[0, c])
+        out[0, c] = initialise(op, modes[c], f[0, c], rate[0, c])
         for k in range(1, f.shape[0]):
             out[k, c] = derivative(
                 op, poles[op.row], modes[c], f[k, c], f[k - 1, c], rate[k, c], rate_[k, c], h

@@ -5,7 +5,7 @@ forces of all bodies on the way out (recursive Newton-Euler), inertias of subtre
 on the way back (composite rigid bodies), then M = L^T D L without a fill-in, as the tree is sparse
 (Featherstone, *Rigid Body Dynamics Algorithms*, 2008, chapters 5, 6 and section 6.4). Spatial
 vectors are taken at the world's origin. Indices 0, 1, 2 stand for x, y, z of the world; a frame's
-own axes are x, y, z.
+own axes are x, y, z. Records are BODY and FRAME of `records`.
 """
 
 from __future__ import annotations
@@ -13,26 +13,10 @@ from __future__ import annotations
 import math
 
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.layout import layout
-
-#: A body and the joint that carries it, the joint's axis being z of its frame. Constants: where the
-#: frame is in its parent's (axes x, y, z by components, origin p); mass, first moments and inertia
-#: about the frame's origin; rotor inertia. Which body carries it (n: none), and how it moves.
-BODY = layout(
-    "x0 x1 x2 y0 y1 y2 z0 z1 z2 p0 p1 p2 m h0 h1 h2 j00 j01 j02 j11 j12 j22 armature",
-    "parent slides",
-)
-#: Where a body is: axes and origin of its frame; what a unit of joint speed does (linear s, angular
-#: r); velocity v, w; acceleration a, b without joint accelerations; inertia m, h, j and force f, n
-#: of the body, then of its subtree.
-FRAME = layout(
-    "x0 x1 x2 y0 y1 y2 z0 z1 z2 o0 o1 o2 s0 s1 s2 r0 r1 r2 v0 v1 v2 w0 w1 w2 a0 a1 a2 b0 b1 b2 "
-    "m h0 h1 h2 j00 j01 j02 j11 j12 j22 f0 f1 f2 n0 n1 n2"
-)
 
 
 @kernel(inline=True)
-def place(b, c, u, q, v):
+def forward_kinematics(b, c, u, q, v):
     """Put a body's frame c where its joint's angle q and rate v have it; u is the frame below."""
     # The joint's frame at rest, then turned about or moved along its z.
     x0 = u.x0 * b.x0 + u.y0 * b.x1 + u.z0 * b.x2
@@ -73,7 +57,7 @@ def place(b, c, u, q, v):
 
 
 @kernel(inline=True)
-def burden(b, c):
+def body_inertia_and_force(b, c):
     """Write a body's inertia at the world's origin, and the force that its motion takes."""
     m = b.m
     h0 = c.x0 * b.h0 + c.y0 * b.h1 + c.z0 * b.h2
@@ -124,7 +108,7 @@ def burden(b, c):
 
 
 @kernel(inline=True)
-def carry(u, c):
+def accumulate_subtree(u, c):
     """Add a subtree's inertia and force to those of the body that carries it."""
     u.m += c.m
     u.h0 += c.h0
@@ -145,13 +129,13 @@ def carry(u, c):
 
 
 @kernel(inline=True)
-def along(c, f0, f1, f2, n0, n1, n2):
+def project_on_axis(c, f0, f1, f2, n0, n1, n2):
     """Return the part of a force that a joint's motion feels."""
     return c.s0 * f0 + c.s1 * f1 + c.s2 * f2 + c.r0 * n0 + c.r1 * n1 + c.r2 * n2
 
 
 @kernel(inline=True)
-def ground(frames, n, gravity):
+def set_base_acceleration(frames, n, gravity):
     """Set the world's frame, the last one: it falls upwards, which is what gravity amounts to."""
     world = frames[n]
     world.x0 = world.y1 = world.z2 = 1.0
@@ -159,23 +143,23 @@ def ground(frames, n, gravity):
 
 
 @kernel(inline=True)
-def terms(bodies, frames, q, v, bias, mass):
+def mass_matrix_and_bias(bodies, frames, q, v, bias, mass):
     """Write C q' + G into `bias`, (n,), and M into the lower half of `mass`, (n, n): eq. (5).
 
     Only entries of joints that carry one another are written: others are 0 and never read. The
-    last of the n + 1 frames is the world's; see `ground`.
+    last of the n + 1 frames is the world's; see `set_base_acceleration`.
     """
     n = bodies.size
     for i in range(n):
         b = bodies[i]
         c = frames[i]
-        place(b, c, frames[b.parent], q[i], v[i])
-        burden(b, c)
+        forward_kinematics(b, c, frames[b.parent], q[i], v[i])
+        body_inertia_and_force(b, c)
     for back in range(n):
         i = n - 1 - back
         b = bodies[i]
         c = frames[i]
-        bias[i] = along(c, c.f0, c.f1, c.f2, c.n0, c.n1, c.n2)
+        bias[i] = project_on_axis(c, c.f0, c.f1, c.f2, c.n0, c.n1, c.n2)
         # The force that a unit of acceleration of this joint takes from its subtree.
         f0 = c.m * c.s0 + c.r1 * c.h2 - c.r2 * c.h1
         f1 = c.m * c.s1 + c.r2 * c.h0 - c.r0 * c.h2
@@ -185,14 +169,14 @@ def terms(bodies, frames, q, v, bias, mass):
         n2 = c.j02 * c.r0 + c.j12 * c.r1 + c.j22 * c.r2 + c.h0 * c.s1 - c.h1 * c.s0
         j = i
         while j < n:
-            mass[i, j] = along(frames[j], f0, f1, f2, n0, n1, n2)
+            mass[i, j] = project_on_axis(frames[j], f0, f1, f2, n0, n1, n2)
             j = bodies[j].parent
         mass[i, i] += b.armature
         if b.parent < n:
-            carry(frames[b.parent], c)
+            accumulate_subtree(frames[b.parent], c)
 
 
-@kernel(inline=True)
+@kernel
 def factor_tree(bodies, mass):
     """Turn M, its lower half, into L and 1/D of M = L^T D L, in place."""
     n = bodies.size
@@ -210,7 +194,7 @@ def factor_tree(bodies, mass):
             k = bodies[k].parent
 
 
-@kernel(inline=True)
+@kernel
 def solve_tree(bodies, factored, x):
     """Turn x into M^-1 x, (n,), in place; `factored` by `factor_tree`."""
     n = bodies.size
@@ -228,21 +212,18 @@ def solve_tree(bodies, factored, x):
             k = bodies[k].parent
 
 
-@kernel(inline=True)
-def forward_dynamics(bodies, frames, q, v, tau, mass, a):
-    """Write q'' = M^-1 (tau - C q' - G), (n,); M's factor stays in `mass`."""
-    terms(bodies, frames, q, v, a, mass)
+@kernel
+def survey(bodies, frames, gravity, q, v, bias, mass):
+    """Write C(q, v) v + G, (n,), and the lower half of M: see `mass_matrix_and_bias`."""
+    set_base_acceleration(frames, bodies.size, gravity)
+    mass_matrix_and_bias(bodies, frames, q, v, bias, mass)
+
+
+@kernel
+def forward_dynamics(bodies, frames, gravity, q, v, tau, mass, a):
+    """Write q'' = M^-1 (tau - C q' - G), (n,); M's factors stay in `mass`."""
+    survey(bodies, frames, gravity, q, v, a, mass)
     for i in range(bodies.size):
         a[i] = tau[i] - a[i]
     factor_tree(bodies, mass)
     solve_tree(bodies, mass, a)
-
-
-@kernel
-def accelerations(alive, model, bodies, gravity, frames, q, v, tau, mass, a):
-    """Write q'' of every run, (runs, n); `model` says which of `bodies`, (plants, n), is its."""
-    for r in range(alive.size):
-        if alive[r]:
-            k = model[r]
-            ground(frames, bodies.shape[1], gravity[k])
-            forward_dynamics(bodies[k], frames, q[r], v[r], tau[r], mass, a[r])

@@ -5,12 +5,6 @@ from __future__ import annotations
 import math
 
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.layout import layout
-
-#: A joint's sensors: standard deviations of position and velocity noise, the velocity's bias, the
-#: encoder's step; what a filter of differences keeps and gains a sample; its state. Flags: how many
-#: samples everything is late, and whether the velocity is the filter's.
-SENSOR = layout("noise_q noise_v bias resolution keep gain filtered last", "delay derived")
 
 
 @kernel(inline=True)
@@ -24,24 +18,22 @@ def rounded(x):
 
 
 @kernel(inline=True)
-def measure_one(r, joints, x, tick, history, noise, row, seen):
-    """Write the measured q and q' of run r into `seen`, (5, runs, n); x = [q, q'] is true.
-
-    `history`, (depth, 2, runs, n), is a ring of true values; `noise` holds rows of white noise.
-    """
+def spoil(joints, history, noise, q, v, tick, inputs):
+    """Write what sensors with faults measure: see `measure`."""
     depth = history.shape[0]
     slot = tick % depth
-    for j in range(x.shape[2]):
-        c = joints[r, j]
-        history[slot, 0, r, j] = x[0, r, j]
-        history[slot, 1, r, j] = x[1, r, j]
+    for j in range(q.size):
+        c = joints[j]
+        history[slot, 0, j] = q[j]
+        history[slot, 1, j] = v[j]
         # Before t = 0 the arm is taken to have been where it starts.
         then = (tick - min(c.delay, tick)) % depth
-        angle = history[then, 0, r, j]
-        speed = history[then, 1, r, j]
+        angle = history[then, 0, j]
+        speed = history[then, 1, j]
         if noise.shape[0] > 0:
-            angle += c.noise_q * noise[row, 0, r, j]
-            speed += c.noise_v * noise[row, 1, r, j]
+            row = tick % noise.shape[0]
+            angle += c.noise_q * noise[row, 0, j]
+            speed += c.noise_v * noise[row, 1, j]
         speed += c.bias
         if c.resolution > 0.0:
             angle = rounded(angle / c.resolution) * c.resolution
@@ -51,17 +43,30 @@ def measure_one(r, joints, x, tick, history, noise, row, seen):
             c.filtered = c.keep * c.filtered + c.gain * (angle - c.last)
             c.last = angle
             speed = c.filtered
-        seen[0, r, j] = angle
-        seen[1, r, j] = speed
+        inputs[0, j] = angle
+        inputs[1, j] = speed
 
 
 @kernel
-def measure(alive, joints, x, tick, history, noise, row, seen):
-    """Write what is measured of every run; zeros of those that have ended."""
-    for r in range(alive.size):
-        if alive[r]:
-            measure_one(r, joints, x, tick, history, noise, row, seen)
-        else:
-            for j in range(x.shape[2]):
-                seen[0, r, j] = 0.0
-                seen[1, r, j] = 0.0
+def measure(joints, history, noise, q, v, tick, inputs):
+    """Write the measured q and q' into `inputs`, (5, n).
+
+    Parameters
+    ----------
+    joints
+        SENSOR, (n,); none: what is measured is exact.
+    history
+        A ring of true values, (depth, 2, n).
+    noise
+        White noise, (K, 2, n); the tick's row is taken modulo K.
+    q, v
+        The true state, (n,).
+    tick
+        Number of the sample.
+    """
+    if joints.size == 0:
+        for j in range(q.size):
+            inputs[0, j] = q[j]
+            inputs[1, j] = v[j]
+    else:
+        spoil(joints, history, noise, q, v, tick, inputs)

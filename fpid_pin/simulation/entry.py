@@ -5,38 +5,57 @@ from __future__ import annotations
 import dataclasses
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
 from typing import overload
 
 import numpy as np
 
+from fpid_pin import checks
 from fpid_pin.budget import require_memory
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, QuadraticCost
-from fpid_pin.exceptions import FpidWarning
+from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
-from fpid_pin.simulation.lockstep import apart_if_wrong, batches, lockstep, pair
-from fpid_pin.simulation.metrics import MetricsRecorder
-from fpid_pin.simulation.recorders import FullRecord, Outcome
 from fpid_pin.simulation.run import Run
-from fpid_pin.simulation.run_meta import describe_run
-from fpid_pin.simulation.streamed import RowCosts
+from fpid_pin.simulation.workers import WorkerPool, check_workers
 
-# More runs in one call gain nothing: their states no longer fit the processor's cache.
-MOST_RUNS = 240
 #: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
 _NUMBERS = 11
 
+#: Runs of a part that is dealt out to an executor.
+PART = 64
 
-def _overall(
-    progress: ProgressCallback | None, done: int, size: int, runs: int
-) -> ProgressCallback | None:
-    if progress is None:
-        return None
-    return lambda inner: progress(Progress((done + inner.part * size) / runs))
+
+class _Threads(ThreadPoolExecutor):
+    """Threads that begin nothing more after a fault or Ctrl-C."""
+
+    def __exit__(self, *fault: object) -> None:
+        self.shutdown(wait=True, cancel_futures=fault[0] is not None)
+
+
+def pair(
+    experiments: Experiment | Sequence[Experiment], controllers: Controller | Sequence[Controller]
+) -> tuple[list[Experiment], list[Controller]]:
+    """Broadcast experiments and controllers against each other: equal lengths, or one is single."""
+    if isinstance(experiments, Controller) and not isinstance(controllers, Controller):
+        raise ArgumentError("experiment", "the experiment first, then the controller", "a law")
+    left = [experiments] if isinstance(experiments, Experiment) else list(experiments)
+    right = [controllers] if isinstance(controllers, Controller) else list(controllers)
+    for e in left:
+        checks.instance("experiment", e, Experiment, "an Experiment")
+    for c in right:
+        checks.instance("controller", c, Controller, "a Controller")
+    runs = max(len(left), len(right))
+    if not left or not right or not {len(left), len(right)} <= {1, runs}:
+        raise ArgumentError(
+            "experiments and controllers", "equal numbers, or one of either",
+            f"{len(left)} and {len(right)}",
+        )  # fmt: skip
+    return left * (runs // len(left)), right * (runs // len(right))
 
 
 @overload
@@ -94,22 +113,12 @@ def simulate(
     distinct = {id(e): e for e in experiments}
     for line in dict.fromkeys(line for e in distinct.values() for line in overloaded_joints(e)):
         warnings.warn(line, FpidWarning, stacklevel=2)
-    runs: list[Run | None] = [None] * len(experiments)
-    done = 0
+    # Imported late: it loads numba.
+    from fpid_pin.simulation.batch import record_runs
 
-    def record(members: list[int]) -> None:
-        recorder = FullRecord()
-        es, cs = [experiments[i] for i in members], [controllers[i] for i in members]
-        outcomes = lockstep(es, cs, [recorder], _overall(progress, done, len(members), len(runs)))
-        for row, (i, outcome) in enumerate(zip(members, outcomes, strict=True)):
-            runs[i] = _run(experiments[i], controllers[i], recorder, row, outcome)
-
-    for members in batches(experiments, controllers, MOST_RUNS):
-        apart_if_wrong(members, record)
-        done += len(members)
+    runs = record_runs(experiments, controllers, progress)
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
-    finished = [run for run in runs if run is not None]
-    return finished[0] if single else finished
+    return runs[0] if single else runs
 
 
 def _require_room(experiments: Sequence[Experiment]) -> None:
@@ -120,24 +129,13 @@ def _require_room(experiments: Sequence[Experiment]) -> None:
     require_memory("duration", f"{what} of {longest:.3g} rows", size)
 
 
-def _run(e: Experiment, c: Controller, record: FullRecord, row: int, outcome: Outcome) -> Run:
-    """Make a run of its row of a record, cut where it ended."""
-    rows = e.rows if outcome.completed else round(outcome.time / e.step)
-    arrays = {name: values[row, :rows] for name, values in record.arrays.items()}
-    named = {name: arrays.pop(name) for name in ("q", "v", "q_ref", "v_ref", "torque")}
-    t = np.arange(rows, dtype=np.float64) * e.step
-    return Run(
-        t, **named, signals=arrays, outcome=outcome, step=e.step,
-        planned_rows=e.rows, meta=describe_run(e, c, getattr(c, "name", "")),
-    )  # fmt: skip
-
-
 def evaluate(
     experiments: Experiment | Sequence[Experiment],
     controllers: Controller | Sequence[Controller],
     cost: Cost | Sequence[Cost] | None = None,
     *,
     executor: Executor | None = None,
+    workers: int | None = None,
     shards: int | None = None,
     progress: ProgressCallback | None = None,
 ) -> FloatArray:
@@ -150,10 +148,12 @@ def evaluate(
     cost
         One cost gives (runs,), a sequence gives (runs, costs); None: eq. (33).
     executor
-        Any `concurrent.futures.Executor` of processes; the runs are dealt out to it. The result
-        is the same to the last bit.
+        Any `concurrent.futures.Executor`; the runs are dealt out to it. The result is the same to
+        the last bit.
+    workers
+        In place of an executor: threads for compiled laws and dynamics, else processes.
     shards
-        Number of parts for the executor; None: its number of workers where it tells, else 2.
+        Number of parts for the executor; None: parts of at most 64 runs, one a worker at least.
     progress
         As for `simulate`.
 
@@ -163,60 +163,68 @@ def evaluate(
         +inf where a run diverged.
     """
     es, cs = pair(experiments, controllers)
-    costs = [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
-    if executor is None:
-        table = _evaluate(es, cs, costs, progress)
-    else:
-        warm(es, cs)
-        parts = shards or int(getattr(executor, "_max_workers", 2))
-        cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
-        futures: list[Future[FloatArray]] = [
-            executor.submit(_evaluate, [es[i] for i in cut], [cs[i] for i in cut], costs, None)
-            for cut in cuts
-        ]
-        pieces = []
-        for number, future in enumerate(futures, start=1):
-            pieces.append(future.result())
-            if progress is not None:
-                progress(Progress(number / len(futures)))
-        table = np.concatenate(pieces)
+    costs: list[Cost] = (
+        [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
+    )
+    # Imported late: it loads numba.
+    from fpid_pin.simulation.batch import costs_of
+
+    with executor_of(executor, workers, es, cs) as pool:
+        if pool is None:
+            table = costs_of(es, cs, costs, progress)
+        else:
+            warm(es, cs)
+            table = _dealt_out(es, cs, costs, pool, shards, progress)
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
 
-def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:
-    """Run two ticks of each kind of run, so that worker processes find all kernels compiled."""
-    for members in batches(experiments, controllers, len(experiments)):
-        first = members[0]
-        short = dataclasses.replace(experiments[first], duration=2.0 * experiments[first].step)
-        _evaluate([short], [controllers[first]], [QuadraticCost()], None)
+def _dealt_out(
+    es: list[Experiment], cs: list[Controller], costs: list[Cost], pool: Executor,
+    shards: int | None, progress: ProgressCallback | None,
+) -> FloatArray:  # fmt: skip
+    from fpid_pin.simulation.batch import costs_of
+
+    # Small parts: progress is told, and Ctrl-C obeyed, after each.
+    parts = shards or max(int(getattr(pool, "_max_workers", 2)), -(-len(es) // PART))
+    cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
+    futures: list[Future[FloatArray]] = [
+        pool.submit(costs_of, [es[i] for i in cut], [cs[i] for i in cut], costs, None)
+        for cut in cuts
+    ]
+    pieces = []
+    for number, future in enumerate(futures, start=1):
+        pieces.append(future.result())
+        if progress is not None:
+            progress(Progress(number / len(futures)))
+    return np.concatenate(pieces)
 
 
-def _evaluate(
+def executor_of(
+    executor: Executor | None,
+    workers: int | None,
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
-    costs: Sequence[Cost],
-    progress: ProgressCallback | None,
-) -> FloatArray:
-    table = np.full((len(experiments), len(costs)), np.inf)
-    streams = {k: s for k, cost in enumerate(costs) if (s := cost.streamed()) is not None}
-    done = 0
+    *,
+    retries: int = 3,
+) -> AbstractContextManager[Executor | None]:
+    """Return the caller's executor, which stays open, or workers of our own, which are closed.
 
-    def judge(members: list[int]) -> None:
-        metrics, rows = MetricsRecorder(), RowCosts(list(streams.values()))
-        outcomes = lockstep(
-            [experiments[i] for i in members],
-            [controllers[i] for i in members],
-            [metrics, rows] if streams else [metrics],
-            _overall(progress, done, len(members), len(experiments)),
-        )
-        for run, (i, found) in enumerate(zip(members, metrics.result(), strict=True)):
-            if outcomes[run].completed:
-                table[i] = [
-                    rows.result(run, list(streams).index(k)) if k in streams else cost.of(found)
-                    for k, cost in enumerate(costs)
-                ]
+    Compiled work lets go of the interpreter's lock, so that threads share it out; a law in Python,
+    or Pinocchio's dynamics, needs processes. A task may lose its process `retries` times.
+    """
+    check_workers(executor, workers)
+    if executor is not None or workers is None:
+        return nullcontext(executor)
+    holds = any(c.control is not None for c in controllers)
+    holds = holds or any(e.dynamics == "pinocchio" for e in experiments)
+    return WorkerPool(workers, retries=retries) if holds else _Threads(workers)
 
-    for members in batches(experiments, controllers, MOST_RUNS):
-        apart_if_wrong(members, judge)
-        done += len(members)
-    return table
+
+def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:
+    """Run two ticks of each kind of law, so that workers find all kernels compiled."""
+    from fpid_pin.simulation.batch import costs_of
+
+    kinds = {(type(c), e.arm.n): (e, c) for e, c in zip(experiments, controllers, strict=True)}
+    for e, c in kinds.values():
+        short = dataclasses.replace(e, duration=2.0 * e.step)
+        costs_of([short], [c], [QuadraticCost()], None)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -45,10 +45,10 @@ class Experiment:
     integrator
         ``"semi_implicit_euler"`` or ``"rk4"``; the torque is held over the step in both.
     dynamics
-        ``"pinocchio"``, or ``"compiled"``: the package's own rigid-body kernel, two to three times
-        faster up to some ten joints (and slower beyond twenty), each run with a plant of its own;
-        where the law is a kernel as well, whole stretches run without the interpreter. The two
-        agree within rounding, not to the bit.
+        ``"pinocchio"``: Pinocchio's own functions, one robot and one call at a time; or
+        ``"compiled"``: the package's rigid-body kernels, whole stretches of a run in one call.
+        None: Pinocchio's where runs are recorded (`simulate`), compiled where thousands are
+        compared (`evaluate`, `tune`, campaigns). The two agree within rounding, not to the bit.
     seed
         Of the sensors' noise.
     runaway_speed
@@ -64,7 +64,7 @@ class Experiment:
     step: float = 1e-3
     duration: float = 20.0
     integrator: str = "semi_implicit_euler"
-    dynamics: str = "pinocchio"
+    dynamics: str | None = None
     seed: int = 0
     runaway_speed: float = 1e3
 
@@ -93,7 +93,8 @@ class Experiment:
             raise checks.ArgumentError("v0", f"at most runaway_speed ({speed:g} rad/s)", v0)
         object.__setattr__(self, "v0", v0)
         checks.choice("integrator", self.integrator, INTEGRATORS)
-        checks.choice("dynamics", self.dynamics, DYNAMICS)
+        if self.dynamics is not None:
+            checks.choice("dynamics", self.dynamics, DYNAMICS)
         object.__setattr__(self, "seed", checks.integer("seed", self.seed, low=0))
         _check_disturbance(plant_of(self).disturbance, n)
 
@@ -101,6 +102,10 @@ class Experiment:
     def rows(self) -> int:
         """Number of samples of a run, both ends included."""
         return checks.sample_count(self.duration, self.step)
+
+    def with_dynamics(self, dynamics: str) -> Experiment:
+        """Return the experiment with its dynamics written out: these where it does not say."""
+        return self if self.dynamics is not None else replace(self, dynamics=dynamics)
 
     def motion(self, t: FloatArray) -> Motion:
         """Sample the reference at `t`, (K,), as three (K, n) arrays, checked.

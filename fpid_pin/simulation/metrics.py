@@ -1,82 +1,51 @@
-"""Figures of merit, per joint: the same sums for a recorded run and for rows that stream by."""
+"""Figures of merit, per joint: the same sums for a recorded run and for one that streams by."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.costs import SETTLING_BAND, Cost, Metrics
-from fpid_pin.simulation.recorders import BLOCK_ROWS, Batch, Block
-from fpid_pin.simulation.streamed import RowCosts
+from fpid_pin.checks import FloatArray
+from fpid_pin.costs import SETTLING_BAND, Cost, Metrics, RowCost, Rows
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.blocks import BLOCK_ROWS, Block
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.run import Run
 
 
-class MetricsRecorder:
-    """Accumulates what is behind `Metrics`; its memory does not depend on the horizon.
+def metrics_from(sums: Any, planned: int, step: float) -> Metrics:
+    """Return the metrics that sums of `kernels.metrics` amount to.
 
     Parameters
     ----------
-    band
-        Of the settling time [rad].
+    sums
+        MEASURE, (n,).
+    planned
+        Rows of a completed run whose torque is applied: all but its last.
+    step
+        h [s].
     """
-
-    wanted: Sequence[str] = ()
-
-    def __init__(self, band: float = SETTLING_BAND) -> None:
-        self._band = checks.number("band", band, above=0.0)
-
-    def start(self, batch: Batch) -> None:
-        """See `Recorder.start`."""
-        # Imported late: it loads numba.
-        from fpid_pin.kernels import metrics
-
-        self._kernels: Any = metrics
-        self._step, self._applied, self._limit = batch.step, batch.rows - 1, batch.limit
-        self._sums = np.zeros((batch.runs, batch.n), metrics.SUM)
-        self._traces = np.zeros((batch.runs, batch.n), metrics.TRACE)
-
-    def take(self, block: Block) -> None:
-        """See `Recorder.take`."""
-        error = np.ascontiguousarray(block.q_ref - block.q)
-        torque, valid, first, applied = block.torque, block.valid, block.first, self._applied
-        self._kernels.tally(
-            self._sums, error, torque, valid, first, applied, applied // 2, self._step
+    h = step
+    stayed = (sums["rows"] == planned) & (sums["settled"] < sums["rows"])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Metrics(
+            ise=h * sums["square"],
+            iae=h * sums["absolute"],
+            itae=h * sums["aged"],
+            rms=np.sqrt(sums["square"] / sums["rows"]),
+            rms_tail=np.sqrt(sums["late"] / sums["late_rows"]),
+            energy=h * sums["effort"],
+            total_variation=sums["changes"].copy(),
+            peak_torque=sums["peak"].copy(),
+            peak_error=sums["worst"].copy(),
+            settling_time=np.where(stayed, h * sums["settled"], np.inf),
+            overshoot=np.where(np.abs(sums["start"]) > sums["band"], sums["beyond"], 0.0),
+            saturated=np.where(np.isnan(sums["limit"]), np.nan, sums["at_limit"] / sums["rows"]),
+            torque_rate=np.sqrt(sums["jumps"] / (sums["rows"] - 1)) / h,
         )
-        self._kernels.trace(
-            self._traces, error, torque, valid, self._limit, self._band, first, applied
-        )
-
-    def result(self) -> list[Metrics]:
-        """Return the metrics of every run."""
-        h, sums, path = self._step, self._sums, self._traces
-        stayed = (path["rows"] == self._applied) & (path["settled"] < path["rows"])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            table = {
-                "ise": h * sums["square"],
-                "iae": h * sums["absolute"],
-                "itae": h * sums["aged"],
-                "rms": np.sqrt(sums["square"] / sums["rows"]),
-                "rms_tail": np.sqrt(sums["late"] / sums["late_rows"]),
-                "energy": h * sums["effort"],
-                "total_variation": sums["changes"].copy(),
-                "peak_torque": sums["peak"].copy(),
-                "peak_error": path["worst"].copy(),
-                "settling_time": np.where(stayed, h * path["settled"], np.inf),
-                "overshoot": np.where(np.abs(path["start"]) > self._band, path["beyond"], 0.0),
-                "saturated": np.where(
-                    np.isnan(self._limit), np.nan, path["at_limit"] / path["rows"]
-                ),
-                "torque_rate": np.sqrt(path["jumps"] / (path["rows"] - 1)) / h,
-            }
-        return [
-            Metrics(**{name: values[run] for name, values in table.items()})
-            for run in range(len(sums))
-        ]
 
 
 def metrics_of(run: Run, band: float = SETTLING_BAND) -> Metrics:
@@ -89,11 +58,92 @@ def metrics_of(run: Run, band: float = SETTLING_BAND) -> Metrics:
     band
         Within which the error counts as settled [rad].
     """
-    recorder = MetricsRecorder(band)
-    recorder.start(_batch(run))
-    for block in _blocks(run):
-        recorder.take(block)
-    return recorder.result()[0]
+    # Imported late: it loads numba.
+    from fpid_pin.kernels.metrics import measure_rows
+    from fpid_pin.kernels.records import MEASURE
+
+    measure: Any = measure_rows
+    n, planned = run.q.shape[1], run.planned_rows - 1
+    sums = np.zeros(n, MEASURE)
+    sums["band"] = checks.number("band", band, above=0.0)
+    # A file from before it was written down does not say.
+    sums["limit"] = run.meta.get("effort_limit", [np.nan] * n)
+    applied = slice(0, planned)
+    q, q_ref, torque = (
+        np.ascontiguousarray(getattr(run, name)[applied]) for name in ("q", "q_ref", "torque")
+    )
+    measure(sums, q, q_ref, torque, planned // 2, run.step)
+    return metrics_from(sums, planned, run.step)
+
+
+class RowCosts:
+    """Costs of a run's rows, which stream by; it keeps nothing but what these remember.
+
+    Parameters
+    ----------
+    costs
+        Any number of them.
+    applied
+        How many rows of a completed run have a torque that is applied: all but the last.
+    step
+        h [s].
+    limit
+        Of the torque, (n,) [N m].
+    arm
+        The nominal arm.
+    """
+
+    def __init__(
+        self, costs: list[RowCost], applied: int, step: float, limit: FloatArray, arm: Any
+    ) -> None:
+        self._costs, self._applied, self._step = costs, applied, step
+        self._limit, self._arm = limit, arm
+        self._states = [cost.begin() for cost in costs]
+
+    def take(self, block: Block) -> None:
+        """Take the next rows.
+
+        Raises
+        ------
+        ArgumentError
+            A signal that the law has not.
+        """
+        count = max(min(len(block.q), self._applied - block.first), 0)
+        wanted = sorted({name for cost in self._costs for name in cost.signals})
+        missing = [name for name in wanted if name not in block.signals]
+        if missing:
+            has = ", ".join(sorted(block.signals)) or "none"
+            raise ArgumentError("cost.signals", f"signals of the law ({has})", missing[0])
+        if not count or not self._costs:
+            return
+        names = ("q", "v", "q_ref", "v_ref", "torque")
+        own = {name: getattr(block, name)[:count].copy() for name in names}
+        rows = Rows(
+            block.first, self._step,
+            self._step * np.arange(block.first, block.first + count, dtype=np.float64), **own,
+            signals={name: block.signals[name][:count].copy() for name in wanted},
+            limit=self._limit, arm=self._arm,
+        )  # fmt: skip
+        self._states = [
+            cost.add(state, rows) for cost, state in zip(self._costs, self._states, strict=True)
+        ]
+
+    def results(self) -> list[float]:
+        """Return what the run costs.
+
+        Raises
+        ------
+        ArgumentError
+            A cost that is no number.
+        """
+        found = []
+        for cost, state in zip(self._costs, self._states, strict=True):
+            value = cost.finish(state)
+            try:
+                found.append(float(value))
+            except (TypeError, ValueError):
+                raise ArgumentError("cost", "a number", type(value).__name__) from None
+        return found
 
 
 def cost_of(run: Run, cost: Cost) -> float:
@@ -103,28 +153,12 @@ def cost_of(run: Run, cost: Cost) -> float:
     streamed = cost.streamed()
     if streamed is None:
         return cost.of(run.metrics)
-    recorder = RowCosts([streamed])
-    recorder.start(_batch(run, with_arm=True))
-    for block in _blocks(run):
-        recorder.take(block)
-    return recorder.result(0, 0)
-
-
-def _batch(run: Run, with_arm: bool = False) -> Batch:
     n = run.q.shape[1]
-    # A file from before it was written down does not say.
-    limit = np.array([run.meta.get("effort_limit", [np.nan] * n)])
-    return Batch(1, n, run.planned_rows, run.step, limit, run.arm if with_arm else None)
-
-
-def _blocks(run: Run) -> Iterator[Block]:
-    """Yield the rows of a run in the portions in which they came."""
+    limit = np.array(run.meta.get("effort_limit", [np.nan] * n))
+    costs = RowCosts([streamed], run.planned_rows - 1, run.step, limit, run.arm)
     names = ("q_ref", "v_ref", "q", "v", "torque")
     for first in range(0, len(run.t), BLOCK_ROWS):
-        rows = slice(first, first + BLOCK_ROWS)
-        part = {
-            name: np.ascontiguousarray(getattr(run, name)[rows])[:, np.newaxis] for name in names
-        }
-        signals = {name: array[rows][:, np.newaxis] for name, array in run.signals.items()}
-        t = run.t[rows]
-        yield Block(first, t, **part, valid=np.array([len(t)]), signals=signals)
+        part = slice(first, first + BLOCK_ROWS)
+        own = {name: getattr(run, name)[part] for name in names}
+        costs.take(Block(first, **own, signals={k: a[part] for k, a in run.signals.items()}))
+    return costs.results()[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
@@ -12,9 +13,13 @@ from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
 from fpid_pin.disturbances import Disturbance
+from fpid_pin.exceptions import SimulationError
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.experiment import Experiment
+
+# RK4 is stable on the negative real axis to -2.785; beyond half of it, it is not accurate either.
+_RK4_REACH = 1.4
 
 
 @described("plant")
@@ -91,3 +96,32 @@ def plant_of(experiment: Experiment) -> ResolvedPlant:
     """Return the plant of an experiment; None means the nominal arm, undisturbed."""
     plant = Plant() if experiment.plant is None else experiment.plant
     return plant.resolve(experiment.arm)
+
+
+def refuse_stiff(plant: ResolvedPlant, step: float) -> None:
+    """Refuse a plant that Runge-Kutta's rule cannot follow.
+
+    Raises
+    ------
+    SimulationError
+        Dry friction (its force jumps, so the order is lost and joints chatter) or viscous friction
+        too stiff for an explicit rule at this step.
+    """
+    arm = plant.arm
+    if plant.dry_friction.any():
+        joint = arm.joint_names[int(np.argmax(plant.dry_friction > 0.0))]
+        raise SimulationError(
+            f"rk4: dry friction on joint {joint} jumps with the sign of its speed, which no smooth "
+            "rule follows; use semi_implicit_euler, which treats it implicitly"
+        )
+    if plant.viscous_friction.any():
+        rates = np.linalg.eigvals(
+            np.linalg.solve(arm.mass_matrix(arm.home), np.diag(plant.viscous_friction))
+        )
+        fastest = float(np.abs(rates).max())
+        if step * fastest > _RK4_REACH:
+            raise SimulationError(
+                f"rk4: viscous friction decays at {fastest:.3g} 1/s, too stiff for a step of "
+                f"{step:g} s (at most {_RK4_REACH / fastest:.2g} s); use semi_implicit_euler, "
+                "which treats it implicitly"
+            )

@@ -11,22 +11,21 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.recorders import Outcome
-from fpid_pin.simulation.run import Run
+from fpid_pin.simulation.blocks import Outcome
 from fpid_pin.simulation.run_meta import meta_of
 
 #: Part of a step by which a row's time may be off the grid; a run is measured as if it were on it.
 JITTER = 0.1
 
 
-def from_arrays(
+def run_arguments(
     t: ArrayLike, q: ArrayLike, q_ref: ArrayLike, torque: ArrayLike, *, arm: Arm,
     v: ArrayLike | None, v_ref: ArrayLike | None, signals: Mapping[str, ArrayLike] | None,
     controller: Controller | None, name: str, resample: float | None,
-) -> Run:  # fmt: skip
-    """See `Run.from_arrays`."""
+) -> dict[str, Any]:  # fmt: skip
+    """Return the arguments of the `Run` that arrays are: see `Run.from_arrays`."""
     checks.instance("arm", arm, Arm, "an Arm")
     if controller is not None:
         checks.instance("controller", controller, Controller, "a Controller")
@@ -60,11 +59,11 @@ def from_arrays(
             for table in (arrays, own)
         )
         time = grid
-    return Run(
-        step * np.arange(len(time), dtype=np.float64), **arrays, signals=own,
-        outcome=Outcome(True, step * (len(time) - 1)), step=step, planned_rows=len(time),
-        meta=meta_of(name, arm, controller, arm.effort_limit),
-    )  # fmt: skip
+    return {
+        "t": step * np.arange(len(time), dtype=np.float64), **arrays, "signals": own,
+        "outcome": Outcome(True, step * (len(time) - 1)), "step": step, "planned_rows": len(time),
+        "meta": meta_of(name, arm, controller, arm.effort_limit),
+    }  # fmt: skip
 
 
 def _rows(name: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) -> FloatArray:

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks, descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.control.record import Record
 from fpid_pin.costs import Metrics, tool_distance
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
-from fpid_pin.simulation import run_file, run_shown, run_tables
+from fpid_pin.simulation import recorded, run_file, run_shown, run_tables
+from fpid_pin.simulation.blocks import Outcome
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.metrics import metrics_of
-from fpid_pin.simulation.recorders import Outcome
 
 T = TypeVar("T")
 
@@ -262,12 +262,11 @@ class Run:
             Shapes that do not fit; NaN or inf; times that go back, or rows off a uniform step by
             more than a tenth of it while nothing is to be resampled.
         """
-        from fpid_pin.simulation import recorded
-
-        return recorded.from_arrays(
+        arguments = recorded.run_arguments(
             t, q, q_ref, torque, arm=arm, v=v, v_ref=v_ref, signals=signals,
             controller=controller, name=name, resample=resample,
         )  # fmt: skip
+        return cls(**arguments)
 
     @classmethod
     def from_record(cls, record: Record, name: str = "recorded") -> Run:

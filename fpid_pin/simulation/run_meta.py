@@ -11,15 +11,18 @@ from fpid_pin import descriptions
 from fpid_pin._version import __version__
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.simulation import run_file
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import torque_limit
 
 
-def describe_run(experiment: Experiment, controller: Controller, name: str) -> dict[str, Any]:
-    """Return the `Run.meta` of a run about to be recorded."""
-    about = {"seed": experiment.seed, "experiment": descriptions.to_dict(experiment)}
+def describe_run(
+    experiment: Experiment, controller: Controller, name: str, dynamics: str
+) -> dict[str, Any]:
+    """Return the `Run.meta` of a run about to be recorded, with the dynamics that made it."""
+    table = descriptions.to_dict(experiment) | {"dynamics": dynamics}
+    about = {"seed": experiment.seed, "experiment": table}
     return meta_of(name, experiment.arm, controller, torque_limit(experiment)) | about
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.descriptions import described
-from fpid_pin.simulation.recorders import BLOCK_ROWS
+from fpid_pin.kernels.records import SENSOR, Sensing
+from fpid_pin.simulation.blocks import BLOCK_ROWS
 
 VELOCITY_SOURCES = ("measured", "differentiated")
 
@@ -60,63 +59,46 @@ class Sensors:
 
 
 class SensorState:
-    """The sensors of all runs; exact ones where a run has none.
+    """The sensors of one run, as records for the kernels.
 
     Parameters
     ----------
     sensors
-        One a run, or None.
-    seeds
-        One a run: a run's noise depends on nothing else.
+        None: exact ones.
+    seed
+        Of the noise, which depends on nothing else.
     n
         Number of joints.
     step
         Sampling period [s].
     """
 
-    def __init__(
-        self, sensors: Sequence[Sensors | None], seeds: Sequence[int], n: int, step: float
-    ) -> None:
-        # Imported late: it loads numba.
-        from fpid_pin.kernels.sensors import SENSOR, measure
+    def __init__(self, sensors: Sensors | None, seed: int, n: int, step: float) -> None:
+        joints = np.zeros(0 if sensors is None else n, SENSOR)
+        if sensors is not None:
+            _fill(joints, sensors, n, step)
+        noisy = bool(joints["noise_q"].any() or joints["noise_v"].any())
+        self._generator = np.random.default_rng(seed)
+        depth = 1 + (0 if sensors is None else int(joints["delay"].max()))
+        self._records = Sensing(
+            joints, np.zeros((depth, 2, n)), np.zeros((BLOCK_ROWS if noisy else 0, 2, n))
+        )
+        self._drawn = 0
 
-        self._measure: Any = measure
-        runs = len(sensors)
-        self._joints = np.zeros((runs, n), SENSOR)
-        for own, given in zip(self._joints, sensors, strict=True):
-            _fill(own, Sensors() if given is None else given, n, step)
-        noisy = self._joints["noise_q"].any() or self._joints["noise_v"].any()
-        self._generators = [np.random.default_rng(seed) for seed in seeds]
-        self._noise = np.zeros((BLOCK_ROWS if noisy else 0, 2, runs, n))
-        self._history = np.zeros((int(self._joints["delay"].max()) + 1, 2, runs, n))
-        self._tick = 0
+    def records(self, first: int, count: int) -> Sensing:
+        """Return the records for rows from `first` on, which end with their block at the latest.
 
-    def prepare(self) -> int:
-        """Draw the noise of the next ticks where it is used up; return this tick's row of it."""
-        row = self._tick % BLOCK_ROWS
-        if row == 0 and len(self._noise):
-            for run, generator in enumerate(self._generators):
-                shape = (BLOCK_ROWS, 2, self._noise.shape[-1])
-                self._noise[:, :, run] = generator.standard_normal(shape)
-        return row
-
-    def flight(self, ticks: int) -> tuple[Any, ...]:
-        """Return records, ring, noise and tick for `kernels.flight`, which makes so many ticks."""
-        self.prepare()
-        self._tick += ticks
-        return self._joints, self._history, self._noise, self._tick - ticks
-
-    def measure(self, alive: BoolArray, x: FloatArray, seen: FloatArray) -> None:
-        """Write what is measured of x = [q, q'], (2, runs, n), into `seen`, (5, runs, n)."""
-        row = self.prepare()
-        self._measure(
-            alive, self._joints, x, self._tick, self._history, self._noise, row, seen
-        )  # fmt: skip
-        self._tick += 1
+        Noise is drawn a block at a time: it does not depend on how many ticks are made at once.
+        """
+        noise = self._records.noise
+        if len(noise) and first + count > self._drawn:
+            noise[:] = self._generator.standard_normal(noise.shape)
+            self._drawn += len(noise)
+        return self._records
 
 
 def _fill(joints: Any, sensors: Sensors, n: int, step: float) -> None:
-    """Write the sensors of one run into its records, (n,)."""
+    """Write sensors into their records, (n,)."""
     for name, value in (
         ("noise_q", "position_noise"), ("noise_v", "velocity_noise"), ("bias", "velocity_bias"),
         ("resolution", "position_resolution"),

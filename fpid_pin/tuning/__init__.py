@@ -1,5 +1,6 @@
 """Tuning of controllers: costs, genetic algorithms, Pareto fronts, checkpoints."""
 
+from fpid_pin.simulation.workers import WorkerPool
 from fpid_pin.tuning.differential_evolution import CrossCheck, cross_check
 from fpid_pin.tuning.gene import Gene
 from fpid_pin.tuning.history import History, ParetoResult, TuningResult
@@ -11,7 +12,6 @@ from fpid_pin.tuning.robust import RobustCost, scenarios
 from fpid_pin.tuning.search_progress import SearchProgress
 from fpid_pin.tuning.settings import SearchSettings
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.workers import WorkerPool
 
 __all__ = [
     "CostMap",

@@ -10,17 +10,17 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.exceptions import ArgumentError, TuningError
 from fpid_pin.progress import Progress
 from fpid_pin.simulation import Experiment
+from fpid_pin.simulation.entry import executor_of
 from fpid_pin.tuning.objective import Objective
 from fpid_pin.tuning.problem import one_cost, problem_of
 from fpid_pin.tuning.search_progress import Narrator, SearchCallback
 from fpid_pin.tuning.settings import SearchSettings, checked
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.workers import executor_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def cross_check(
     points: list[FloatArray] = []
     found: list[float] = []
 
-    with executor_of(settings.executor, settings.workers) as pool:
+    with executor_of(settings.executor, settings.workers, experiments, [controller]) as pool:
         objective = Objective(experiments, bound, costs, pool)
 
         def evaluated(columns: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.shown import Shown, html_table
 
 IntArray = NDArray[np.int64]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.simulation import Experiment
 from fpid_pin.tuning.history import TuningResult

@@ -1,4 +1,4 @@
-"""What a search makes small: candidates in, costs out, one lockstep call for all of them."""
+"""What a search makes small: candidates in, costs out, one call for all of them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from concurrent.futures import BrokenExecutor, Executor
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.progress import ProgressCallback
@@ -61,7 +61,7 @@ class Objective:
     ) -> FloatArray:
         """Return the costs of controllers, (controllers, costs)."""
         scenarios, count = len(self._experiments), len(controllers)
-        # Scenario by scenario: neighbouring runs then share their plant, which is cheaper.
+        # Scenario by scenario: what neighbouring runs are given from outside is sampled once.
         experiments = [e for e in self._experiments for _ in range(count)]
         runs = list(controllers) * scenarios
         try:

@@ -10,14 +10,14 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment
+from fpid_pin.simulation.entry import executor_of
 from fpid_pin.tuning.objective import Objective
 from fpid_pin.tuning.problem import one_cost, problem_of
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.workers import executor_of
 
 #: Part of a parameter's range by which it is moved to see whether it matters.
 NUDGE = 0.1
@@ -98,7 +98,7 @@ def profile(
     for k in range(bound.size):
         line[count:] = max(own[k] - NUDGE, 0.0), min(own[k] + NUDGE, 1.0)
         candidates[k * (count + 2) : (k + 1) * (count + 2), k] = line
-    with executor_of(executor, workers) as pool:
+    with executor_of(executor, workers, experiments, [controller]) as pool:
         objective = Objective(experiments, bound, costs, pool)
         found = objective(candidates, progress)[:, 0].reshape(bound.size, count + 2)
         here = float(objective.of([controller])[0, 0])

@@ -13,14 +13,14 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment
+from fpid_pin.simulation.entry import executor_of
 from fpid_pin.tuning.objective import Objective
 from fpid_pin.tuning.problem import one_cost, problem_of
 from fpid_pin.tuning.space import Space
-from fpid_pin.tuning.workers import executor_of
 
 DEFAULT_GRID = tuple(np.linspace(0.0, 1.0, 21).tolist())
 
@@ -93,6 +93,6 @@ def cost_map(
         for a in rows.tolist()
         for b in columns.tolist()
     ]
-    with executor_of(executor, workers) as pool:
+    with executor_of(executor, workers, experiments, [controller]) as pool:
         table = Objective(experiments, bound, costs, pool).of(candidates, progress)
     return CostMap(rows, columns, table.reshape(len(rows), len(columns)))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,16 +12,16 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.budget import require_memory, require_time
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, QuadraticCost
-from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation import Experiment
+from fpid_pin.exceptions import ArgumentError, FpidWarning
+from fpid_pin.simulation import Experiment, evaluate
+from fpid_pin.simulation.entry import executor_of, warm
 from fpid_pin.tuning.objective import Objective
 from fpid_pin.tuning.search import Search
 from fpid_pin.tuning.search_progress import SearchCallback
 from fpid_pin.tuning.settings import SearchSettings
 from fpid_pin.tuning.space import BoundSpace, Space
-from fpid_pin.tuning.workers import executor_of
 
 #: What a candidate takes in its generation, measured for two joints.
 _RUN_BYTES = 6e3
@@ -38,9 +40,13 @@ def problem_of(
     space: Space,
     costs: Sequence[Cost],
 ) -> tuple[list[Experiment], BoundSpace]:
-    """Check what is to be made small, where; return the experiments and the space on its law."""
+    """Check what is to be made small, where; return the experiments and the space on its law.
+
+    Where experiments do not say their dynamics, they are compiled.
+    """
     experiments = [experiment] if isinstance(experiment, Experiment) else list(experiment)
     check_experiments(experiments)
+    experiments = [e.with_dynamics("compiled") for e in experiments]
     checks.instance("controller", controller, Controller, "a Controller")
     checks.instance("space", space, Space, "a Space")
     for k, cost in enumerate(costs):
@@ -65,7 +71,7 @@ def searched(
         # Where the search starts from takes part in it, moved into the space where it is outside.
         points.append(bound.nearest(controller))
     first = np.array(points).reshape(-1, bound.size)
-    with executor_of(settings.executor, settings.workers) as pool:
+    with executor_of(settings.executor, settings.workers, experiments, [controller]) as pool:
         search = Search(
             Objective(experiments, bound, costs, pool),
             bound,
@@ -76,6 +82,8 @@ def searched(
         )
         with search.alone():
             search.prepare()
+            if controller.control is not None:
+                _warn_of_python(experiments, controller, settings, search.done)
             search.run(progress)
     return search
 
@@ -84,14 +92,45 @@ def _require_means(experiments: Sequence[Experiment], settings: SearchSettings) 
     """Refuse a search that memory is too small or life too short for."""
     seeds, runs = len(settings.seeds), settings.population * len(experiments)
     rows, joints = sum(e.rows for e in experiments), experiments[0].arm.n
-    share = settings.workers or int(getattr(settings.executor, "_max_workers", 1))
     what = f"{seeds} seeds of {runs} runs"
     require_memory("search", f"{what} in a generation", seeds * runs * _RUN_BYTES)
     require_time(
         "search",
         f"{what} of {max(e.rows for e in experiments):.3g} rows, {settings.generations} times",
-        float(seeds * settings.population * settings.generations * rows * joints) / share,
+        float(seeds * settings.population * settings.generations * rows * joints)
+        / workers_of(settings),
     )
+
+
+def _warn_of_python(
+    experiments: Sequence[Experiment], controller: Controller, settings: SearchSettings, done: int
+) -> None:
+    """Say how long a law in plain Python will take, by the first run of the one that is given."""
+    warm(experiments, [controller] * len(experiments))
+    start = time.perf_counter()
+    evaluate(experiments, controller)
+    each = time.perf_counter() - start
+    candidates = settings.population * len(settings.seeds) * (settings.generations - done)
+    seconds = candidates * each / workers_of(settings)
+    warnings.warn(
+        f"{type(controller).__name__} is a law in plain Python: {candidates} candidates of "
+        f"{each:.2g} s each take about {_spoken(seconds)}; in the joint form, torque(c), it is "
+        "compiled (CONTRIBUTING.md)",
+        FpidWarning,
+        stacklevel=4,
+    )
+
+
+def _spoken(seconds: float) -> str:
+    for unit, size in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= size:
+            return f"{seconds / size:.2g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+def workers_of(settings: SearchSettings) -> int:
+    """Return how many candidates are simulated at once, where an executor tells."""
+    return settings.workers or int(getattr(settings.executor, "_max_workers", 1))
 
 
 def check_experiments(experiments: Sequence[Experiment]) -> None:

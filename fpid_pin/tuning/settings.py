@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from fpid_pin import checks
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.tuning.workers import check_workers
+from fpid_pin.simulation.workers import check_workers
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class SearchSettings:
         Take over the cost of a candidate that equals, to the last bit, one of the present
         population, in place of simulating it again. The result is the same.
     workers
-        Number of worker processes; None: this process alone. The result is the same to the last
-        bit whichever is chosen.
+        Number of workers: threads for compiled laws and dynamics, else processes; None: one run
+        after another. The result is the same to the last bit whichever is chosen.
     executor
-        Any `concurrent.futures.Executor` of processes, in place of `workers`; it stays open.
+        Any `concurrent.futures.Executor`, in place of `workers`; it stays open.
     checkpoint
         File that is replaced, atomically, after every generation.
     resume

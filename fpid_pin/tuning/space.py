@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning.gene import Gene, gene_of, plain
 
@@ -259,7 +259,8 @@ def _numeric_parameters(controller: Controller) -> list[str]:
     if not dataclasses.is_dataclass(controller):
         raise ArgumentError("controller", "a dataclass", type(controller).__name__)
     names = []
-    for field in dataclasses.fields(controller):
+    # The law's own before the options that all laws have.
+    for field in sorted(dataclasses.fields(controller), key=lambda field: field.kw_only is True):
         value = getattr(controller, field.name)
         if value is None and field.name in _left_open(type(controller)):
             value = 0.0  # a number that was left to the controller

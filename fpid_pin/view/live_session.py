@@ -11,10 +11,11 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.controller import Controller
+from fpid_pin.control.law import Controller
+from fpid_pin.exceptions import SimulationError
+from fpid_pin.simulation.engine import Simulation
 from fpid_pin.simulation.entry import warm
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.simulator import Simulator
 from fpid_pin.view.camera import stage
 from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink
@@ -70,10 +71,10 @@ class _Hands:
     """Turns keys into pushes."""
 
     def __init__(
-        self, robot: Simulator, arm: Arm, joint: int, torque: FloatArray,
+        self, simulation: Simulation, arm: Arm, joint: int, torque: FloatArray,
         announce: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self._robot, self._arm, self._joint, self._torque = robot, arm, joint, torque
+        self._simulation, self._arm, self._joint, self._torque = simulation, arm, joint, torque
         self.say = announce
         self.pushes: list[tuple[float, str, float]] = []
 
@@ -88,9 +89,9 @@ class _Hands:
             elif key in "+=-_":
                 torque = float(self._torque[self._joint]) * (1.0 if key in "+=" else -1.0)
                 name = self._arm.joint_names[self._joint]
-                self._robot.push(self._joint, torque, _PUSH_TIME)
-                self.pushes.append((self._robot.t, name, torque))
-                self.say(f"t = {self._robot.t:.2f} s: {torque:+.1f} N m on {name}")
+                self._simulation.push(self._joint, torque, _PUSH_TIME)
+                self.pushes.append((self._simulation.t, name, torque))
+                self.say(f"t = {self._simulation.t:.2f} s: {torque:+.1f} N m on {name}")
         return True
 
 
@@ -160,8 +161,9 @@ def live(
         torque = np.full(arm.n, checks.number("push_torque", push_torque))
     # Whatever is yet to be compiled must not be in the first period.
     warm([experiment], [controller])
-    robot = Simulator([experiment], [controller], horizon=duration or 3600.0)
-    hands = _Hands(robot, arm, arm.joint_index(push_joint), torque, announce or (lambda text: None))
+    simulation = Simulation(experiment, controller, horizon=duration or 3600.0)
+    robot, say = simulation.robot, announce or (lambda text: None)
+    hands = _Hands(simulation, arm, arm.joint_index(push_joint), torque, say)
     last = None if duration is None else round(duration / step)
     timing = Timing(step)
     sent: list[float] = []
@@ -174,15 +176,18 @@ def live(
         link = LiveLink(render(scene, title), port=port, announce=announce)
 
     def tick() -> bool:
-        robot.tick()
-        return robot.alive and (last is None or robot.row < last)
+        try:
+            simulation.tick()
+        except SimulationError:
+            return False  # Of a law of the user's own: the report has it.
+        return robot.outcome is None and (last is None or robot.row < last)
 
     with Keyboard() as keyboard:
 
         def idle() -> bool:
             if link is not None:
                 start = time.perf_counter()
-                link.send(robot.t, [(robot.q[0], robot.q_ref[0], robot.torque[0])])
+                link.send(simulation.t, [(robot.q, simulation.q_ref, robot.torque)])
                 sent.append(time.perf_counter() - start)
                 if not hands.take(link.keys()):
                     return False
@@ -208,7 +213,7 @@ def live(
         send_times=np.array(sent),
         dropped=0 if link is None else link.dropped,
         pushes=tuple(hands.pushes),
-        q=robot.q[0].copy(),
-        q_ref=robot.q_ref[0].copy(),
-        fault=str(robot.ends[0] or ""),
+        q=robot.q.copy(),
+        q_ref=simulation.q_ref.copy(),
+        fault=str(robot.outcome or ""),
     )

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.control.controller import Controller
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
@@ -23,9 +23,8 @@ from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
 from fpid_pin.view.document import as_text, asset, closed, document
 from fpid_pin.view.page import licences, meshcat_file
-from fpid_pin.view.playground_engine import Engine, require_playable
+from fpid_pin.view.playground_engine import Engine, require_playable, supervisor_of
 from fpid_pin.view.playground_presets import presets
-from fpid_pin.view.playground_supervisor import supervision, supervisor_of
 from fpid_pin.view.scene import still_scene, to_script_json
 
 #: Points of a curve: two for each of so many spans of time.
@@ -113,7 +112,6 @@ def playground_html(
     engine = Engine(experiment, laws, steps)
     starts = [settings.start_settings(experiment, c, k) for k, c in enumerate(laws)]
     shown = engine.table() | settings.outside(experiment) | {"shown": SHOWN}
-    shown["supervision"] = [supervision(experiment, c) for c in laws]
     title = title or f"{experiment.arm.name}, adaptive fractional PID"
     outside = to_script_json({key: shown[key] for key in ("duration", "shown", "disturbance")})
     return document(
@@ -217,7 +215,7 @@ _BODY = """<header><h1>{title}</h1>
 <div class="plot" id="plot-torque"></div></section>
 <section class="card" id="gains"><h2>Gains <select id="gain" aria-label="Which gain or order">
 <option value="kp">Kp</option><option value="ki">Ki</option><option value="kd">Kd</option>
-<option value="lam">λ</option><option value="mu">μ</option></select></h2>
+<option value="integral_order">λ</option><option value="derivative_order">μ</option></select></h2>
 <div class="plot" id="plot-gains"></div></section>
 <section class="card" id="table"><table><caption hidden>Metrics</caption><thead><tr>
 <th scope="col">the smaller the better</th><th scope="col">now</th><th scope="col">pinned</th>

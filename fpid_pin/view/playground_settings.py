@@ -11,14 +11,14 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.descriptions import to_dict
 from fpid_pin.disturbances import Cosine, Pulse, Sum
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import plant_of
-from fpid_pin.view.playground_engine import MOST_DELAY, encoded
-from fpid_pin.view.playground_supervisor import supervisor_of
+from fpid_pin.view.playground_engine import MOST_DELAY, encoded, supervisor_of
 
 #: Steps that a page offers [s].
 STEPS = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2)
@@ -56,8 +56,7 @@ def start_settings(experiment: Experiment, controller: AdaptiveFpid, index: int)
         return float(value.max())
 
     # Gains count from the start as projected.
-    unbound = np.full((3, n), np.inf)
-    low, high = (-unbound, unbound) if guard is None else guard.bounds(n)
+    low, high = Safeguards.bounds_of(guard, n)
     gains = {
         name: np.clip(each(name, getattr(controller, name)), lo, hi).tolist()
         for name, lo, hi in zip(("kp", "ki", "kd"), low, high, strict=True)
@@ -132,7 +131,6 @@ def outside(e: Experiment) -> dict[str, Any]:
         "runaway": e.runaway_speed,
         "joints": list(e.arm.joint_names),
         "cutoff": 500.0 if e.sensors is None else e.sensors.velocity_cutoff,
-        "biased": e.sensors is not None and bool(np.any(e.sensors.velocity_bias)),
     }
 
 

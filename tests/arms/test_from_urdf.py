@@ -1,12 +1,12 @@
 """Reading URDFs: what works, and one clear line for everything that does not."""
 
-import subprocess
 import sys
 import warnings
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from bounded import finished
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
@@ -377,7 +377,5 @@ def test_importing_arms_does_not_load_what_only_some_need():
         "import sys, fpid_pin.arms; heavy = {'example_robot_data', 'matplotlib', 'meshcat',"
         " 'pymoo', 'coal'}; print(sorted(heavy & set(sys.modules)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
+    done = finished([sys.executable, "-c", code], check=True)
     assert set(eval(done.stdout)) <= {"coal"}  # Pinocchio may load its own shapes

@@ -2,13 +2,13 @@
 
 import os
 import re
-import subprocess
 import sys
 import tarfile
 import zipfile
 from importlib import resources
 from pathlib import Path
 
+from bounded import finished
 from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 
@@ -62,14 +62,11 @@ def test_the_arm_is_built_from_an_unpacked_wheel(tmp_path):
     with zipfile.ZipFile(built(WheelBuilder, ROOT, tmp_path)) as wheel:
         wheel.extractall(tmp_path / "site")
     code = "import fpid_pin.arms as a; print(a.__file__); print(a.Arm.two_link())"
-    done = subprocess.run(
+    done = finished(
         [sys.executable, "-c", code],
         cwd=tmp_path,
         env={**os.environ, "PYTHONPATH": str(tmp_path / "site")},
-        capture_output=True,
-        text=True,
         check=True,
-        timeout=120,
     )
     where, arm = done.stdout.splitlines()
     assert Path(where).is_relative_to(tmp_path / "site")

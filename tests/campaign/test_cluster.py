@@ -5,11 +5,11 @@ import signal
 import sqlite3
 import subprocess
 import sys
-import time
 from contextlib import closing
 
 import psutil
 import pytest
+from bounded import PATIENCE, started, wait_until
 from studies import bits, study
 
 from fpid_pin.campaign import cluster, dask_executor, load, local_cluster, run
@@ -25,10 +25,12 @@ RUNS = 60
 def scheduler():
     with local_cluster(2) as made:
         with dask_executor(made.address, patience=60.0) as executor:
-            end = time.monotonic() + 60.0
-            while executor._max_workers < 2 and time.monotonic() < end:
-                time.sleep(0.2)
+
+            def both():
                 executor._max_workers = sum(executor._client.nthreads().values())
+                return executor._max_workers == 2
+
+            assert wait_until(both)
         yield made
 
 
@@ -48,7 +50,7 @@ def workers_of(made):
 
 
 def test_a_cluster_changes_no_bit(scheduler, alone, tmp_path):
-    with dask_executor(scheduler.address) as executor:
+    with dask_executor(scheduler.address, patience=PATIENCE) as executor:
         data = run(study(), tmp_path / "l.sqlite", RUNS, executor=executor, chunk=7)
     assert bits(data) == bits(alone)
 
@@ -62,7 +64,7 @@ def test_a_worker_killed_in_mid_run_leaves_every_run_recorded_once(scheduler, al
             os.kill(killed[0], signal.SIGKILL)
 
     ledger = tmp_path / "l.sqlite"
-    with dask_executor(scheduler.address) as executor:
+    with dask_executor(scheduler.address, patience=PATIENCE) as executor:
         data = run(study(), ledger, RUNS, executor=executor, chunk=2, progress=kill)
     assert killed
     assert bits(data) == bits(alone)
@@ -102,17 +104,17 @@ def test_the_command_line_reaches_a_scheduler(scheduler, tmp_path, monkeypatch):
 
 
 def test_a_cluster_of_the_command_ends_with_it():
-    child = subprocess.Popen(
+    with started(
         [sys.executable, "-m", "fpid_pin.cli.main", "campaign", "cluster", "--workers", "1"],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    assert child.stdout.readline().startswith("--dask tcp://127.0.0.1:")
-    family = psutil.Process(child.pid).children(recursive=True)
-    assert family
-    child.send_signal(signal.SIGINT)
-    assert child.communicate(timeout=60)[1] == "fpid-pin: stopped\n"
+    ) as child:  # fmt: skip
+        assert child.stdout.readline().startswith("--dask tcp://127.0.0.1:")
+        family = psutil.Process(child.pid).children(recursive=True)
+        assert family
+        child.send_signal(signal.SIGINT)
+        assert child.communicate()[1] == "fpid-pin: stopped\n"
     assert child.returncode == 130
-    _, alive = psutil.wait_procs(family, timeout=30)
+    _, alive = psutil.wait_procs(family, timeout=PATIENCE)
     assert not alive
 
 
@@ -131,12 +133,10 @@ def test_workers_of_another_version_are_refused_by_name(scheduler, monkeypatch):
         pass
 
 
-def test_a_scheduler_that_is_not_there_is_told_within_ten_seconds():
-    began = time.monotonic()
+def test_a_scheduler_that_is_not_there_is_told():
     words = r"dask tcp://127\.0\.0\.1:1: expected a Dask scheduler that answers within 8 s, got"
     with pytest.raises(ArgumentError, match=words), dask_executor("tcp://127.0.0.1:1"):
         pass
-    assert time.monotonic() - began < 10.0
 
 
 @pytest.mark.parametrize("address", ["nonsense://x", "127.0.0.1", ""])

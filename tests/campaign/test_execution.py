@@ -66,6 +66,8 @@ def test_threads_and_processes_change_no_bit(alone, pool, tmp_path):
     assert bits(data) == bits(alone)
     data = run(study(), tmp_path / "processes.sqlite", RUNS, executor=pool, chunk=11)
     assert bits(data) == bits(alone)
+    data = run(study(), tmp_path / "own.sqlite", RUNS, workers=2, chunk=9)
+    assert bits(data) == bits(alone)
 
 
 def test_going_on_to_more_runs_keeps_the_first(alone, tmp_path):
@@ -122,7 +124,8 @@ def test_the_run_that_kills_its_workers_is_found_and_no_other_is_blamed(tmp_path
     monkeypatch.setenv("DEADLY", str(np.sort(amplitudes)[-2]))
     monkeypatch.setenv("DEATHS", str(deaths))
     made = dataclasses.replace(made, controllers={"one": fp.PdGravity(kp=50.0, kd=10.0)})
-    data = run(made, tmp_path / "l.sqlite", 16, workers=2, chunk=8)
+    with fp.tuning.WorkerPool(2, retries=0) as processes:
+        data = run(made, tmp_path / "l.sqlite", 16, executor=processes, chunk=8)
     assert np.flatnonzero(data.outcome[:, 0] == "failed").tolist() == [worst]
     assert (data.outcome == "completed").sum() == 15
     assert "3 workers died" in data.cause[worst, 0]
@@ -145,6 +148,34 @@ def test_a_run_that_fails_is_recorded_with_its_cause(tmp_path):
     assert (data.outcome[~bad] == "completed").all()
     assert not data.success[bad].any()
     assert data.success[~bad].all()
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Fragile(fp.Controller):
+    """A PD law in plain Python that fails where the arm starts beyond 0.1 rad."""
+
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        start = state.memory.setdefault("start", q[0])
+        if start > 0.1 and state.joints["t"][0] > 0.2:
+            raise ZeroDivisionError("a fault of its own")
+        return 50.0 * (q_ref - q) - 10.0 * v
+
+
+def test_a_law_that_fails_leaves_other_laws_and_runs_alone(tmp_path):
+    uncertain = {"q0": Uniform(low=0.0, high=0.2, shared=True)}
+    made = study(uncertain=uncertain)
+    alone = run(made, tmp_path / "alone.sqlite", 16)
+    laws = {"fragile": Fragile()} | made.controllers
+    for options in ({}, {"workers": 2}):
+        ledger = tmp_path / f"{len(options)}.sqlite"
+        data = run(dataclasses.replace(made, controllers=laws), ledger, 16, chunk=5, **options)
+        bad = data.samples[:, 0] > 0.1
+        assert 0 < bad.sum() < 16
+        assert (data.outcome[bad, 0] == "failed").all()
+        assert "ZeroDivisionError: a fault of its own" in data.cause[bad, 0][0]
+        assert (data.outcome[~bad, 0] == "completed").all()
+        for name, values in data.metrics.items():
+            assert values[:, 1:].tobytes() == alone.metrics[name].tobytes()
 
 
 def test_outcomes_say_how_runs_ended(tmp_path):

@@ -7,6 +7,7 @@ from contextlib import closing
 
 import numpy as np
 import pytest
+from bounded import ended
 from studies import bits, study
 
 import fpid_pin as fp
@@ -230,9 +231,9 @@ def test_two_drivers_at_once_are_refused(tmp_path):
             except FileFormatError as error:
                 found.append(str(error))
 
-        thread = threading.Thread(target=attempt)
+        thread = threading.Thread(target=attempt, daemon=True)
         thread.start()
-        thread.join()
+        assert ended(thread)
 
     run(study(duration=0.05), path, 4, chunk=4, progress=second)
     assert "another fpid-pin at work" in found[0]

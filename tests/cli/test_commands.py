@@ -2,11 +2,11 @@
 
 import csv
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.cli.experiments import demo_config
@@ -143,9 +143,7 @@ def test_wrong_input_is_plain_lines_and_status_2(arguments, message, config, cap
 
 def test_the_installed_command_ends_with_the_status(config):
     code = "from fpid_pin.cli.main import main; import sys; sys.exit(main())"
-    done = subprocess.run(
-        [sys.executable, "-c", code, "run", "none.toml"], capture_output=True, text=True
-    )
+    done = finished([sys.executable, "-c", code, "run", "none.toml"])
     assert done.returncode == 2
     assert done.stderr == "fpid-pin: none.toml: no such file\n"
 
@@ -208,11 +206,10 @@ def test_ctrl_c_is_status_130(config, monkeypatch):
 
 def test_compiling_is_said_once_on_a_machine(config):
     def told():
-        done = subprocess.run(
+        done = finished(
             [sys.executable, "-m", "fpid_pin.cli.main", "run", str(config),
              "--controller", "integer PID"],
-            capture_output=True, text=True, check=True,
-            env=os.environ | {"NUMBA_CACHE_DIR": str(config.parent / "cache")},
+            check=True, env=os.environ | {"NUMBA_CACHE_DIR": str(config.parent / "cache")},
         )  # fmt: skip
         return "compiling the equations" in done.stderr
 

@@ -1,13 +1,13 @@
 """`inspect` and `init`: what a first user asks of an arm, and a configuration that runs."""
 
 import os
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
@@ -203,10 +203,7 @@ def test_numbers_are_cut_to_two_digits_towards_zero():
 
 
 def test_both_commands_are_there():
-    help_ = subprocess.run(
-        [sys.executable, "-m", "fpid_pin.cli.main", "--help"], capture_output=True, text=True,
-        check=True,
-    ).stdout  # fmt: skip
+    help_ = finished([sys.executable, "-m", "fpid_pin.cli.main", "--help"], check=True).stdout
     assert "inspect" in help_
     assert "init" in help_
 

@@ -8,6 +8,7 @@ import sys
 import time
 
 import pytest
+from bounded import started
 
 from fpid_pin.cli.experiments import demo_config
 from fpid_pin.cli.main import main
@@ -17,7 +18,7 @@ SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.1")
 
 def command(*arguments, **options):
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
-    return subprocess.Popen([sys.executable, "-m", "fpid_pin_start", *arguments], **options)
+    return started([sys.executable, "-m", "fpid_pin_start", *arguments], **options)
 
 
 @pytest.mark.parametrize(
@@ -104,12 +105,10 @@ def test_ctrl_c_that_a_library_made_an_error_of_is_still_ctrl_c(monkeypatch, cap
 
 
 def test_a_command_in_the_background_does_not_hear_ctrl_c():
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as the shell does, and children inherit
-    try:
-        child = command("operators", "--order", "0.5")
-    finally:
-        signal.signal(signal.SIGINT, before)
-    with child:
+    def ignore():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # as the shell does
+
+    with command("operators", "--order", "0.5", preexec_fn=ignore) as child:
         while child.poll() is None:
             child.send_signal(signal.SIGINT)
             time.sleep(0.02)
@@ -128,9 +127,8 @@ atexit.register(print, "leaving", flush=True)
 @pytest.mark.parametrize("after", [0.005, 0.02, 0.05])
 def test_ctrl_c_while_python_takes_itself_down_changes_nothing(after):
     """Python gives signals back before it has ended: what was done ended by the signal."""
-    with subprocess.Popen(
-        [sys.executable, "-c", ENDING], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as child:
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with started([sys.executable, "-c", ENDING], **pipes) as child:
         assert child.stdout.readline() == "leaving\n"
         time.sleep(after)
         child.send_signal(signal.SIGINT)
@@ -144,7 +142,7 @@ runpy.run_module('fpid_pin_start', run_name='__main__', alter_sys=True)"
 
 def interrupted(arguments, after, folder):
     """Send Ctrl-C some time [s] after the first line of ours; return status and what was said."""
-    with subprocess.Popen(
+    with started(
         [sys.executable, "-c", STARTED, *arguments], stdout=subprocess.PIPE,
         stderr=subprocess.PIPE, text=True, cwd=folder, start_new_session=True,
     ) as child:  # fmt: skip

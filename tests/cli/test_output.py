@@ -2,11 +2,11 @@
 
 import errno
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bounded import finished
 
 from fpid_pin.cli import output
 from fpid_pin.cli.output import output_folder
@@ -110,9 +110,7 @@ def test_everything_is_on_the_disk_before_the_swap_and_the_entry_after(tmp_path,
 
 def mounted(path):
     path.mkdir()
-    done = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(path)], capture_output=True
-    )
+    done = finished(["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(path)])
     if done.returncode:
         pytest.skip("tmpfs may not be mounted here")
     return path
@@ -127,7 +125,7 @@ def test_a_mount_point_is_refused(tmp_path):
         put(place / "out", "new")
         assert (place / "out" / "result").read_text() == "new"
     finally:
-        subprocess.run(["umount", str(place)], check=True)
+        finished(["umount", str(place)], check=True)
 
 
 @pytest.mark.parametrize("where", [".", "..", "/", "../here"])
@@ -253,10 +251,7 @@ while killed:
 @pytest.mark.parametrize("way", ["exchange", "two renames"])
 def test_killed_at_any_step_of_the_swap_the_results_are_the_old_or_the_new(tmp_path, way):
     """And whoever comes next finds them, and nothing else."""
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, str(tmp_path), way], capture_output=True, text=True,
-        check=True,
-    )  # fmt: skip
+    done = finished([sys.executable, "-c", KILLED, str(tmp_path), way], check=True)
     lines = done.stdout.splitlines()
     assert len(lines) > 20
     gone = "False old out"

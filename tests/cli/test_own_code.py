@@ -1,11 +1,12 @@
 """Kinds of one's own, named by a configuration: run only where that is allowed."""
 
-import subprocess
 import sys
 import textwrap
+import warnings
 
 import numpy as np
 import pytest
+from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.cli.main import main
@@ -26,8 +27,22 @@ class MyPd(fp.Controller):
     kd: float = 2.0
     name: str = "mine"
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.gravity(q)
+    uses_model = True
+
+    @staticmethod
+    def torque(c):
+        return c.kp * c.e + c.kd * c.e_dot
+
+
+@fp.described("my_python_pd")
+@dataclass(frozen=True, eq=False)
+class MyPythonPd(fp.Controller):
+    kp: float = 10.0
+    kd: float = 2.0
+    name: str = "mine"
+
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.arm.gravity_vector(q)
 
 
 @fp.described("my_ramp", "Reference")
@@ -92,18 +107,23 @@ def test_nothing_is_run_that_was_not_allowed(config, capsys):
     assert main(allowed) == 2
 
 
-def test_a_law_a_reference_and_a_cost_of_one_s_own(config, capsys):
+@pytest.mark.parametrize("name", ["MyPd", "MyPythonPd"])
+def test_a_law_a_reference_and_a_cost_of_one_s_own(config, name, capsys):
+    config.write_text(CONFIG.replace("my_pd", "my_python_pd" if "Python" in name else "my_pd"))
     out = config.parent / "out"
     assert main(["run", str(config), "--out", str(out), "--allow-import"]) == 0
     run = fp.Run.load(out / "mine.npz")
     assert run.q_ref[-1] == pytest.approx([0.04, 0.04])
     # Loaded again it is the same law, since this process knows its kind.
-    assert type(run.controller).__name__ == "MyPd"
+    assert type(run.controller).__name__ == name
     assert run.controller.kp == 30
     tuned = config.parent / "tuned"
     command = ["tune", str(config), "--out", str(tuned), "--allow-import", "--workers", "2"]
-    assert main(command) == 0
-    capsys.readouterr()
+    with warnings.catch_warnings():
+        warnings.simplefilter("always")
+        assert main(command) == 0
+    told = "warning: MyPythonPd is a law in plain Python: 4 candidates" in capsys.readouterr().err
+    assert told == (name == "MyPythonPd")
     again = [str(tuned / "tuned.toml"), "--out", str(config.parent / "again")]
     assert main(["run", *again, "--allow-import"]) == 0
     peak = np.abs(fp.Run.load(config.parent / "again" / "tuned.npz").torque).max()
@@ -114,7 +134,7 @@ def test_a_run_of_an_unknown_kind_says_what_is_missing(config):
     out = config.parent / "out"
     assert main(["run", str(config), "--out", str(out), "--allow-import"]) == 0
     code = f"import fpid_pin as fp; fp.Run.load({str(out / 'mine.npz')!r}).controller"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = finished([sys.executable, "-c", code])
     assert "my_pd" in done.stderr.splitlines()[-1]
 
 
@@ -161,21 +181,17 @@ def test_workers_cannot_have_what_a_session_defines():
         @dataclass(frozen=True, eq=False)
         class Mine(fp.Controller):
             kp: float = 10.0
-            def torque(self, state, q, v, q_ref, v_ref, a_ref):
+            def control(self, state, q, v, q_ref, v_ref, a_ref):
                 return self.kp * (q_ref - q)
 
         e = fp.paper_experiment(duration=0.1)
         fp.tune(e, Mine(), Space(kp=(1, 20, "shared")),
                 settings=SearchSettings(population=4, generations=1, workers=2))
     """)
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=False
-    )
+    done = finished([sys.executable, "-c", code])
     last = done.stderr.strip().splitlines()[-1]
     assert "TuningError: workers: expected classes and functions of a module, got Mine" in last
     assert "out of memory" not in done.stderr
     # A script that is read from standard input cannot even begin in a worker.
-    done = subprocess.run(
-        [sys.executable, "-"], input=code, capture_output=True, text=True, timeout=120, check=False
-    )
+    done = finished([sys.executable, "-"], input=code)
     assert "workers: expected a script in a file, got <stdin>" in done.stderr

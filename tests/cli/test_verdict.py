@@ -12,7 +12,7 @@ from fpid_pin.cli import summary, verdict
 from fpid_pin.cli.main import main
 from fpid_pin.cli.screen import print_table, screen
 from fpid_pin.costs import Metrics
-from fpid_pin.simulation.recorders import Outcome
+from fpid_pin.simulation.blocks import Outcome
 
 COMPLETED = Outcome(True, 1.0)
 

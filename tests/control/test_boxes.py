@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.control import explain_gains, gain_ceilings, suggest_gains
+from fpid_pin.control import Safeguards, explain_gains, gain_ceilings, suggest_gains
 
 
 def arm_named(name):
@@ -58,7 +58,7 @@ def some_gains(low, high, count, rng):
 def test_no_gains_of_the_suggested_box_are_unstable_where_they_stand_still(name, step):
     arm, rng = arm_named(name), np.random.default_rng(3)
     law = suggest_gains(arm, step=step)
-    low, high = law.safeguards.bounds(arm.n)
+    low, high = Safeguards.bounds_of(law.safeguards, arm.n)
     lower, upper = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
     lightest = gain_ceilings(arm, law, step=step, seed=5).pose
     for k, gains in enumerate(some_gains(low, high, 12, rng)):
@@ -69,7 +69,7 @@ def test_no_gains_of_the_suggested_box_are_unstable_where_they_stand_still(name,
 def test_the_check_itself_finds_what_is_unstable():
     arm, step = fp.Arm.from_example("ur5"), 4e-3
     law = suggest_gains(arm, step=step)
-    low, high = law.safeguards.bounds(arm.n)
+    low, high = Safeguards.bounds_of(law.safeguards, arm.n)
     windup = np.stack([low[0], 8.0 * high[1], low[2]])
     stiff = np.stack([low[0], low[1], 1.1 * gain_ceilings(arm, law, step=step).kd_limit])
     pose = gain_ceilings(arm, law, step=step).pose

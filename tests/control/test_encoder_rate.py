@@ -52,6 +52,13 @@ def test_a_turn_that_begins_again_is_no_jump():
     assert found == pytest.approx(expected, rel=1e-9)
 
 
+def test_joints_may_have_different_turns_or_none():
+    encoder = EncoderRate(0.0, turn=[2 * np.pi, np.inf, 0.1])
+    angle, to = np.array([0.1, 0.1, 0.02]), np.array([12.5, 12.5, 12.5])
+    assert encoder.nearest(angle, to) == pytest.approx([0.1 + 4 * np.pi, 0.1, 12.52], abs=1e-12)
+    assert EncoderRate().nearest(angle, to).tolist() == angle.tolist()
+
+
 def test_it_starts_at_rest_and_again_after_a_reset():
     rate = EncoderRate().start(STEP)
     assert (rate.rate(np.array([3.0])) == 0.0).all()
@@ -65,6 +72,7 @@ def test_it_starts_at_rest_and_again_after_a_reset():
     [
         ({"tau": -1.0}, "tau: expected a number >= 0"),
         ({"turn": 0.0}, "turn: expected a number > 0"),
+        ({"turn": [1.0, -1.0]}, "turn.1: expected a number > 0, got -1"),
     ],
 )
 def test_what_cannot_be_is_refused(given, message):

@@ -62,9 +62,9 @@ class Plain:
             e, e_dot = self.last
             # A cut torque is not pushed further: nor by the gains, along -S, nor by int e below.
             free = self.cut * -self.s <= 0.0
-            self.kp = np.where(free, self.kp - h * gamma_p * self.s * e, self.kp)
-            self.ki = np.where(free, self.ki - h * gamma_i * self.s * self.total, self.ki)
-            self.kd = np.where(free, self.kd - h * gamma_d * self.s * e_dot, self.kd)
+            self.kp = np.where(free, self.kp - h * (gamma_p * self.s * e), self.kp)
+            self.ki = np.where(free, self.ki - h * (gamma_i * self.s * self.total), self.ki)
+            self.kd = np.where(free, self.kd - h * (gamma_d * self.s * e_dot), self.kd)
         e, e_dot = q_ref - q, v_ref - v
         if self.last is not None:
             e_, e_dot_ = self.last

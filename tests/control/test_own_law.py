@@ -1,7 +1,7 @@
-"""A law of one's own: parameters and a `torque` in NumPy; the base owns the rest.
+"""A law of one's own in its three forms; what the engine does for it; that its faults are its own.
 
-What the base owns: scalars for all joints, (runs, n) stacks, the scale, the effort limits with
-anti-windup, and that a law's fault ends the run that has it and no other.
+tests/control/own_laws.py has the laws. That they are the loops that are written out is in
+test_laws_by_hand.py, that a law runs as it stands in its file in test_law_files.py.
 """
 
 import dataclasses
@@ -11,63 +11,39 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
+from own_laws import (
+    PDS,
+    JointGravity,
+    JointPd,
+    JointPid,
+    PythonPd,
+    PythonPid,
+    RobotComputedTorque,
+    own,
+)
 
 import fpid_pin as fp
+from fpid_pin.exceptions import ArgumentError, SimulationError
 
 STEP = 1e-3
+ARM = fp.Arm.two_link()
+LIMIT = (28.0, 8.0)
 SCALES = pytest.mark.parametrize("scale", ["none", "inertia", (0.7, 1.9)], ids=str)
-LIMITS = pytest.mark.parametrize("limit", [None, (28.0, 8.0)], ids=["unlimited", "saturated"])
-
-
-@dataclass(frozen=True, eq=False)
-class MyPd(fp.Controller):
-    kp: ArrayLike
-    kd: ArrayLike
-    scale: str | ArrayLike = "none"
-    name: str = "my PD"
-
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        return self.scale * (self.kp * (q_ref - q) + self.kd * (v_ref - v))
-
-
-@dataclass(frozen=True, eq=False)
-class MyPdGravity(MyPd):
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        return super().torque(state, q, v, q_ref, v_ref, a_ref) + state.gravity(q)
-
-
-@dataclass(frozen=True, eq=False)
-class MyPid(fp.Controller):
-    kp: ArrayLike
-    ki: ArrayLike
-    kd: ArrayLike
-    scale: str | ArrayLike = "none"
-    name: str = "my PID"
-
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        e, e_dot = q_ref - q, v_ref - v
-        total = state.integral(e, e_dot)
-        return self.scale * (self.kp * e + self.ki * total + self.kd * e_dot)
+LIMITS = pytest.mark.parametrize("limit", [None, LIMIT], ids=["unlimited", "saturated"])
 
 
 def two_link(limit=None):
-    arm = fp.Arm.two_link()
-    return arm if limit is None else arm.with_limits(effort=limit)
+    return ARM if limit is None else ARM.with_limits(effort=limit)
 
 
-def paper(duration=1.0, limit=None):
-    return dataclasses.replace(fp.paper_experiment(duration=duration), arm=two_link(limit))
+def paper(duration=1.0, limit=None, **changes):
+    experiment = fp.paper_experiment(duration=duration)
+    return dataclasses.replace(experiment, arm=two_link(limit), dynamics="compiled", **changes)
 
 
 def signals(count=500, seed=0):
     """Return q, v, q_ref, v_ref, a_ref, (count, 5, 2)."""
     return np.random.default_rng(seed).normal(0.0, 1.0, (count, 5, 2))
-
-
-def factor(scale, arm):
-    if scale == "none":
-        return np.ones(arm.n)
-    return np.diag(arm.mass_matrix(arm.home)) if scale == "inertia" else np.array(scale)
 
 
 def same_run(one, other):
@@ -76,17 +52,17 @@ def same_run(one, other):
         assert np.array_equal(getattr(one, name), getattr(other, name)), name
 
 
-# ---------------------------------------------------------------------- the law itself
+# ---------------------------------------------------------------------- the forms
 
 
 @LIMITS
 @SCALES
-def test_a_pd_is_its_own_line_of_numpy_scaled_and_clipped(scale, limit):
+@pytest.mark.parametrize("form", PDS)
+def test_a_pd_is_its_own_line_scaled_and_clipped_in_every_form(form, scale, limit):
     """The same operations in the same order: no tolerance."""
-    arm = two_link(limit)
-    kp, kd = np.array([30.0, 20.0]), np.array([7.0, 3.0])
-    loop, s = MyPd(kp, kd, scale).start(arm, step=STEP), factor(scale, arm)
-    cut = 0
+    arm, kp, kd = two_link(limit), np.array([30.0, 20.0]), np.array([7.0, 3.0])
+    s = {"none": np.ones(2), "inertia": np.diag(arm.mass_matrix(arm.home))}.get(scale, scale)
+    loop, cut = form(kp, kd, scale=scale).start(arm, step=STEP), 0
     for q, v, q_ref, v_ref, a_ref in signals():
         u = s * (kp * (q_ref - q) + kd * (v_ref - v))
         cut += int((np.abs(u) > arm.effort_limit).any())
@@ -97,132 +73,194 @@ def test_a_pd_is_its_own_line_of_numpy_scaled_and_clipped(scale, limit):
 
 @LIMITS
 @SCALES
-def test_its_integral_is_the_pid_s_with_anti_windup(scale, limit):
+def test_the_integral_is_the_pid_s_with_anti_windup(scale, limit):
     gains = {"kp": (40.0, 30.0), "ki": (25.0, 20.0), "kd": (20.0, 5.0), "scale": scale}
-    mine, theirs = MyPid(**gains), fp.Pid(**gains)
-    arm = two_link(limit)
-    loops = [law.start(arm, step=STEP) for law in (mine, theirs)]
+    laws = [form(**gains) for form in (fp.Pid, JointPid, PythonPid)]
+    loops = [law.start(two_link(limit), step=STEP) for law in laws]
     for row in signals(1000, seed=1):
-        one, other = (loop.torque(*row) for loop in loops)
-        assert np.array_equal(one, other)
-    one, other = (fp.simulate(paper(2.0, limit), law) for law in (mine, theirs))
-    if limit is not None:
-        assert (np.abs(one.torque) == limit).any()
-    assert np.array_equal(one.q, other.q)
-    assert np.array_equal(one.torque, other.torque)
+        first, *others = (loop.torque(*row) for loop in loops)
+        assert all(np.array_equal(first, torque) for torque in others)
+    first, *others = fp.simulate(paper(2.0, limit), laws)
+    assert limit is None or (np.abs(first.torque) == limit).any()
+    for run in others:
+        same_run(run, first)
 
 
-@SCALES
-def test_its_gravity_is_that_of_pd_with_gravity(scale):
-    gains = {"kp": (40.0, 30.0), "kd": (20.0, 5.0), "scale": scale}
-    one, other = (fp.simulate(paper(), law(**gains)) for law in (MyPdGravity, fp.PdGravity))
-    assert np.array_equal(one.q, other.q)
-    assert np.array_equal(one.torque, other.torque)
+def test_the_model_is_asked_as_the_package_s_laws_ask_it():
+    experiment = paper()
+    gains = {"kp": (40.0, 30.0), "kd": (20.0, 5.0), "scale": (0.7, 1.9)}
+    same_run(*fp.simulate(experiment, [JointGravity(**gains), fp.PdGravity(**gains)]))
+    same_run(*fp.simulate(experiment, [RobotComputedTorque(), fp.ComputedTorque(100.0, 20.0)]))
+
+
+def test_a_function_may_have_any_name_and_its_helpers_may_stand_around_it():
+    def stiffness(e, most=3.0):
+        return min(abs(e), most)
+
+    def pd(c):
+        return c.kp * stiffness(c.e) * c.e
+
+    loop = own(pd).start(ARM, step=STEP)
+    for row in signals(20):
+        e = row[2] - row[0]
+        assert np.array_equal(loop.torque(*row), 2.0 * np.minimum(np.abs(e), 3.0) * e)
+
+
+def test_what_a_joint_remembers_is_on_record_with_the_torque_that_it_made():
+    def torque(c):
+        c.rate += 0.1 * (c.e_dot - c.rate)
+        return c.kp * c.e + c.rate
+
+    run = fp.simulate(paper(), own(torque, memory=("rate",)))
+    assert list(run.signals) == ["rate"]
+    assert np.array_equal(run.torque, 2.0 * run.error + run.rate)
+    rate, e_dot = np.zeros(2), run.v_ref - run.v
+    for k in range(len(run.t)):
+        rate = rate + 0.1 * (e_dot[k] - rate)
+        assert np.array_equal(run.rate[k], rate)
+    assert dict(fp.simulate(paper(0.01), JointPd(30.0, 7.0)).signals) == {}
+
+
+def test_adaptation_follows_the_torque_and_starts_from_the_law_s_numbers():
+    def adapt(c):
+        c.gain += c.h * c.e * c.e
+
+    law = own(
+        lambda c: c.gain * c.e, adapt=adapt, memory=("gain",),
+        numbers=lambda self, arm, step, horizon: {"gain": (5.0, 6.0)},
+    )  # fmt: skip
+    run = fp.simulate(paper(), law)
+    assert np.array_equal(run.gain[0], [5.0, 6.0])
+    assert np.array_equal(run.torque, run.gain * run.error)
+    assert np.array_equal(run.gain[1:], run.gain[:-1] + STEP * run.error[:-1] * run.error[:-1])
 
 
 @dataclass(frozen=True, eq=False)
-class Model(fp.Controller):
-    """Returns one of the models that a state offers."""
+class Filtered(PythonPd):
+    """Remembers, shows, and has an operator and the model at hand."""
 
-    what: str = "gravity"
+    def begin(self, state):
+        state.memory["half"] = state.operator(0.5)
+        state.shown["half"] = np.zeros(state.n)
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        if self.what == "gravity":
-            return state.gravity(q)
-        if self.what == "coriolis":
-            return state.coriolis(q, v)
-        if self.what == "inverse_dynamics":
-            return state.inverse_dynamics(q, v, a_ref)
-        return np.full_like(q, state.step * state.arm.n)
-
-
-def test_the_models_of_a_state_are_equation_35():
-    """By hand, m3 = 0, masses 1 kg, links 1 and 0.8 m; Pinocchio rounds at some 50 N m."""
-
-    def asked(what, row):
-        return Model(what).start(fp.Arm.two_link(), step=STEP).torque(*row)
-
-    for row in signals(20, seed=2):
-        (q1, q2), (v1, v2), a = row[0], row[1], row[4]
-        k = 0.8 * np.sin(q2)
-        coriolis = np.array([-2.0 * k * v1 * v2 - k * v2**2, k * v1**2])
-        g2 = 9.8 * 0.8 * np.cos(q1 + q2)
-        gravity = np.array([9.8 * 2.0 * np.cos(q1) + g2, g2])
-        m12 = 0.64 + 0.8 * np.cos(q2)
-        mass = np.array([[2.64 + 1.6 * np.cos(q2), m12], [m12, 0.64]])
-        assert np.abs(asked("coriolis", row) - coriolis).max() < 1e-12
-        assert np.abs(asked("gravity", row) - gravity).max() < 1e-12
-        whole = mass @ a + coriolis + gravity
-        assert np.abs(asked("inverse_dynamics", row) - whole).max() < 1e-12
-        assert (asked("step and arm", row) == 2.0 * STEP).all()
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        half = state.memory["half"].update(q_ref - q, v_ref - v)
+        state.shown["half"][:] = half
+        assert (state.step, state.n, state.arm.n) == (STEP, 2, 2)
+        return (
+            super().control(state, q, v, q_ref, v_ref, a_ref) + half + state.arm.gravity_vector(q)
+        )
 
 
-# ---------------------------------------------------------------------- parameters
+def test_a_law_in_python_has_memory_operators_and_the_model():
+    run = fp.simulate(paper(0.3), Filtered(40.0, 10.0))
+    bank = fp.fractional.Bank(fp.fractional.ExponentialSum(modes=24), [0.5, 0.5], step=STEP,
+                              horizon=20.0)  # fmt: skip
+    half = [bank.update(e, r).copy() for e, r in zip(run.error, run.v_ref - run.v, strict=True)]
+    assert np.array_equal(run.half, half)
+    weight = [ARM.gravity_vector(q) for q in run.q]
+    u = 40.0 * run.error + 10.0 * (run.v_ref - run.v) + half + weight
+    assert run.torque == pytest.approx(u, rel=1e-13)
+
+
+def test_each_loop_has_a_memory_of_its_own_and_a_reset_is_a_start():
+    for law in (fp.paper_controller(), JointPid(40.0, 20.0, 25.0), Filtered(40.0, 10.0)):
+        first, second = (law.start(ARM, step=STEP) for _ in range(2))
+        rows = signals(50, seed=3)
+        alone = [first.torque(*row) for row in rows]
+        assert np.array_equal([second.torque(*row) for row in rows], alone)
+        first.reset()
+        assert np.array_equal([first.torque(*row) for row in rows], alone)
+
+
+# ---------------------------------------------------------------------- parameters, options
 
 
 def test_a_scalar_field_holds_for_every_joint():
-    experiment = paper()
-    one = fp.simulate(experiment, MyPd(30.0, 7.0))
-    other = fp.simulate(experiment, MyPd((30.0, 30.0), [7.0, 7.0], (1.0, 1.0)))
-    same_run(one, other)
-
-
-def test_the_law_sees_a_row_a_run_and_its_description_stays_as_it_was():
-    seen = []
-
-    @dataclass(frozen=True, eq=False)
-    class Watching(MyPd):
-        def torque(self, state, q, v, q_ref, v_ref, a_ref):
-            arrays = self.kp, self.kd, self.scale, v, q_ref, v_ref, a_ref
-            seen.extend((np.shape(array), q.shape) for array in arrays)
-            return super().torque(state, q, v, q_ref, v_ref, a_ref)
-
-    laws = [Watching(30.0, (7.0, 3.0), "inertia"), Watching((10.0, 20.0), 7.0)]
-    runs = fp.simulate(paper(0.01), laws)
-    assert all(run.outcome.completed for run in runs)
-    assert all(shape == expected for shape, expected in seen)
-    assert {shape[1] for shape, _ in seen} == {2}
-    assert np.array_equal(laws[0].kp, 30.0)
-    assert np.array_equal(laws[0].kd, [7.0, 3.0])
-    assert laws[0].scale == "inertia"
-    assert runs[0].name == "my PD"
+    one = fp.simulate(paper(), JointPd(30.0, 7.0))
+    same_run(one, fp.simulate(paper(), JointPd((30.0, 30.0), [7.0, 7.0], scale=(1.0, 1.0))))
+    assert fp.simulate(paper(0.01), JointPd(30.0, 7.0, name="my PD")).name == "my PD"
 
 
 @pytest.mark.parametrize(
     "start",
     [
-        lambda law: law.start(fp.Arm.two_link(), step=STEP),
+        lambda law: law.start(ARM, step=STEP),
         lambda law: fp.simulate(paper(), law),
-        lambda law: fp.evaluate(paper(), [MyPd(1.0, 1.0), law]),
+        lambda law: fp.evaluate(paper(), [JointPd(1.0, 1.0), law]),
     ],
     ids=["loop", "simulation", "population"],
 )
 def test_a_field_of_the_wrong_length_is_named(start):
-    with pytest.raises(
-        fp.exceptions.ArgumentError, match=r"kp: expected shape \(2,\).* got .*3"
-    ) as caught:
-        start(MyPd((1.0, 2.0, 3.0), 1.0))
+    with pytest.raises(ArgumentError, match=r"kp: expected shape \(2,\).* got .*3") as caught:
+        start(JointPd((1.0, 2.0, 3.0), 1.0))
     assert "\n" not in str(caught.value)
 
 
-def test_an_unknown_scale_is_named():
-    with pytest.raises(fp.exceptions.ArgumentError, match="scale: expected one of none, inertia"):
-        MyPd(1.0, 1.0, "inertial").start(fp.Arm.two_link(), step=STEP)
+REFUSED = "feedforward: expected none: {} has the model itself, got True"
+
+
+@pytest.mark.parametrize(
+    ("make", "line"),
+    [
+        (lambda: fp.ComputedTorque(feedforward=True), REFUSED.format("ComputedTorque")),
+        (lambda: fp.PdGravity(1.0, 1.0, feedforward=True), REFUSED.format("PdGravity")),
+        (lambda: fp.SlidingMode(1.0, 1.0, feedforward=True), REFUSED.format("SlidingMode")),
+        (lambda: fp.SlotineLi(1.0, 1.0, feedforward=True), REFUSED.format("SlotineLi")),
+        (lambda: fp.GravityOnly(feedforward=True), REFUSED.format("GravityOnly")),
+        (lambda: JointGravity(1.0, 1.0, feedforward=True), REFUSED.format("JointGravity")),
+        (lambda: fp.Pid(1.0, 1.0, 1.0, feedforward=1),
+         "feedforward: expected true or false, got int"),
+        (lambda: JointPd(1.0, 1.0, observer=-1.0), "observer: expected a number >= 0, got -1"),
+        (lambda: JointPd(1.0, 1.0, observer=2e3).start(ARM, step=STEP),
+         "observer: expected at most 1/step (1000 rad/s), got 2000 rad/s"),
+        (lambda: PythonPd(1.0, 1.0, supervisor=5.0),
+         "supervisor: expected a Supervisor or None, got float"),
+        (lambda: JointPd(1.0, 1.0, supervisor=fp.Supervisor.quiet(2.0, 1.0), observer=50.0),
+         "observer: expected the supervisor's bandwidth (100 rad/s), got 50.0"),
+        (lambda: JointPd(1.0, 1.0, scale="inertial"),
+         "scale: expected one of none, inertia, got 'inertial' (did you mean inertia?)"),
+        (lambda: JointPd(1.0, 1.0, scale=(1.0, 0.0)), "scale.1: expected a number > 0, got 0"),
+    ],
+)  # fmt: skip
+def test_options_that_cannot_be_are_one_line(make, line):
+    with pytest.raises(ArgumentError) as caught:
+        make()
+    assert str(caught.value) == line
+
+
+@pytest.mark.parametrize("kind", ["sampled", "paper"])
+@pytest.mark.filterwarnings("ignore:supervisor.disturbance_bound:fpid_pin.FpidWarning")
+def test_a_supervisor_is_the_same_for_every_form_of_one_law(kind):
+    """And it does what it is for: V leaves the set without it."""
+    push = fp.Plant(disturbance=fp.disturbances.Cosine((30.0, 12.0), frequency=1.0))
+    experiment = paper(2.0, plant=push)
+    guard = fp.Supervisor(3.0, 1.0, (30.0, 12.0), kind=kind, boundary_layer=3.0)
+    runs = fp.simulate(experiment, [form(15.0, 5.0, supervisor=guard) for form in PDS])
+    for run in runs[1:]:
+        same_run(run, runs[0])
+
+    def most(run):
+        e, rate = run.error, run.v_ref - run.v
+        return (0.5 * (1.75 * e**2 + 2.0 * e * rate + 1.5 * rate**2)).sum(axis=1).max()
+
+    alone = fp.simulate(experiment, JointPd(15.0, 5.0))
+    assert most(alone) > 1.5 * guard.threshold
+    assert np.abs(runs[0].torque - alone.torque).max() > 1.0
+    if kind == "sampled":
+        assert most(runs[0]) < 1.01 * guard.threshold
 
 
 # ---------------------------------------------------------------------- populations
 
 
-def population():
-    scales = ["none", "inertia", (0.7, 1.9), 2.0, "none"]
-    return [
-        MyPid(20.0 + 5.0 * k, (10.0, 3.0 * k), 4.0 + k, scale) for k, scale in enumerate(scales)
-    ]
-
-
 @LIMITS
 def test_a_population_has_the_bits_of_its_members_alone(limit):
-    experiment, laws = paper(1.0, limit), population()
+    scales = ["none", "inertia", (0.7, 1.9), 2.0]
+    laws = [JointPid(20.0 + 5.0 * k, 4.0 + k, (10.0, 3.0 * k), scale=scale)
+            for k, scale in enumerate(scales)]  # fmt: skip
+    laws += [PythonPid(30.0, 7.0, 5.0), fp.paper_controller()]
+    experiment = paper(0.5, limit)
     for run, law in zip(fp.simulate(experiment, laws), laws, strict=True):
         same_run(run, fp.simulate(experiment, law))
     alone = [fp.evaluate(experiment, law)[0] for law in laws]
@@ -230,44 +268,37 @@ def test_a_population_has_the_bits_of_its_members_alone(limit):
     assert np.array_equal(fp.evaluate(experiment, laws), alone)
 
 
-def test_own_laws_and_the_package_s_run_side_by_side():
-    experiment = paper(0.3)
-    laws = [MyPd(30.0, 7.0), fp.paper_controller(), MyPid(30.0, 5.0, 7.0)]
-    for run, law in zip(fp.simulate(experiment, laws), laws, strict=True):
-        same_run(run, fp.simulate(experiment, law))
-
-
-# ---------------------------------------------------------------------- faults
+# ---------------------------------------------------------------------- faults while it runs
 
 NEVER = 10.0  # rad; the reference is sin t
 
 
 @dataclass(frozen=True, eq=False)
-class Faulty(MyPid):
-    """A PID that breaks where the reference is beyond `breaks_at`, after its integral has moved."""
+class Faulty(PythonPid):
+    """A PID that breaks where the reference is beyond `breaks_at`."""
 
     breaks_at: ArrayLike = NEVER
     how: str = "raises"
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        u = super().torque(state, q, v, q_ref, v_ref, a_ref)
-        broken = q_ref > self.breaks_at
-        if not broken.any():
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        u = super().control(state, q, v, q_ref, v_ref, a_ref)
+        if not (q_ref > self.breaks_at).any():
             return u
         if self.how == "raises":
-            raise ZeroDivisionError("thirteen is an unlucky number")
-        if self.how == "shape":
-            return np.zeros((len(q), 3))
-        if self.how == "nothing":
-            return None
-        return np.where(broken, np.nan, u)
+            raise ZeroDivisionError("thirteen is an\nunlucky number")
+        wrong = {"shape": np.zeros(3), "scalar": 0.0, "runs": u[np.newaxis], "words": "no torque"}
+        wrong["nan"] = np.where(q_ref > self.breaks_at, np.nan, u)
+        return wrong.get(self.how)
 
 
 CAUSES = {
-    "raises": r"ZeroDivisionError.*thirteen is an unlucky number",
-    "shape": r"\((\d, )?2,?\).*\((\d, )?3,?\)",  # expected (1, 2), got (1, 3), or without the run
-    "nothing": r"None|shape",
-    "nan": r"not finite",
+    "raises": r"ZeroDivisionError: thirteen is an.*unlucky number",
+    "shape": r"expected shape \(2,\), got \(3,\)",
+    "scalar": r"expected shape \(2,\), got \(\)",
+    "runs": r"expected shape \(2,\), got \(1, 2\)",
+    "nothing": r"NoneType|expected .* got .*\(\)",
+    "words": r"ValueError",
+    "nan": r"torque is not finite",
 }
 FAULTS = pytest.mark.parametrize("how", CAUSES)
 
@@ -277,79 +308,126 @@ def first_tick_beyond(angle):
 
 
 @FAULTS
-def test_a_fault_ends_its_run_and_says_when_and_why(how):
-    run = fp.simulate(paper(), Faulty(30.0, 5.0, 7.0, breaks_at=0.1, how=how))
-    tick = first_tick_beyond(0.1)
-    assert not run.outcome.completed
-    assert run.outcome.time == pytest.approx(tick * STEP, abs=1e-12)
-    assert re.search(CAUSES[how], run.outcome.cause)
-    assert "\n" not in run.outcome.cause
-    # What came before is on record, as it would have been without the fault to come.
-    assert len(run.t) == tick
-    whole = fp.simulate(paper(), MyPid(30.0, 5.0, 7.0))
-    assert np.array_equal(run.q, whole.q[:tick])
-    assert np.array_equal(run.torque, whole.torque[:tick])
-
-
-@FAULTS
-@pytest.mark.parametrize("limit", [None, (28.0, 8.0)], ids=["unlimited", "saturated"])
-def test_the_other_runs_complete_with_the_bits_that_they_have_alone(how, limit):
-    """Above all the integrals: whatever was tried to find the culprit, a tick counts once."""
-    experiment = paper(1.0, limit)
-    thresholds = [NEVER, 0.1, NEVER, 0.3, 0.1]
+def test_a_fault_ends_its_run_with_its_cause_and_leaves_the_others_alone(how):
+    thresholds = [NEVER, 0.1, NEVER, 0.3]
     laws = [
-        Faulty(30.0 + 5.0 * k, (15.0, 4.0 * k), 7.0 + k, breaks_at=angle, how=how)
+        Faulty(30.0 + 5.0 * k, 7.0 + k, 4.0 * k, breaks_at=angle, how=how)
         for k, angle in enumerate(thresholds)
     ]
-    runs = fp.simulate(experiment, laws)
-    assert [run.outcome.completed for run in runs] == [True, False, True, False, False]
-    for run, law in zip(runs, laws, strict=True):
-        alone = fp.simulate(experiment, law)
-        for name in ("t", "q", "v", "torque"):
-            assert np.array_equal(getattr(run, name), getattr(alone, name)), name
-        assert run.outcome.time == alone.outcome.time
-    for run, angle in zip(runs, thresholds, strict=True):
-        if angle < NEVER:
-            assert len(run.t) == first_tick_beyond(angle)
-            assert re.search(CAUSES[how], run.outcome.cause)
-
-
-@FAULTS
-def test_it_costs_infinity_and_the_others_what_they_cost_alone(how):
-    laws = [
-        Faulty(30.0 + 5.0 * k, 15.0, 7.0, breaks_at=angle, how=how)
-        for k, angle in enumerate([NEVER, 0.1, NEVER])
-    ]
-    costs = fp.evaluate(paper(), laws)
-    assert costs[1] == np.inf
-    for k in (0, 2):
-        assert costs[k] == fp.evaluate(paper(), laws[k])[0]
-        assert np.isfinite(costs[k])
+    sound = [dataclasses.replace(law, breaks_at=NEVER) for law in laws]
+    runs = fp.simulate(paper(0.4), laws)
+    for run, law, angle in zip(runs, sound, thresholds, strict=True):
+        whole = fp.simulate(paper(0.4), law)
+        if angle == NEVER:
+            same_run(run, whole)
+            continue
+        tick = first_tick_beyond(angle)
+        assert not run.outcome.completed
+        assert run.outcome.time == pytest.approx(tick * STEP, abs=1e-12)
+        assert re.search(CAUSES[how], run.outcome.cause)
+        assert "\n" not in run.outcome.cause
+        # What came before is on record, as it would have been without the fault to come.
+        assert np.array_equal(run.q, whole.q[:tick])
+        assert np.array_equal(run.torque, whole.torque[:tick])
+    costs = fp.evaluate(paper(0.4), laws)
+    assert np.array_equal(np.isinf(costs), np.array(thresholds) != NEVER)
+    assert costs[2] == fp.evaluate(paper(0.4), sound[2])[0]
 
 
 def test_a_fault_in_the_first_tick_leaves_an_empty_run():
-    laws = [Faulty(30.0, 5.0, 7.0, breaks_at=angle) for angle in (-1.0, NEVER)]
+    laws = [Faulty(30.0, 7.0, 5.0, breaks_at=angle) for angle in (-1.0, NEVER)]
     broken, sound = fp.simulate(paper(0.1), laws)
-    assert not broken.outcome.completed
-    assert broken.outcome.time == 0.0
-    assert len(broken.t) == 0
+    assert (broken.outcome.completed, broken.outcome.time, len(broken.t)) == (False, 0.0, 0)
     same_run(sound, fp.simulate(paper(0.1), laws[1]))
 
 
-@pytest.mark.parametrize("shape", [(1, 3), (3,), (2,), (), (2, 2), (1, 1)])
-def test_a_wrong_shape_in_single_use_is_one_clear_line(shape):
-    """Also those that NumPy would stretch to (1, 2): a scalar torque is a mistake, not a wish."""
+def test_in_single_use_a_fault_is_one_line_and_an_error():
+    for how in CAUSES.keys() - {"nan"}:
+        loop = Faulty(30.0, 7.0, 5.0, breaks_at=-1.0, how=how).start(ARM, step=STEP)
+        with pytest.raises(SimulationError, match=CAUSES[how]) as caught:
+            loop.torque(*np.zeros((4, 2)))
+        assert "\n" not in str(caught.value)
 
-    @dataclass(frozen=True, eq=False)
-    class Shaped(fp.Controller):
-        def torque(self, state, q, v, q_ref, v_ref, a_ref):
-            return np.zeros(shape)
 
-    loop = Shaped().start(fp.Arm.two_link(), step=STEP)
-    with pytest.raises(fp.FpidError) as caught:
-        loop.torque(*np.zeros((4, 2)))
-    line = str(caught.value)
-    assert "\n" not in line
-    # Expected and got, with the axis of runs (here one) or without.
-    assert "(1, 2)" in line or "(2,)" in line
-    assert str(shape) in line or str(shape[1:]) in line
+def test_a_compiled_law_whose_torque_is_no_number_ends_its_run_and_no_other():
+    def torque(c):
+        zero = 0.0 if c.q_ref > c.kp else 1.0
+        return c.e / zero - c.e * (1.0 / zero - 1.0)
+
+    broken, sound = own(torque), JointPd(1.0, 0.0)
+    broken = dataclasses.replace(broken, kp=0.1)
+    run, other = fp.simulate(paper(), [broken, sound])
+    assert run.outcome.cause == "torque is not finite"
+    assert len(run.t) == first_tick_beyond(0.1)
+    assert other.outcome.completed
+    assert np.array_equal(run.torque, other.torque[: len(run.t)])
+
+
+# ---------------------------------------------------------------------- faults that are seen first
+
+
+def late_field(c):
+    if c.t > 1.0:
+        return c.nope
+    return c.e
+
+
+def helper(c):
+    return c.missing
+
+
+def in_a_helper(c):
+    return c.e + (helper(c) if c.t > 1.0 else 0.0)
+
+
+def catches(c):
+    try:
+        return c.e / c.kp
+    except ZeroDivisionError:
+        return 0.0
+
+
+def without_return(c):
+    c.kp += 1.0
+
+
+def beyond(joints, own, model):
+    for j in range(joints.size + 1):
+        joints[j].u_law = 0.0
+
+
+def into_own(joints, own, model):
+    joints[0].u_law = own[0, 0]
+
+
+def of_self(self, c):
+    return c.e
+
+
+def line_of(function, offset):
+    return rf"line {function.__code__.co_firstlineno + offset} of test_own_law.py"
+
+
+@pytest.mark.parametrize(
+    ("make", "line"),
+    [
+        (lambda: own(late_field), f"{line_of(late_field, 2)}.*no number 'nope'"),
+        (lambda: own(in_a_helper), f"{line_of(helper, 1)}.*no number 'missing'"),
+        (lambda: own(helper), f"Own.torque, {line_of(helper, 1)}: AttributeError.*'missing'"),
+        (lambda: own(catches), rf"catches cannot be compiled \({line_of(catches, 3)}\)"),
+        (lambda: own(without_return),
+         f"Own.torque, {line_of(without_return, 0)}: expected a number to be returned, got None"),
+        (lambda: own(of_self),
+         rf"Own.torque, {line_of(of_self, 0)}: .* static method of \(c\), got \(self, c\)"),
+        (lambda: own(torques=beyond), f"Own.torques, {line_of(beyond, 2)}: IndexError"),
+        (lambda: own(torques=into_own), f"Own.torques, {line_of(into_own, 1)}: IndexError"),
+        (lambda: own(lambda c: c.e, adapt=helper), f"Own.adapt, {line_of(helper, 1)}: Attribute"),
+        (lambda: own(), r"Own: expected functions \(torque, or torques, or control\), got none"),
+        (lambda: own(3.0), "Own.torque: expected a function, got float"),
+    ],
+)  # fmt: skip
+def test_a_function_that_cannot_be_is_one_line_with_its_place_when_the_law_starts(make, line):
+    for start in (lambda law: law.start(ARM, step=STEP), lambda law: fp.simulate(paper(), law)):
+        with pytest.raises(SimulationError, match=line) as caught:
+            start(make())
+        assert "\n" not in str(caught.value)

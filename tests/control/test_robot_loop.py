@@ -1,6 +1,7 @@
 """A law on hardware: order of joints, ticks that come late or never, a soft start, records."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import fpid_pin as fp
@@ -148,6 +149,87 @@ def test_rates_come_from_angles_where_the_robot_has_none():
         previous = q
     with pytest.raises(ArgumentError, match=r"v: expected rates, or RobotLoop\(rate="):
         RobotLoop(started()).torque(q, *reference)
+
+
+def test_rates_that_a_call_brings_are_the_law_s():
+    loop, robot = started(), RobotLoop(started(), rate=EncoderRate())
+    for k in range(10):
+        assert (call(robot, k) == loop.torque(*straight(k))).all()
+
+
+def turning(k):
+    """Return q, q_ref, v, v_ref at tick k: some turns forward and back, the reference ahead."""
+    t, amplitude = k * STEP, np.array([8 * np.pi, -6 * np.pi])
+    q = amplitude * np.sin(2 * np.pi * t) + [0.1, 6.2]
+    ahead = 5.0 * np.sin(7.0 * t) + 0.2  # at times by more than half a turn
+    v = 2 * np.pi * amplitude * np.cos(2 * np.pi * t)
+    return q, q + ahead, v, v + 35.0 * np.cos(7.0 * t)
+
+
+@pytest.mark.parametrize("missed", [(), (*range(80, 90), 250, 400, 401, 700)])
+@pytest.mark.parametrize("wrapped_reference", [False, True])
+@pytest.mark.parametrize("measured_rates", [False, True])
+def test_an_encoder_that_begins_again_changes_no_torque(missed, wrapped_reference, measured_rates):
+    """Torques and records are those of an encoder that counts all turns."""
+    plain = RobotLoop(started(), rate=EncoderRate(0.002))
+    robot = RobotLoop(started(), rate=EncoderRate(0.002, turn=2 * np.pi))
+    record, plain_record = robot.record(), plain.record()
+    lowest = np.array([0.0, -np.pi])  # of each encoder
+
+    def wrapped(angle):
+        return (angle - lowest) % (2 * np.pi) + lowest
+
+    for k in range(1000):
+        if k in missed:
+            continue
+        q, q_ref, v, v_ref = turning(k)
+        more = {"now": k * STEP, "v": v if measured_rates else None}
+        expected = plain.torque(q, q_ref, v_ref, **more)
+        shown = wrapped(q_ref) if wrapped_reference else q_ref
+        found = robot.torque(wrapped(q), shown, v_ref, **more)
+        assert found == pytest.approx(expected, rel=1e-8, abs=1e-8)
+    assert robot.ticks.missed == len(missed)
+    rows, expected = record.arrays(), plain_record.arrays()
+    for name in ("q", "q_ref"):  # the same turn all along, the one of the first reference
+        off = (expected[name] - rows[name]) / (2 * np.pi)
+        assert off == pytest.approx(np.broadcast_to(np.round(off[0]), off.shape), abs=1e-9)
+    assert rows["v"] == pytest.approx(expected["v"], abs=1e-8)
+    assert np.ptp(rows["q"], axis=0).min() > 11 * np.pi
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_the_torque_does_not_jump_where_an_encoder_begins_again(direction):
+    robot = RobotLoop(started(), rate=EncoderRate(0.0, turn=2 * np.pi))
+    for k in range(200):
+        q = 2 * np.pi * np.ones(2) + direction * 1e-3 * (k - 100)
+        torque = robot.torque(q % (2 * np.pi), q, [direction, direction])
+        if k > 0:  # at the first call the rate is not known
+            assert np.abs(torque).max() < 1.0
+
+
+def test_a_reset_forgets_the_turns():
+    robot = RobotLoop(started(), rate=EncoderRate(turn=2 * np.pi))
+    for lap in (0.0, 6 * np.pi):
+        record = robot.record()
+        robot.torque([0.1, 0.1], np.array([0.2, 0.2]) + lap, [0.0, 0.0])
+        assert record.arrays()["q"][0] == pytest.approx([0.1 + lap, 0.1 + lap])
+        robot.reset()
+
+
+def test_one_turn_is_for_revolute_joints_alone():
+    model = pin.Model()
+    for name, joint in (("turn", pin.JointModelRY()), ("slide", pin.JointModelPX())):
+        place = model.addJoint(model.njoints - 1, joint, pin.SE3.Identity(), name)
+        model.appendBodyToJoint(place, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    slide = fp.Arm.from_model(model)
+    for turn, expected in ((2 * np.pi, [2 * np.pi, 0.0]), ([np.inf, 0.5], [0.0, 10.0])):
+        law = fp.PdGravity(kp=1.0, kd=1.0).start(slide, step=STEP)
+        robot = RobotLoop(law, rate=EncoderRate(turn=turn))
+        record = robot.record()
+        robot.torque([0.0, 0.0], [6.3, 10.1], [0.0, 0.0])
+        assert record.arrays()["q"][0] == pytest.approx(expected)
+    with pytest.raises(ArgumentError, match=r"rate.turn: expected shape \(2,\) .* got shape"):
+        RobotLoop(started(), rate=EncoderRate(turn=[1.0, 1.0, 1.0]))
 
 
 @pytest.mark.parametrize(

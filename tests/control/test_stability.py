@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.control.baselines import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
+from fpid_pin.control import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.gains import suggest_gains
 from fpid_pin.control.sampled import crossings, frequencies, gravity_stiffness, operators
 from fpid_pin.control.stability import stability_report

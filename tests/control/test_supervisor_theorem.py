@@ -12,7 +12,9 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.disturbances import Cosine
-from fpid_pin.kernels import law, supervisor
+from fpid_pin.kernels.compiled import kernel
+from fpid_pin.kernels.records import GIVEN, ROBOT
+from fpid_pin.kernels.supervisor import find_push, least_correction
 
 RUNS = 400
 
@@ -20,7 +22,7 @@ RUNS = 400
 def systems(seed, n):
     """Return V_T, h, T, r_min and P, (runs,), of random supervisors, and their records."""
     rng = np.random.default_rng(seed)
-    robots, joints = np.zeros(RUNS, law.ROBOT), np.zeros((RUNS, n), law.JOINT)
+    robots, joints = np.zeros(RUNS, ROBOT), np.zeros((RUNS, n), GIVEN)
     tolerance = np.zeros(RUNS)
     for r in range(RUNS):
         while tolerance[r] == 0.0:  # a look-ahead so long that nothing is tolerated
@@ -32,7 +34,7 @@ def systems(seed, n):
             )  # fmt: skip
             tolerance[r] = guard.tolerance(h)
         robots["h"][r] = h
-        for name, value in guard.record(h).items():
+        for name, value in guard.constants(h).items():
             robots[name][r] = value
     return rng, robots, joints, tolerance
 
@@ -62,14 +64,20 @@ def place(rng, robots, n, level):
     return factor * e, factor * rate
 
 
+@kernel
+def correct(robots, joints, acceleration, direction, change):
+    for r in range(robots.size):
+        find_push(robots[r], joints[r], acceleration[r], direction[r])
+        for j in range(direction.shape[1]):
+            change[r, j] = direction[r, j]
+        least_correction(robots[r], joints[r], direction[r], change[r])
+
+
 def act(robots, joints, e, rate, a0):
     """Return the change that the kernels make, and the unit vectors along which they make it."""
-    inputs = np.zeros((5, *e.shape))
-    joints["e"], joints["e_dot"], inputs[3], inputs[4] = e, rate, rate, a0
-    direction, alive = np.zeros(e.shape), np.ones(RUNS, bool)
-    supervisor.project(alive, robots, joints, inputs, np.zeros(e.shape), direction)
-    change = direction.copy()
-    supervisor.shorten(alive, robots, joints, direction, change)
+    joints["e"], joints["v_ref"], joints["a_ref"] = e, rate, a0
+    direction, change = np.zeros((2, *e.shape))
+    correct(robots, joints, np.zeros(e.shape), direction, change)
     return change, direction
 
 

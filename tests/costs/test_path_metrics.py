@@ -158,7 +158,8 @@ def test_a_cost_of_rows_is_what_the_record_says(run):
 
 
 def test_streamed_recorded_in_company_and_by_workers_it_is_the_same_bits():
-    experiment, laws = fp.paper_experiment(duration=1.2), LAWS[:2]
+    experiment = fp.paper_experiment(duration=1.2).with_dynamics("compiled")
+    laws = LAWS[:2]
     table = fp.evaluate(experiment, laws, COSTS)
     assert np.isfinite(table).all()
     for row, law in zip(table, laws, strict=True):
@@ -182,9 +183,9 @@ def test_memory_does_not_depend_on_the_horizon():
         sizes.append(len(rows.t))
         return state
 
-    fp.evaluate(fp.paper_experiment(duration=3.0), LAWS[0], FromRows(0.0, note))
-    assert sum(sizes) == 3000
-    assert max(sizes) <= 512
+    fp.evaluate(fp.paper_experiment(duration=15.0), LAWS[0], FromRows(0.0, note))
+    assert sum(sizes) == 15000
+    assert max(sizes) <= 4096
 
 
 def test_a_signal_that_the_law_has_not_is_named():
@@ -233,7 +234,8 @@ def test_joints_are_summed_or_the_worst_one_counts(run):
 
 
 def test_tuning_makes_such_a_cost_small():
-    experiment, start = fp.paper_experiment(duration=0.3), fp.paper_controller()
+    experiment = fp.paper_experiment(duration=0.3).with_dynamics("compiled")
+    start = fp.paper_controller()
     settings = SearchSettings(population=6, generations=3, seeds=(0,))
     robust = fp.tuning.RobustCost(ToolCost("peak"))
     result = tune(experiment, start, Space(kp=(5.0, 200.0)), robust, settings)

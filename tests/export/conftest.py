@@ -1,9 +1,9 @@
 """Compilers that may not be there."""
 
 import shutil
-import subprocess
 
 import pytest
+from bounded import finished
 
 from fpid_pin.export import build
 
@@ -21,10 +21,7 @@ def node():
         pytest.skip("no node")
 
     def run(script, *arguments):
-        done = subprocess.run(
-            [program, str(script), *map(str, arguments)], capture_output=True, text=True,
-            timeout=300, check=False,
-        )  # fmt: skip
+        done = finished([program, str(script), *map(str, arguments)], timeout=250)
         assert done.returncode == 0, done.stderr[-2000:]
         return done.stdout
 

@@ -1,12 +1,18 @@
 """Controllers to export, and how a folder is made of one."""
 
+import dataclasses
+import math
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 import fpid_pin as fp
+from fpid_pin.control.law import Derivative, Integral
 from fpid_pin.export import vectors
 from fpid_pin.export.c_source import CSource
 from fpid_pin.export.folder import write_sources
-from fpid_pin.export.parts import law_of
+from fpid_pin.export.law import start
 
 HORIZON = 20.0
 
@@ -51,6 +57,104 @@ def random_law(seed):
     return controller, arm, float(rng.choice([5e-4, 1e-3, 4e-3]))
 
 
+SMALL = 1e-3
+
+
+def soft(x, width):
+    """Return x, or less where it is large."""
+    return width * math.tanh(x / width)
+
+
+@dataclass(frozen=True, eq=False)
+class Softened(fp.Controller):
+    """A law of one's own: a surface, operators of it, memory, and functions of `math`."""
+
+    kp: ArrayLike
+    kd: ArrayLike
+    order: ArrayLike = 0.6
+    rate: ArrayLike = 0.2
+
+    memory = ("s", "gain")
+    operators = {
+        "d_s": Derivative("order", of="s"), "i_q": Integral(0.4, of="s", sign=-1),
+        "d_e": Derivative(0.9),
+    }  # fmt: skip
+
+    @staticmethod
+    def surface(c):
+        c.s = soft(c.e, 0.3) + 0.1 * c.e_dot
+
+    @staticmethod
+    def torque(c):
+        size = math.exp(-abs(c.s)) + math.log(1.0 + c.s * c.s) + math.copysign(SMALL, c.s)
+        power = math.pow(abs(c.s), 0.5) + c.s**3
+        return c.kp * (c.d_e + 0.1 * size + 0.1 * power) + (c.kd + c.gain) * c.d_s - c.i_q
+
+    @staticmethod
+    def adapt(c):
+        c.gain += c.h * c.rate * c.s * c.d_s if abs(c.s) > SMALL else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class WholeRobot(fp.Controller):
+    """A law of the whole robot: weight, and springs between neighbours that learn."""
+
+    kp: ArrayLike
+    own_columns = 2
+
+    @staticmethod
+    def torques(joints, own, model):
+        for j in range(joints.size):
+            c = joints[j]
+            before = joints[j - 1].e if j > 0 else 0.0
+            c.u_law = c.scale * (c.kp * c.e + own[j, 0] * (c.e - before))
+            c.u_law -= model.bodies[j].m * model.gravity[2] * own[j, 1]
+
+    @staticmethod
+    def adapts(joints, own, model):
+        for j in range(joints.size):
+            own[j, 0] += joints[j].h * joints[j].e * joints[j].e
+
+    def arrays(self, arm, step, horizon):
+        return np.full((arm.n, 2), 0.1)
+
+
+def fpid(**others):
+    return fp.AdaptiveFpid(
+        kp=60.0, ki=30.0, kd=12.0, integral_order=0.9, derivative_order=0.8, learning_rate=2.0,
+        **others,
+    )  # fmt: skip
+
+
+PAPER = fp.Supervisor(m_x=1.1, reference_bound=1.0, kind="paper", disturbance_bound=0.5)
+RAMPED = dataclasses.replace(PAPER, gravity_bound=30.0, boundary_layer=0.5)
+RESERVE = fp.Supervisor(1.2, 1.0, disturbance_bound=0.3, lookahead=0.01)
+#: Laws whose torques are sums, products and roots of what they are given: equal to the last bit.
+PLAIN = {
+    "FPID": fpid(),
+    "FPID, CRONE": fpid(design=fp.fractional.Crone(n=4)),
+    "FPID, orders that move": fpid(order_learning_rate=0.01),
+    "PID": fp.Pid(kp=60.0, ki=20.0, kd=9.0),
+}
+#: Laws with sines, or more of `math`, in them.
+OTHERS = {
+    "feedforward": fpid(feedforward=True),
+    "observer": fpid(observer=80.0),
+    "quiet": fpid(feedforward=True, observer=100.0, supervisor=fp.Supervisor.quiet(1.3, 1.0)),
+    "reserve": fpid(supervisor=RESERVE),
+    "paper": fpid(supervisor=PAPER),
+    "paper, ramped": fpid(supervisor=RAMPED),
+    "PID with feedforward": fp.Pid(kp=60.0, ki=20.0, kd=9.0, feedforward=True),
+    "PD + gravity": fp.PdGravity(kp=60.0, kd=9.0),
+    "computed torque": fp.ComputedTorque(k0=100.0, k1=20.0, ki=5.0),
+    "computed torque, observer": fp.ComputedTorque(k0=100.0, k1=20.0, observer=50.0),
+    "sliding mode": fp.SlidingMode(slope=5.0, gain=10.0, scale="inertia"),
+    "Slotine-Li": fp.SlotineLi(slope=5.0, damping=8.0, leakage=0.1),
+    "own": Softened(kp=20.0, kd=3.0, feedforward=True),
+    "own, whole robot": WholeRobot(kp=20.0, observer=30.0),
+}
+
+
 def simulated(controller):
     """Return what the paper's whole experiment gave a controller, and what it answered."""
     experiment = fp.paper_experiment()
@@ -60,8 +164,8 @@ def simulated(controller):
 
 def write(controller, arm, step, ticks, folder, found=None):
     """Write what is compiled, and the vectors, without the README that measures them."""
-    folder.mkdir()
-    write_sources(CSource(law_of(controller, arm, step, HORIZON), step), folder)
+    folder.mkdir(parents=True)
+    write_sources(CSource(start(controller, arm, step, HORIZON)), folder)
     if found is None:
         inputs = vectors.signals(arm, step, ticks)
         found = vectors.answers(controller, arm, step, HORIZON, inputs)

@@ -1,7 +1,6 @@
 """`export_c`: what is in the folder, what it says, and what is refused."""
 
 import shutil
-import subprocess
 import sys
 import tomllib
 from dataclasses import dataclass
@@ -9,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bounded import finished
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
@@ -16,7 +16,6 @@ from fpid_pin import descriptions
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ExportError, FileFormatError
 from fpid_pin.export import build, vectors
-from fpid_pin.kernels.compiled import kernel
 
 ARM = fp.Arm.two_link()
 FILES = {
@@ -25,40 +24,35 @@ FILES = {
 }  # fmt: skip
 
 
-@kernel
-def smooth(joints, h, q, v, q_ref, v_ref, a_ref, torque):
-    """A PD law whose rate is filtered."""
-    for j in range(joints.size):
-        c = joints[j]
-        c.rate += h / (c.tau + h) * (v_ref[j] - v[j] - c.rate)
-        torque[j] = c.kp * (q_ref[j] - q[j]) + c.kd * c.rate
-
-
 @dataclass(frozen=True, eq=False)
 class SmoothPd(fp.Controller):
+    """A PD law whose rate is filtered."""
+
     kp: ArrayLike
     kd: ArrayLike
     tau: ArrayLike = 0.005
-    kernel, memory = smooth, ("rate",)
+    memory = ("rate",)
+
+    @staticmethod
+    def torque(c):
+        c.rate += c.h / (c.tau + c.h) * (c.e_dot - c.rate)
+        return c.kp * c.e + c.kd * c.rate
 
 
 @dataclass(frozen=True, eq=False)
 class Unprintable(fp.Controller):
     kp: ArrayLike = 1.0
 
-    @kernel
-    def squares(joints, h, q, v, q_ref, v_ref, a_ref, torque):
-        for j in range(joints.size):
-            torque[j] = joints[j].kp * (q_ref[j] - q[j]) ** 3
-
-    kernel = squares
+    @staticmethod
+    def torque(c):
+        return c.kp * c.e if -1.0 < c.e < 1.0 else 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Numpy(fp.Controller):
     kp: ArrayLike = 1.0
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
         return self.kp * (q_ref - q)
 
 
@@ -80,9 +74,9 @@ def test_the_folder_says_what_it_holds_and_rebuilds_its_controller(tmp_path):
     assert "may do here" in text
     program = build.compile_check(folder, tmp_path / "check")
     state = build.compare(program, folder / "vectors.bin").state
-    assert f"| RAM, a state [bytes] | {state} |" in text
+    assert f"| double | {state} |" in text
     small = build.compile_check(folder, tmp_path / "small", ["-DFPID_SINGLE"])
-    assert f"| {build.compare(small, folder / 'vectors.bin').state} |" in text
+    assert f"| float | {build.compare(small, folder / 'vectors.bin').state} |" in text
     table = tomllib.loads((folder / "controller.toml").read_text())
     again = descriptions.from_dict(table["controller"][0], fp.Controller)
     arm = descriptions.from_dict(table["arm"], fp.Arm)
@@ -107,11 +101,11 @@ def test_cmake_builds_and_ctest_passes(single, tmp_path):
         ["cmake", "--build", built],
         ["ctest", "--test-dir", built, "--output-on-failure"],
     ):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        done = finished(command)
         assert done.returncode == 0, done.stdout + done.stderr
         assert "warning" not in done.stdout + done.stderr
     assert "100% tests passed" in done.stdout
-    example = subprocess.run([f"{built}/fpid_example"], capture_output=True, check=False)
+    example = finished([f"{built}/fpid_example"])
     assert example.returncode == 0
 
 
@@ -127,22 +121,6 @@ def test_without_a_compiler_it_says_that_nothing_was_measured(tmp_path, monkeypa
     monkeypatch.setattr(build, "compiler", lambda: None)
     folder = fp.export_c(law(), ARM, 1e-3, tmp_path / "c", horizon=30.0, ticks=5)
     assert "Not measured here" in (folder / "README.md").read_text()
-
-
-def test_operations_are_those_of_the_equations(tmp_path):
-    from fpid_pin.export.operations import operations
-    from fpid_pin.export.parts import law_of
-
-    pd = law_of(SmoothPd(kp=1.0, kd=1.0), ARM, 1e-3, 1.0)
-    # The filter 6, the law 4, what is cut and the count of ticks 1 each.
-    assert operations(pd, vectors.signals(ARM, 1e-3, 3)) == 2 * 12
-    counts = []
-    for modes in (8, 9, 10):
-        design = fp.fractional.ExponentialSum(modes=modes)
-        one = law_of(law(design=design), ARM, 1e-3, 30.0)
-        counts.append(operations(one, vectors.signals(ARM, 1e-3, 3)))
-    # A mode costs 9 operations in each of two operators of two joints.
-    assert np.diff(counts).tolist() == [36, 36]
 
 
 @pytest.mark.usefixtures("gcc")
@@ -197,11 +175,11 @@ def test_a_restart_from_a_saved_state_has_no_bump(tmp_path):
         (folder / "both.c").write_text(BOTH)
         sources = [str(folder / f"{n}.c") for n in ("both", "fpid", "fpid_parameters")]
         command = [build.compiler(), "-std=gnu99", "-O2", "-ffp-contract=off", *sources]
-        subprocess.run([*command, "-o", str(tmp_path / f"run_{name}"), "-lm"], check=True)
+        finished([*command, "-o", str(tmp_path / f"run_{name}"), "-lm"], check=True)
 
     def run(name, *paths):
         command = [str(tmp_path / f"run_{name}"), *map(str, paths)]
-        return subprocess.run(command, capture_output=True, text=True, check=False)
+        return finished(command)
 
     went_on = run("one", tmp_path / "state")
     restarted = run("one", "-", tmp_path / "state")
@@ -232,11 +210,8 @@ def many(n):
 @pytest.mark.parametrize(
     "check",
     [
-        refused("Numpy: expected a law that is a kernel.*missing is its `kernel`", Numpy()),
-        refused("Pid: expected a law", fp.Pid(kp=1.0, ki=1.0, kd=1.0)),
-        refused("ComputedTorque: .* got ki = 3.0, observer = 0 rad/s", fp.ComputedTorque(ki=3.0)),
-        refused("got ki = 0.0, observer = 60 rad/s", fp.ComputedTorque(observer=60.0)),
-        refused(r"test_export_folder.py:\d+: squares: cannot be printed: .*\*\* 3", Unprintable()),
+        refused("Numpy: expected a law by its functions", Numpy()),
+        refused(r"test_export_folder.py:\d+: torque: cannot be printed: -1.0 < c.e", Unprintable()),
         refused("expected at most 32 joints, got 33", law(), many(33)),
         refused("expected one with modes", law(design=fp.fractional.L1()), error=fp.FpidError),
         refused("expected a controller", 3, error=fp.FpidError),
@@ -324,15 +299,22 @@ def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     )
     assert main([*command[:3], "none", "--out", str(tmp_path / "d")]) == 2
     assert "--controller" in capsys.readouterr().err
-    assert main([*command[:3], "PID", "--out", str(tmp_path / "d")]) == 2
-    assert "missing is its `kernel`" in capsys.readouterr().err
+    assert main([*command[:3], "PID", "--out", str(tmp_path / "d")]) == 0
+
+
+def test_the_configuration_beside_the_c_is_one_that_export_reads(tmp_path):
+    """Made in Python, exported again from the command line: the same controller."""
+    first = fp.export_c(law(k1=3.0), ARM, 2e-3, tmp_path / "first", horizon=30.0, ticks=5)
+    again = tmp_path / "again"
+    command = ["export", str(first / "controller.toml"), "--horizon", "30", "--out", str(again)]
+    assert main(command) == 0
+    for name in ("fpid.h", "fpid.c", "fpid_parameters.c"):
+        assert (again / name).read_text() == (first / name).read_text()
 
 
 @pytest.mark.usefixtures("gcc")
 def test_the_loop_closed_around_the_library_is_the_simulation(tmp_path):
     script = Path(__file__).parents[2] / "examples" / "c_loop" / "close_the_loop.py"
-    done = subprocess.run(
-        [sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path, check=False
-    )
+    done = finished([sys.executable, str(script)], cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "differ from the simulation by 0 rad" in done.stdout

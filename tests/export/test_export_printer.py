@@ -3,19 +3,20 @@
 import inspect
 import math
 import re
-import subprocess
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from bounded import finished
 
 from fpid_pin.exceptions import ExportError
-from fpid_pin.export import c99, javascript
+from fpid_pin.export import build, c99, javascript, law
 from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Record
 from fpid_pin.export.printer import Program
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.layout import layout
+from fpid_pin.kernels.layout import record_type
 
-PAIR = layout("x y", "count")
+PAIR = record_type({"x": "", "y": ""}, {"count": ""})
 BOUND = 3
 
 
@@ -40,10 +41,11 @@ def mixed(pairs, table, x, k, out):
     last.count = 1 if total > x else n
     flag = total > 0.0
     for _ in range(min(last.count + 1, 3)):
-        last.count = 0
+        last.count = 0 if k & 2 else 1
         out[0] += math.sqrt(abs(total)) + (1.0 if flag else -1.0)
     if math.isfinite(x):
-        out[1] = math.floor(x * 7.5) + (k + 5) % 3 + int(x * 9.9) + (-7) % 4
+        out[1] = math.floor(x * 7.5) + (k + 5) % 3 + int(x * 9.9) + (-7) % 4 + (-7 + k) // 2
+        out[1] += x**4 - (x + 3.0) ** -3 + math.copysign(2.0, x - 0.2)
     out[2] = helped(pairs, last.count)
     return total
 
@@ -90,7 +92,7 @@ def literal(value):
 def test_c_means_what_python_means(tmp_path):
     language = c99.C99()
     program = Program(language)
-    name = program.add(mixed, KINDS)
+    name = program.add(mixed, KINDS).name
     blocks = []
     for pairs, table, x, k, _ in cases():
         both = ", ".join(f"{{{literal(p.x)}, {literal(p.y)}, 0}}" for p in pairs)
@@ -104,21 +106,21 @@ def test_c_means_what_python_means(tmp_path):
         )
     source = tmp_path / "mixed.c"
     source.write_text(
-        "#include <math.h>\n#include <stdio.h>\ntypedef double real_t;\n"
-        + c99.HELPERS + language.structs(program.records.values()) + program.text
+        "#include <tgmath.h>\n#include <stdio.h>\ntypedef double real_t;\n"
+        + c99.helpers(program.text) + language.structs([KINDS[0].element]) + program.text
         + "static void say(double x) { fwrite(&x, 8, 1, stdout); }\n"
         + f"int main(void) {{ {''.join(blocks)} return 0; }}\n"
     )  # fmt: skip
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-ffp-contract=off"]
     binary = str(tmp_path / "mixed")
-    subprocess.run(["gcc", *flags, str(source), "-o", binary, "-lm"], check=True)
-    found = np.frombuffer(subprocess.run([binary], capture_output=True, check=True).stdout)
+    finished(["gcc", *flags, str(source), "-o", binary, "-lm"], check=True)
+    found = np.frombuffer(finished([binary], check=True, text=False).stdout)
     assert np.array_equal(found, np.concatenate([expected(c) for c in cases()]), equal_nan=True)
 
 
 def test_javascript_means_what_python_means(node, tmp_path):
     program = Program(javascript.JavaScript())
-    name = program.add(mixed, KINDS)
+    name = program.add(mixed, KINDS).name
     lines = [
         "const M = new Float64Array(32); const all = []; let r;", javascript.HELPERS, program.text,
     ]  # fmt: skip
@@ -135,18 +137,18 @@ def test_javascript_means_what_python_means(node, tmp_path):
 
 
 def test_the_text_is_the_equations():
-    from fpid_pin.kernels import limits, operator
+    from fpid_pin.kernels import functions, operator, records
 
     program = Program(c99.C99())
-    program.add(limits.clip, [REAL, REAL])
+    program.add(functions.clip, [REAL, REAL])
     assert program.text.endswith(
         "static real_t clip(real_t x, real_t limit)\n{\n"
         "    if (isfinite(x) != 0) {\n        if (x > limit) {\n            x = limit;\n"
         "        } else if (x < -limit) {\n            x = -limit;\n        }\n    }\n"
         "    return x;\n}\n"
     )
-    pole, mode = Record.of("pole", operator.POLE), Record.of("mode", operator.MODE)
-    kinds = [Record.of("operator", operator.OPERATOR), Array(pole, ("N",)), Array(mode, ("N",))]
+    pole, mode = Record.of("pole", records.POLE), Record.of("mode", records.MODE)
+    kinds = [Record.of("operator", records.OPERATOR), Array(pole, (24,)), Array(mode, (24,))]
     for language, line in (
         (c99.C99(), "mode->x = past + pole->b1 * rate + pole->b0 * rate_ + pole->b2 * m;"),
         (javascript.JavaScript(), "y += M[mode /* weight */] * past;"),
@@ -162,8 +164,8 @@ def loops_over_an_array(x):
         x[0] += value
 
 
-def raises_to_a_power(x):
-    x[0] = x[1] ** 2
+def shifts_bits(x):
+    x[0] = 1 << 2
 
 
 def has_a_list(x):
@@ -219,12 +221,12 @@ def steps(x):
 
 
 def slices(x):
-    x[0] = x[1:][0]
+    x[0] = x[0:3:2][0]
 
 
 REFUSED = {
     loops_over_an_array: (1, "range"),
-    raises_to_a_power: (1, r"\*\*"),
+    shifts_bits: (1, "<<"),
     has_a_list: (1, "List"),
     calls_numpy: (1, "np.sin"),
     calls_no_kernel: (1, "generator|recursion|expected|takes"),
@@ -259,5 +261,107 @@ def test_a_kernel_that_is_none_or_has_no_text_is_refused():
     exec("def f(x):\n    x[0] = 1.0", typed_in)
     with pytest.raises(ExportError, match="expected a kernel in a file"):
         Program(c99.C99()).add(typed_in["f"], [Array(REAL, (3,))])
-    with pytest.raises(ExportError, match="5 arguments, given 1"):
+    with pytest.raises(ExportError, match="takes 5 arguments, given 1"):
         Program(c99.C99()).add(mixed, [BOOL])
+
+
+# ---------------------------------------------------------------- bundles and constants
+
+
+class Arms(NamedTuple):
+    pairs: object
+    table: object
+    unused: object
+
+
+ADDRESS = 7
+
+
+def by_address(address, pairs):
+    """Stand for what has no text."""
+    pairs[0].x = -1.0
+
+
+@kernel
+def bundled(arms, k):
+    """Use the arrays of a bundle, a part of columns, and what constants decide."""
+    part = arms.table[0:3][:, k : k + 2]
+    first = arms.pairs[0]
+    if raised(arms.table) and first.count > 3:
+        arms.table[0, 0] = -1.0
+    acts = first.count == 3 and part.shape[0] > 1
+    if acts:
+        by_address(ADDRESS, arms.pairs)
+    if not acts:
+        arms.unused[0] = 1.0
+    for i in range(part.shape[0]):
+        row = part[i]
+        row[1] += row[0] if first.count > 2 else arms.unused[0]
+    return first.x
+
+
+@kernel
+def raised(table):
+    """Write although what depends on it never happens."""
+    table[0, 0] += 7.0
+    return table[0, 0] > 0.0
+
+
+def doubles(pairs):
+    """Be called in the other's place."""
+    for p in range(pairs.size):
+        pairs[p].x = 2.0 * pairs[p].x
+
+
+def arms_of(texts):
+    pairs = np.zeros(2, PAIR)
+    pairs["x"], pairs["count"] = (1.5, 2.5), 3
+    table = np.arange(12.0).reshape(3, 4)
+    arrays = Arms(pairs, table, np.zeros(1))
+    return arrays, law.bundle("arms", arrays, texts)
+
+
+@pytest.mark.usefixtures("gcc")
+def test_a_bundle_is_a_struct_and_its_constants_decide_what_is_printed(tmp_path):
+    arrays, kind = arms_of({name: f"{{}}->{name}" for name in Arms._fields})
+    program = Program(c99.C99(), {by_address: lambda given: (doubles, given[1:])})
+    name = program.add(bundled, [kind, INT]).name
+    assert re.findall("if .*", re.sub(r"/\*.*\*/", "", program.text)) == [
+        "if (raised(arms->table) && 0) {"
+    ]
+    assert "unused" not in program.text
+    source = tmp_path / "bundled.c"
+    source.write_text(
+        "#include <tgmath.h>\n#include <stdio.h>\ntypedef double real_t;\n"
+        + c99.helpers(program.text)
+        + c99.C99().structs([kind.members[0][1].element])
+        + "typedef struct { fpid_pairs pairs[2]; real_t table[12]; } fpid_arms;\n"
+        + program.text
+        + "int main(void) { fpid_arms a = {{{1.5, 0.0}, {2.5, 0.0}}, {0}};\n"
+        "for (int i = 0; i < 12; ++i) a.table[i] = i;\n"
+        f"double r = {name}(&a, 1);\n"
+        "fwrite(&r, 8, 1, stdout); fwrite(a.table, 8, 12, stdout); return 0; }\n"
+    )
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
+    binary = str(tmp_path / "bundled")
+    finished([build.compiler(), *flags, str(source), "-o", binary], check=True)
+    found = np.frombuffer(finished([binary], check=True, text=False).stdout)
+    arrays.table[:, 2] += arrays.table[:, 1]
+    arrays.table[0, 0] += 7.0
+    assert found.tolist() == [3.0, *arrays.table.ravel()]
+
+
+def test_a_bundle_in_javascript_is_places_in_memory(node, tmp_path):
+    arrays, kind = arms_of({"pairs": "100", "table": "20", "unused": "0"})
+    program = Program(javascript.JavaScript(), {by_address: lambda given: (doubles, given[1:])})
+    name = program.add(bundled, [kind, INT]).name
+    path = tmp_path / "bundled.js"
+    path.write_text(
+        "const M = new Float64Array(200); M.set([1.5, 0, 3, 2.5, 0, 3], 100);"
+        "for (let i = 0; i < 12; i++) M[20 + i] = i;"
+        f"{javascript.HELPERS}{program.text}const r = {name}(1);"
+        "process.stdout.write([r, ...M.slice(20, 32)].join(' '));"
+    )
+    arrays.table[:, 2] += arrays.table[:, 1]
+    arrays.table[0, 0] += 7.0
+    assert [float(x) for x in node(path).split()] == [3.0, *arrays.table.ravel()]

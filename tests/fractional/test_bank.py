@@ -283,7 +283,7 @@ def test_a_rate_that_is_not_known_gives_streamed_l1():
         assert np.abs(streamed[k] - full).max() < 1e-8
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     st.floats(0.0, 1.0),
     st.floats(-10, 10),

@@ -182,7 +182,7 @@ def test_a_filter_serves_as_well():
     assert np.abs(got - want).max() < 0.03 * np.abs(want).max()
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(0, 1), st.floats(-5, 5), st.integers(0, 100))
 def test_a_constant_has_no_caputo_derivative(order, constant, seed):
     noise = np.random.default_rng(seed).normal(size=60)

@@ -56,8 +56,11 @@ class Mine(fp.Controller):
     kd: float = 6.0
     name: str = "mine"
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        return state.gravity(q) + self.kp * (q_ref - q) + self.kd * (v_ref - v)
+    uses_model = True
+
+    @staticmethod
+    def torque(c):
+        return c.kp * c.e + c.kd * c.e_dot
 
 
 @fp.described("calm")

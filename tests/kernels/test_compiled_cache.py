@@ -1,15 +1,19 @@
 """The cache of compiled kernels: never stale, never in the way."""
 
+import ctypes
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from bounded import finished
 
 import fpid_pin
+from fpid_pin.control import functions
 from fpid_pin.kernels import compiled
+from fpid_pin.kernels.records import GIVEN
 
 QUIET = {"PYTHONDONTWRITEBYTECODE": "1"}
 PACKAGE = Path(fpid_pin.__file__).parent
@@ -29,37 +33,38 @@ def copy_of_the_room(tmp_path):
 def run(root, code, **environment):
     """Run a script on a copy, in a process of its own, and return what it prints."""
     inherited = {k: v for k, v in os.environ.items() if not k.startswith("NUMBA")}
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False,
+    done = finished(
+        [sys.executable, "-W", "error", "-c", code],
         cwd=root,
         env=inherited | {"PYTHONPATH": str(root)} | environment,
-    )  # fmt: skip
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
 
 CLIPPED = """
 import numpy as np
-from fpid_pin.kernels import compiled, motion
-plants = np.zeros((1, 1), motion.PLANT)
-plants["limit"] = 5.0
-rows, x, alive = np.zeros((3, 1, 1, 1)), np.zeros((2, 1, 1)), np.ones(1, bool)
-forces, tau = np.zeros((1, 1, 1)), np.zeros((1, 1))
-motion.drive(alive, plants, np.full((1, 1), 9.0), x, forces, 0, rows, tau)
-print(rows[2, 0, 0, 0], compiled.CACHE is None, motion.drive.stats.cache_hits)
+from fpid_pin.kernels import compiled, plant
+from fpid_pin.kernels.records import PLANT
+joints = np.zeros(1, PLANT)
+joints["limit"] = 5.0
+motion, zero = np.zeros((3, 1, 1)), np.zeros(1)
+plant.apply_actuators(joints, zero, zero, np.full(1, 9.0), np.zeros((1, 1, 1)), motion, 0, zero)
+hits = sum(plant.apply_actuators.stats.cache_hits.values())
+print(motion[2, 0, 0], compiled.CACHE is None, hits)
 """
 
 
 def test_an_edit_of_a_kernel_reaches_its_callers_in_other_files(tmp_path):
     root = copy_of_the_room(tmp_path)
-    assert run(root, CLIPPED) == "5.0 False Counter()"
-    assert run(root, CLIPPED).startswith("5.0 False Counter({(Array(bool")
-    limits = root / "fpid_pin" / "kernels" / "limits.py"
-    text = limits.read_text()
+    assert run(root, CLIPPED) == "5.0 False 0"
+    assert run(root, CLIPPED) == "5.0 False 1"
+    functions = root / "fpid_pin" / "kernels" / "functions.py"
+    text = functions.read_text()
     assert text.count("x = limit\n") == 1
-    limits.write_text(text.replace("x = limit\n", "x = limit + 1.0\n"))
-    assert run(root, CLIPPED) == "6.0 False Counter()"
-    assert len(list((limits.parent / "__pycache__").glob("kernels-*"))) == 1
+    functions.write_text(text.replace("x = limit\n", "x = limit + 1.0\n"))
+    assert run(root, CLIPPED) == "6.0 False 0"
+    assert len(list((functions.parent / "__pycache__").glob("kernels-*"))) == 1
 
 
 def test_where_no_folder_can_be_written_kernels_are_compiled_without_a_cache(tmp_path):
@@ -71,7 +76,7 @@ def test_where_no_folder_can_be_written_kernels_are_compiled_without_a_cache(tmp
         "HOME": "/dev/null",
         "PYTHONDONTWRITEBYTECODE": "1",
     }
-    assert run(root, CLIPPED, **nowhere) == "5.0 True Counter()"
+    assert run(root, CLIPPED, **nowhere) == "5.0 True 0"
 
 
 def test_the_user_s_cache_serves_where_the_package_cannot_be_written(tmp_path):
@@ -80,7 +85,7 @@ def test_the_user_s_cache_serves_where_the_package_cannot_be_written(tmp_path):
     home = {
         "XDG_CACHE_HOME": str(tmp_path / "cache"),
     }
-    assert run(root, CLIPPED, **home, **QUIET) == "5.0 False Counter()"
+    assert run(root, CLIPPED, **home, **QUIET) == "5.0 False 0"
     assert list((tmp_path / "cache" / "fpid_pin").rglob("*.nbi"))
 
 
@@ -99,7 +104,7 @@ def test_a_cache_that_cannot_hold_anything_costs_time_only(tmp_path):
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))\n"
     )
-    assert run(root, full + CLIPPED, **QUIET) == "5.0 False Counter()"
+    assert run(root, full + CLIPPED, **QUIET) == "5.0 False 0"
 
 
 def test_a_damaged_cache_is_compiled_anew(tmp_path):
@@ -107,7 +112,8 @@ def test_a_damaged_cache_is_compiled_anew(tmp_path):
     run(root, CLIPPED)
     for path in (root / "fpid_pin" / "kernels" / "__pycache__").rglob("*.nb?"):
         path.write_bytes(path.read_bytes()[:100])
-    assert run(root, CLIPPED).startswith("5.0 False")
+    assert run(root, CLIPPED) == "5.0 False 0"
+    assert run(root, CLIPPED) == "5.0 False 1"
 
 
 @pytest.mark.kernels
@@ -148,8 +154,14 @@ def test_no_folder_at_all_is_found_out(monkeypatch, tmp_path):
 @pytest.mark.kernels
 def test_a_broken_cache_is_forgiven():
     class Broken:
+        emptied = 0
+
         def load_overload(self, *arguments):
             raise EOFError
+
+        def flush(self):
+            self.emptied += 1
+            raise OSError
 
         def save_overload(self, *arguments):
             return "saved"
@@ -157,6 +169,7 @@ def test_a_broken_cache_is_forgiven():
     cache = Broken()
     compiled._forgive(cache)
     assert cache.load_overload(1, 2) is None
+    assert cache.emptied == 1
     assert cache.save_overload(1, 2) == "saved"
     compiled._forgive(object())
 
@@ -166,3 +179,45 @@ def test_a_function_that_was_typed_in_is_compiled_all_the_same():
     room = {}
     exec("def twice(x):\n    return 2.0 * x\n", room)
     assert compiled.kernel(room["twice"])(1.5) == 3.0
+
+
+def weak(c):
+    return 2.0 * c.e
+
+
+def strong(c):
+    return 3.0 * c.e
+
+
+def asked(function):
+    """Return what a law's function makes of an error of 1 rad, called by its address."""
+    joints = np.zeros(1, GIVEN)
+    joints["e"] = joints["scale"] = 1.0
+    kinds = [ctypes.c_void_p] * 6 + [ctypes.c_int64] * 2
+    address = functions.address_of(function, GIVEN, "torque")
+    ctypes.CFUNCTYPE(None, *kinds)(address)(joints.ctypes.data, *[None] * 5, 1, 0)
+    return float(joints["u_law"][0])
+
+
+def test_a_law_has_files_of_its_own_and_broken_ones_are_compiled_anew(monkeypatch, tmp_path):
+    monkeypatch.setattr(compiled, "CACHE", tmp_path)
+
+    def in_a_new_process(function):
+        monkeypatch.setattr(functions, "_KNOWN", {})
+        return asked(function)
+
+    assert asked(weak) == 2.0
+    files = set(tmp_path.rglob("*.nb?"))
+    assert len(files) == 2
+    assert in_a_new_process(strong) == 3.0
+    assert len(set(tmp_path.rglob("*.nb?"))) == 4
+    for content in (b"", b"not what it was"):
+        for path in files:
+            path.write_bytes(content)
+        assert in_a_new_process(weak) == 2.0
+        assert in_a_new_process(strong) == 3.0
+        assert all(path.read_bytes() != content for path in files)
+    # A function that does something else is another one, whatever it is called.
+    changed = weak.__code__.replace(co_consts=(None, 5.0))
+    monkeypatch.setattr(weak, "__code__", changed)
+    assert in_a_new_process(weak) == 5.0

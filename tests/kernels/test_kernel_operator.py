@@ -1,11 +1,21 @@
 """The operator's kernels against closed forms, on records short enough to run line by line."""
 
+from functools import partial
+from math import factorial
+
 import mpmath as mp
 import numpy as np
 import pytest
 
 from fpid_pin.fractional import Crone, ExponentialSum
-from fpid_pin.kernels.operator import record, sample
+from fpid_pin.kernels.operator import (
+    advance_operator,
+    initialise,
+    record,
+    sample,
+    variable_order_derivative,
+)
+from fpid_pin.kernels.records import DERIVATIVE, INTEGRAL, INTEGRAL_OF_ERROR
 
 pytestmark = pytest.mark.kernels
 
@@ -158,3 +168,174 @@ def test_a_held_channel_stands_still_and_forgets_what_passed_meanwhile():
     assert (got[:, 1] == recorded(0.4, f, rate)[:, 0]).all()
     keep = np.r_[:first, last:SAMPLES]
     assert (got[keep, 0] == recorded(0.4, f[keep], rate[keep])[:, 0]).all()
+
+
+# ---------------------------------------------------------------------- orders that vary
+
+NODES = 201
+GAP = 1.0 / (NODES - 1)
+#: Both ends, nodes, middles between nodes, and beside the ends, where the cubic is not centred.
+ORDERS = [
+    0.0, 0.2 * GAP, GAP, 0.1, 0.1 + GAP / 2, 0.37, 0.5, 0.783, 1.0 - GAP, 1.0 - 0.3 * GAP, 1.0,
+]  # fmt: skip
+W = 3.0  # [rad/s]
+
+
+def table():
+    orders = np.linspace(0.0, 1.0, NODES)
+    return DESIGN.coefficients(orders, step=STEP, horizon=SAMPLES * STEP).table()
+
+
+def varied(orders, f, rate, initialisation="caputo"):
+    """Values and sensitivities of one operator whose order is orders[k] at sample k, (N,) each."""
+    grid = table()
+    op, poles, modes = (array[0] for array in started(orders[0], initialisation))
+    y, slope = np.zeros((2, len(f)))
+    y[0] = initialise(op, modes, f[0], rate[0])
+    for k in range(1, len(f)):
+        op.order = orders[k]
+        y[k] = variable_order_derivative(
+            op, grid, poles, modes, f[k], f[k - 1], rate[k], rate[k - 1], STEP
+        )
+        assert op.previous_sensitivity == slope[k - 1]
+        slope[k] = op.sensitivity
+    return y, slope
+
+
+def of_entire_sin(order, t):
+    """D^a sin w t, w t^(1 - a) sum_k (-(w t)^2)^k/Gamma(2 k + 2 - a): an entire function of a."""
+    x = W * mp.mpf(t)
+    series = mp.fsum((-1) ** k * x ** (2 * k) / mp.gamma(2 * k + 2 - order) for k in range(16))
+    return W * mp.mpf(t) ** (1 - order) * series
+
+
+def of_square(order, t):
+    return 2 / mp.gamma(3 - order) * mp.mpf(t) ** (2 - order)
+
+
+def bound(function, order):
+    """What a cubic through four nodes may be wrong by in value and slope: f'''' h^4/24, h^3/4."""
+    around = [min(max(order + x * GAP, 0.0), 1.0) for x in (-2, 2)]
+    fourth = max(abs(float(mp.diff(function, a, 4))) for a in around)
+    return 1.1 * fourth * GAP**4 / factorial(4), 1.1 * fourth * GAP**3 / 4.0
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize(
+    ("exact", "f", "rate", "modes"),
+    [
+        (of_square, T**2, 2.0 * T, 1e-8),
+        (of_entire_sin, np.sin(W * T), W * np.cos(W * T), 1e-6),
+    ],
+)
+def test_value_and_sensitivity_are_those_of_the_exact_derivative(exact, f, rate, modes, order):
+    """To the cubic's own error, and what operators of 32 modes leave of the largest value.
+
+    That is 1e-8 of t^2, whose rate they take as it is, and 1e-6 of a sine. To the sensitivity it
+    is no more than ten times that: the weights are smooth in the order.
+    """
+    y, slope = varied(np.full(SAMPLES, order), f, rate)
+    with mp.workdps(30):
+        modes *= float(max(abs(exact(a, T[-1])) for a in (0.0, 0.5, 1.0)))
+        for k in (1, 10, SAMPLES - 1):
+            of_order = partial(exact, t=T[k])
+            value_error, slope_error = bound(of_order, order)
+            truth = float(mp.diff(of_order, mp.mpf(order)))
+            assert abs(y[k] - float(of_order(order))) <= value_error + modes
+            assert abs(slope[k] - truth) <= slope_error + 10.0 * modes
+
+
+@pytest.mark.parametrize("initialisation", ["caputo", "riemann_liouville", "grunwald_letnikov"])
+def test_at_a_node_an_order_that_stays_gives_what_the_fixed_operator_gives(initialisation):
+    f, rate = np.cos(5.0 * T), -5.0 * np.sin(5.0 * T)
+    for order in (GAP, 0.5, 1.0 - GAP, 1.0):
+        y, _ = varied(np.full(SAMPLES, order), f, rate, initialisation)
+        want = recorded(order, f, rate, initialisation)[:, 0]
+        assert np.abs(y - want).max() < 1e-13 * np.abs(want).max()
+
+
+def test_an_order_that_falls_to_0_tends_to_caputo_s_limit():
+    f, rate = np.cos(5.0 * T), -5.0 * np.sin(5.0 * T)
+    y, _ = varied(np.concatenate([[0.3], np.zeros(SAMPLES - 1)]), f, rate)
+    assert np.abs(y - (f - f[0])).max() < 1e-13
+    y, _ = varied(np.zeros(SAMPLES), f, rate, "riemann_liouville")
+    assert np.abs(y - f).max() < 1e-13
+
+
+def test_an_order_moved_back_and_forth_gives_what_one_that_was_always_there_gives():
+    """The modes know nothing of the order: not a bit is left of where it has been."""
+    rng = np.random.default_rng(3)
+    f, rate = np.sin(7.0 * T) + 0.3, 7.0 * np.cos(7.0 * T)
+    wandered = np.clip(0.6 + np.cumsum(rng.normal(0.0, 0.2, SAMPLES)), 0.0, 1.0)
+    wandered[0], wandered[40:] = 0.6, 0.6
+    moved, was = (varied(orders, f, rate) for orders in (wandered, np.full(SAMPLES, 0.6)))
+    assert (moved[0][40:] == was[0][40:]).all()
+    assert (moved[1][40:] == was[1][40:]).all()
+    assert (moved[0][1:40] != was[0][1:40]).any()
+
+
+# ---------------------------------------------------------------------- an operator of a law
+
+#: Columns of a law's numbers here: a signal, its rate, the order, the output, its derivative.
+SIGNAL, RATE, ORDER, OUTPUT, BY_ORDER = range(5)
+LAW = DESIGN.coefficients([0.4], step=STEP, horizon=SAMPLES * STEP)
+
+
+def ticked(kind, f, rate, *, held=None, cut=None, orders=None, rated=True, sign=1.0):
+    """The kernel tick by tick: outputs, and derivatives by the order, (N,) each."""
+    op, poles, modes = (array[0] for array in LAW.records())
+    op.kind, op.source, op.output, op.sign, op.order_column = kind, SIGNAL, OUTPUT, sign, -1
+    op.rate = RATE if rated else -1
+    if orders is not None:
+        op.variable, op.order_column = 1, ORDER
+    numbers, grid, found = np.zeros(5), table(), []
+    for k in range(len(f)):
+        numbers[SIGNAL], numbers[RATE] = f[k], rate[k]
+        numbers[ORDER] = 0.0 if orders is None else orders[k]
+        advance_operator(
+            op, grid, poles, modes, numbers, k > 0, held is not None and held[k],
+            0.0 if cut is None else cut[k], STEP,
+        )  # fmt: skip
+        found.append(numbers[[OUTPUT, BY_ORDER]])
+    return np.array(found).T
+
+
+def test_a_derivative_takes_the_measured_rate_or_differences():
+    f, rate = np.sin(4.0 * T), 4.0 * np.cos(4.0 * T)
+    assert (ticked(DERIVATIVE, f, rate)[0] == recorded(0.4, f, rate)[:, 0]).all()
+    change = np.diff(f, prepend=f[0]) / STEP
+    want = recorded(0.4, f, change, differenced=True)[:, 0]
+    assert ticked(DERIVATIVE, f, rate, rated=False)[0] == pytest.approx(want, rel=1e-14, abs=1e-14)
+
+
+def test_an_integral_sums_its_signal_up_and_stands_still_while_it_would_wind_up():
+    """I^0.6 of a constant is t^0.6/Gamma(1.6); of the error its integral comes from outside."""
+    one, zero = np.ones(SAMPLES), np.zeros(SAMPLES)
+    truth = np.array([float(mp.mpf(t) ** 0.6 * mp.rgamma(1.6)) for t in T])
+    for found in (
+        ticked(INTEGRAL, one, zero)[0], ticked(INTEGRAL_OF_ERROR, T, one)[0],
+        # What pushes downwards unwinds a torque that was cut upwards.
+        ticked(INTEGRAL, one, zero, cut=one, sign=-1.0)[0],
+        ticked(INTEGRAL_OF_ERROR, T, one, cut=-one)[0],
+    ):  # fmt: skip
+        assert np.abs(found - truth).max() < 1e-8
+    stop = np.arange(SAMPLES) >= 20
+    for kind, f, rate in ((INTEGRAL, one, zero), (INTEGRAL_OF_ERROR, np.minimum(T, T[19]), one)):
+        for how in ({"held": stop}, {"cut": 1.0 * stop}):
+            found = ticked(kind, f, rate, **how)[0]
+            assert (found[20:] == found[19]).all()
+            assert np.abs(found[:20] - truth[:20]).max() < 1e-8
+
+
+def test_an_order_that_the_law_moves_is_followed_and_its_sensitivity_is_one_sample_old():
+    """Of an integral the order is lambda = 1 - alpha, and so its derivative has the other sign."""
+    f, rate = np.sin(4.0 * T), 4.0 * np.cos(4.0 * T)
+    orders = 0.4 + 0.1 * np.sin(9.0 * T)
+    y, slope = varied(orders, f, rate)
+    late = np.concatenate([[0.0, 0.0], slope[1:-1]])
+    found = ticked(DERIVATIVE, f, rate, orders=orders)
+    assert (found[0] == y).all()
+    assert (found[1] == late).all()
+    found = ticked(INTEGRAL_OF_ERROR, f, rate, orders=1.0 - orders)
+    assert found[0] == pytest.approx(y, rel=1e-12)
+    assert found[1] == pytest.approx(-late, rel=1e-12)

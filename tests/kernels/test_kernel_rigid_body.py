@@ -1,23 +1,34 @@
-"""The rigid-body kernel against Pinocchio on random trees of turning and sliding joints."""
+"""Dynamics of random trees of turning and sliding joints against Pinocchio; dry friction."""
 
+from types import SimpleNamespace
+
+import numba
 import numpy as np
 import pinocchio as pin
 import pytest
+import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fpid_pin.arms.bodies import bodies_of
+from fpid_pin.arms import Arm
+from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.exceptions import ArmError
-from fpid_pin.kernels import friction, rigid_body
+from fpid_pin.kernels import friction, rigid_body, tick
+from fpid_pin.kernels.records import FRAME, LINK, PLANT, ROOM
 
 pytestmark = pytest.mark.kernels
+#: Without compilation (test_line_by_line) a few go through every branch.
+EXAMPLES = 12 if numba.config.DISABLE_JIT else 80
+trees = given(st.integers(1, 9), st.integers(0, 10**6))
 
 
-def random_tree(rng, n):
+def random_tree(seed, n):
     """Return a model with n joints, each on the last body or on one that carries it.
 
     Pinocchio's algorithms want the bodies of a branch together.
     """
+    rng = np.random.default_rng(seed)
+    pin.seed(seed)
     model = pin.Model()
     kinds = [
         pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ,
@@ -34,59 +45,137 @@ def random_tree(rng, n):
         model.appendBodyToJoint(added, pin.Inertia.Random(), pin.SE3.Identity())
     model.gravity.linear = rng.normal(size=3) * 10.0
     model.armature = rng.uniform(0.0, 0.5, model.nv)
-    return model
+    return model, rng
 
 
-def computed(model, q, v, tau):
-    """Return M, C q' + G, q'' and M^-1 tau by the kernel."""
-    n = model.nv
-    bodies, frames = bodies_of(model), np.zeros(n + 1, rigid_body.FRAME)
-    rigid_body.ground(frames, n, np.array(model.gravity.linear))
+def bodies(model):
+    return bodies_of(SimpleNamespace(model=model, _cache={}))
+
+
+def mass_matrix(model, q):
+    upper = np.triu(pin.crba(model, model.createData(), q))
+    return upper + np.triu(upper, 1).T
+
+
+def factored(model, q, v, tau):
+    """Return M, C q' + G, q'' and the factors of M by the kernels."""
+    n, gravity = model.nv, np.array(model.gravity.linear)
+    frames = np.zeros(n + 1, FRAME)
     bias, mass, a = np.zeros(n), np.zeros((n, n)), np.zeros(n)
-    rigid_body.terms(bodies, frames, q, v, bias, mass)
+    rigid_body.survey(bodies(model), frames, gravity, q, v, bias, mass)
     whole = np.tril(mass) + np.tril(mass, -1).T
-    rigid_body.forward_dynamics(bodies, frames, q, v, tau, mass, a)
-    x = tau.copy()
-    rigid_body.solve_tree(bodies, mass, x)
-    return whole, bias, a, x
+    rigid_body.forward_dynamics(bodies(model), frames, gravity, q, v, tau, mass, a)
+    return whole, bias, a, mass
 
 
-@settings(max_examples=200, deadline=None)
-@given(st.integers(1, 9), st.integers(0, 10**6))
+@settings(max_examples=EXAMPLES)
+@trees
 def test_random_trees_move_as_pinocchio_has_them(n, seed):
-    rng = np.random.default_rng(seed)
-    pin.seed(seed)
-    model = random_tree(rng, n)
+    model, rng = random_tree(seed, n)
     data = model.createData()
     q, v, tau = rng.normal(size=(3, n)) * 2.0
-    mass, bias, a, x = computed(model, q, v, tau)
-    m = pin.crba(model, data, q)
-    m = np.triu(m) + np.triu(m, 1).T
+    mass, bias, a, factors = factored(model, q, v, tau)
+    m = mass_matrix(model, q)
     size = np.abs(m).max()
-    assert np.abs(mass - m).max() < 1e-11 * size
+    assert np.abs(mass - m).max() < 1e-12 * size
     h = pin.rnea(model, data, q, v, np.zeros(n))
-    assert np.abs(bias - h).max() < 1e-11 * max(np.abs(h).max(), size)
+    assert np.abs(bias - h).max() < 1e-12 * max(np.abs(h).max(), size)
     # What solving makes of rounding grows with the condition of M.
-    loss = 1e-14 * np.linalg.cond(m) + 1e-11
+    loss = 1e-14 * np.linalg.cond(m) + 1e-12
     exact = pin.aba(model, data, q, v, tau)
-    assert np.abs(a - exact).max() < loss * np.abs(exact).max() * 10.0
-    assert np.abs(m @ x - tau).max() < loss * np.abs(tau).max() * 10.0
+    assert np.abs(a - exact).max() < 10.0 * loss * np.abs(exact).max()
+    x, product = tau.copy(), np.zeros(n)
+    rigid_body.solve_tree(bodies(model), factors, x)
+    assert np.abs(m @ x - tau).max() < 10.0 * loss * np.abs(tau).max()
+    tick.mass_times(bodies(model), np.tril(m), tau, product)
+    assert np.abs(product - m @ tau).max() < 1e-13 * size * n * np.abs(tau).max()
 
 
-def test_many_runs_have_the_bits_of_each_alone():
-    rng = np.random.default_rng(1)
-    pin.seed(1)
-    models = [random_tree(rng, 4) for _ in range(3)]
-    bodies = np.array([bodies_of(m) for m in models])
-    gravity = np.array([m.gravity.linear for m in models])
-    frames, mass, n = np.zeros(5, rigid_body.FRAME), np.zeros((4, 4)), 4
-    own, alive = np.array([2, 0, 1, 0]), np.array([True, True, True, False])
-    q, v, tau = rng.normal(size=(3, 4, n))
-    a = np.full((4, n), 7.0)
-    rigid_body.accelerations(alive, own, bodies, gravity, frames, q, v, tau, mass, a)
-    assert (a[3] == 7.0).all()
-    for r in range(3):
-        assert (a[r] == computed(models[own[r]], q[r], v[r], tau[r])[2]).all()
+# ---------------------------------------------------------------------- inverse dynamics
+
+
+def asked(model, q, v, w, a, inertias=None):
+    """Return M a + C(q, v) w + G by the kernel, and the arrays that it leaves."""
+    n = model.nv
+    own, links, motions, out = bodies(model), np.zeros(n, LINK), np.zeros((3, n, 6)), np.zeros(n)
+    inertias = inertial_numbers(own) if inertias is None else inertias
+    gravity = np.array(model.gravity.linear)
+    tick.inverse_dynamics(own, inertias, links, motions, gravity, q, v, w, a, out)
+    return out, links, motions
+
+
+@settings(max_examples=EXAMPLES)
+@trees
+def test_two_velocities_are_the_symmetric_form_of_pinocchios_coriolis_torque(n, seed):
+    """C(q, v) w by polarisation, c((v + w)/2) - c((v - w)/2) with c(x) = C(q, x) x."""
+    model, rng = random_tree(seed, n)
+    data = model.createData()
+    q, v, w, a = rng.normal(size=(4, n))
+    zero = np.zeros(n)
+    gravity = pin.rnea(model, data, q, zero, zero)
+    exact = pin.rnea(model, data, q, (v + w) / 2, a) + gravity
+    exact -= pin.rnea(model, data, q, (v - w) / 2, zero)
+    size = max(np.abs(exact).max(), np.abs(gravity).max(), 1.0)
+    found = asked(model, q, v, w, a)[0]
+    assert np.abs(found - exact).max() < 1e-12 * size
+    assert np.abs(asked(model, q, w, v, a)[0] - found).max() < 1e-12 * size
+    plain = pin.rnea(model, data, q, v, a)
+    assert np.abs(asked(model, q, v, v, a)[0] - plain).max() < 1e-12 * max(np.abs(plain).max(), 1.0)
+
+
+def turned_frames(model):
+    """Return how the frames of the kernels' bodies are turned against Pinocchio's, (n, 3, 3)."""
+    frames = [np.eye(3)]
+    for k, b in enumerate(bodies(model), start=1):
+        columns = np.array([[b.x0, b.x1, b.x2], [b.y0, b.y1, b.y2], [b.z0, b.z1, b.z2]]).T
+        placement = model.jointPlacements[k].rotation
+        frames.append(placement.T @ frames[model.parents[k]] @ columns)
+    return np.array(frames[1:])
+
+
+def in_pinocchios_numbers(frame):
+    """Return the matrix, (10, 10), that takes a body's numbers to Pinocchio's in its own frame."""
+    columns = []
+    for k in range(10):
+        ours = np.zeros(10)
+        ours[k] = 1.0
+        j = np.zeros((3, 3))
+        j[np.triu_indices(3)] = ours[4:]
+        j = frame @ (j + np.triu(j, 1).T) @ frame.T
+        # Pinocchio's order: m, m c, Jxx, Jxy, Jyy, Jxz, Jyz, Jzz.
+        moments = [j[0, 0], j[0, 1], j[1, 1], j[0, 2], j[1, 2], j[2, 2]]
+        columns.append([ours[0], *(frame @ ours[1:4]), *moments])
+    return np.array(columns).T
+
+
+@settings(max_examples=EXAMPLES)
+@trees
+def test_derivatives_by_the_inertial_numbers_are_those_of_pinocchios_regressor(n, seed):
+    model, rng = random_tree(seed, n)
+    data = model.createData()
+    q, v, w, a, s = rng.normal(size=(5, n))
+
+    def regressor(rates, accelerations):
+        y = pin.computeJointTorqueRegressor(model, data, q, rates, accelerations)
+        return np.array(y).reshape(n, 10 * n)
+
+    zero = np.zeros(n)
+    y = regressor((v + w) / 2, a) - regressor((v - w) / 2, zero) + regressor(zero, zero)
+    exact = (s @ y).reshape(n, 10)
+    exact = np.array(
+        [row @ in_pinocchios_numbers(f) for row, f in zip(exact, turned_frames(model), strict=True)]
+    )
+    _, links, motions = asked(model, q, v, w, a)
+    found = np.full((n, 10), np.nan)
+    tick.velocities(bodies(model), links, s, motions[2])
+    tick.gradient(links, motions, found)
+    assert np.abs(found - exact).max() < 1e-12 * max(np.abs(exact).max(), 1.0)
+    # Torques are linear in the numbers: a difference has no error but rounding.
+    change = rng.normal(size=(n, 10))
+    own = inertial_numbers(bodies(model))
+    more, less = (asked(model, q, v, w, a, own + x)[0] for x in (change, -change))
+    slope = s @ (more - less) / 2.0
+    assert slope == pytest.approx((found * change).sum(), rel=1e-10, abs=1e-10)
 
 
 def test_a_joint_of_another_kind_is_named():
@@ -94,33 +183,96 @@ def test_a_joint_of_another_kind_is_named():
     added = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
     model.appendBodyToJoint(added, pin.Inertia.Random(), pin.SE3.Identity())
     with pytest.raises(ArmError, match=r"revolute and prismatic joints, got ball \(Spherical\)"):
-        bodies_of(model)
+        bodies(model)
 
 
-@settings(max_examples=80, deadline=None)
+# ---------------------------------------------------------------------- dry friction
+
+
+def plant_joints(dry, guess):
+    joints = np.zeros(len(dry), PLANT)
+    joints["dry"], joints["stuck"] = dry, guess
+    return joints
+
+
+def rubbed(model, q, v_free, dry, guess, h):
+    """Return the speeds that the kernel leaves, and the joints."""
+    n = model.nv
+    factors = factored(model, q, v_free, np.zeros(n))[3]
+    joints, v = plant_joints(dry, guess), v_free.copy()
+    room = np.zeros((ROOM + 2 * n, n))
+    friction.apply_dry_friction(bodies(model), factors, joints, v, room, h)
+    return v, joints
+
+
+@settings(max_examples=EXAMPLES)
 @given(st.integers(1, 5), st.integers(0, 10**6))
-def test_dry_friction_of_one_robot_leaves_the_speeds_of_the_box_problem(n, seed):
-    """v = v_free - h M^-1 f with Pinocchio's M, whether joints slide on, turn round or stick."""
-    rng = np.random.default_rng(seed)
-    pin.seed(seed)
-    model, h = random_tree(rng, n), 1e-2
-    q, v_free, tau = rng.normal(size=(3, n)) * np.array([[1.0], [rng.choice([0.01, 3.0])], [1.0]])
-    m = pin.crba(model, model.createData(), q)
-    m = np.triu(m) + np.triu(m, 1).T
-    bodies, frames = bodies_of(model), np.zeros(n + 1, rigid_body.FRAME)
-    rigid_body.ground(frames, n, np.array(model.gravity.linear))
-    mass, a = np.zeros((n, n)), np.zeros(n)
-    rigid_body.forward_dynamics(bodies, frames, q, v_free, tau, mass, a)
+def test_the_speeds_are_those_of_the_box_problem(n, seed):
+    """v = v_free - h M^-1 l with Pinocchio's M, whether joints slide on, turn round or stick."""
+    (model, rng), h = random_tree(seed, n), 1e-2
+    q, v_free = rng.normal(size=(2, n)) * np.array([[1.0], [rng.choice([0.01, 3.0])]])
     dry = rng.uniform(0.0, 2.0, n) * rng.integers(0, 2, n)
-    v, stuck, force = v_free.copy(), rng.integers(0, 2, n).astype(bool), np.zeros(n)
-    friction.rub(
-        bodies, mass, dry, stuck, force, v, np.zeros((3, n)), np.zeros((n, n)), np.zeros((n, n)), h
-    )  # fmt: skip
+    v, joints = rubbed(model, q, v_free, dry, rng.integers(0, 2, n), h)
+    m, force, stuck = mass_matrix(model, q), joints["friction"], joints["stuck"] > 0
     free = v_free - h * np.linalg.solve(m, force)
-    size = (1e-12 + 1e-14 * np.linalg.cond(m)) * max(1.0, np.abs(v_free).max())
-    assert np.abs(v - np.where(stuck, 0.0, free)).max() < 100.0 * size
-    assert np.abs(free[stuck]).max(initial=0.0) < 100.0 * size
+    size = 100.0 * (1e-12 + 1e-14 * np.linalg.cond(m)) * max(1.0, np.abs(v_free).max())
+    assert np.abs(v - np.where(stuck, 0.0, free)).max() < size
+    assert np.abs(free[stuck]).max(initial=0.0) < size
+    assert (v[stuck] == 0.0).all()
     assert (np.abs(force) <= dry).all()
     assert (force * v >= 0.0).all()
     slides = ~stuck & (dry > 0.0) & (v != 0.0)
     assert (force[slides] == (dry * np.sign(v))[slides]).all()
+    assert v @ m @ v <= (1.0 + 1e-12) * (v_free @ m @ v_free)
+
+
+@pytest.mark.parametrize("speed", [1e-4, 1e-2, 1.0])
+@pytest.mark.parametrize("name", ["xarm7", "z1", "talos_arm"])
+def test_the_friction_is_that_of_a_bounded_least_squares_solver(name, speed):
+    """Minimise 1/2 l^T h M^-1 l - l^T v_free over the box, by scipy's BVLS."""
+    arm, rng, h = Arm.from_example(name), np.random.default_rng(2), 1e-3
+    model = arm.with_armature(arm.armature + h * arm.viscous_friction).model
+    bound = arm.dry_friction
+    for _ in range(EXAMPLES // 6):
+        q, v_free = rng.uniform(-2, 2, arm.n), rng.normal(0, speed, arm.n)
+        response = h * np.linalg.inv(mass_matrix(model, q))
+        root = np.linalg.cholesky(response).T
+        goal = np.linalg.solve(root.T, v_free)
+        best = scipy.optimize.lsq_linear(root, goal, (-bound, bound), "bvls", tol=1e-14).x
+        # From a cold start, and from the sticking joints that it left.
+        guess = np.zeros(arm.n)
+        for _ in range(2):
+            v, joints = rubbed(model, q, v_free, bound, guess, h)
+            guess = joints["stuck"]
+            np.testing.assert_allclose(joints["friction"], best, atol=1e-6)
+            expected = v_free - response @ joints["friction"]
+            np.testing.assert_allclose(v, expected, rtol=1e-9, atol=1e-12)
+
+
+def solved(response, v_free, guess):
+    n = len(v_free)
+    joints, speed, side, force = plant_joints(np.ones(n), guess), *np.zeros((3, n))
+    friction.stick_slip(response, joints, v_free, speed, side, force, np.zeros((n, n)))
+    return joints, speed
+
+
+def test_it_ends_where_the_block_rounds_go_in_circles():
+    """Joints so coupled that exchanging all at fault cycles, as Murty's matrix does."""
+    n = 7
+    upper = 2.0 * np.triu(np.ones((n, n)), 1) + np.eye(n)
+    response = upper @ upper.T
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        v_free = response @ rng.normal(size=n) * rng.choice([0.5, 1.0, 2.0])
+        joints, speed = solved(response, v_free, rng.integers(0, 2, n))
+        force, stuck = joints["friction"], joints["stuck"] > 0
+        assert (np.abs(force) <= 1.0).all()
+        assert (force * speed >= -1e-12).all()
+        assert (v_free - response @ force)[stuck] == pytest.approx(0.0, abs=1e-7)
+
+
+def test_a_speed_that_is_rounding_of_zero_is_zero():
+    for v_free in (1.0 - 1e-13, 1.0, 0.0):
+        joints, speed = solved(np.ones((1, 1)), np.array([v_free]), np.zeros(1))
+        assert speed[0] == 0.0
+        assert joints["friction"][0] == pytest.approx(v_free, abs=1e-12)

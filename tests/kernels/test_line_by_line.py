@@ -1,15 +1,18 @@
-"""The kernels without compilation: every line and every branch of them is gone through."""
+"""The kernels without compilation: every line and every branch, and the same numbers."""
 
+import dataclasses
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
-import fpid_pin
+from bounded import finished
+from test_kernel_plant import STRETCHES
+
+import fpid_pin as fp
 
 ROOT = Path(__file__).parents[2]
-KERNELS = Path(fpid_pin.__file__).parent / "kernels"
+KERNELS = Path(fp.__file__).parent / "kernels"
 
 
 def test_the_tests_of_the_kernels_pass_line_by_line_and_leave_no_branch_out(tmp_path):
@@ -21,10 +24,9 @@ def test_the_tests_of_the_kernels_pass_line_by_line_and_leave_no_branch_out(tmp_
     report = tmp_path / "report.json"
 
     def coverage(*arguments):
-        done = subprocess.run(
-            [sys.executable, "-m", "coverage", *arguments], capture_output=True, text=True,
-            cwd=ROOT, env=environment, check=False,
-        )  # fmt: skip
+        done = finished(
+            [sys.executable, "-m", "coverage", *arguments], cwd=ROOT, env=environment, timeout=250
+        )
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
 
     only = ["--branch", f"--include={KERNELS}/*"]
@@ -35,8 +37,32 @@ def test_the_tests_of_the_kernels_pass_line_by_line_and_leave_no_branch_out(tmp_
     missing = {
         name: (file["missing_lines"], file["missing_branches"])
         for name, file in found["files"].items()
-        # `compiled` is about compiling, which does not happen here: see test_compiled_cache.
-        if (file["missing_lines"] or file["missing_branches"]) and Path(name).stem != "compiled"
+        # They are about compiling, which does not happen here: see test_compiled_cache.
+        if (file["missing_lines"] or file["missing_branches"])
+        and Path(name).stem not in {"compiled", "call"}
     }
     assert missing == {}
-    assert {Path(name).name for name in found["files"]} >= {"law.py", "operator.py", "motion.py"}
+    assert {Path(name).name for name in found["files"]} >= {"tick.py", "operator.py", "rollout.py"}
+
+
+def motion(name):
+    experiment, law = STRETCHES[name]
+    run = fp.simulate(dataclasses.replace(experiment, dynamics="compiled"), law)
+    return [run.q.tolist(), run.torque.tolist()]
+
+
+def test_without_compilation_laws_and_engine_give_the_same_runs():
+    code = (
+        "import json; from test_line_by_line import STRETCHES, motion; "
+        "print(json.dumps({name: motion(name) for name in STRETCHES}))"
+    )
+    here = Path(__file__).parent
+    path = os.pathsep.join(map(str, (ROOT, here.parent, here)))
+    done = finished(
+        [sys.executable, "-c", code],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path},
+    )
+    assert done.returncode == 0, done.stderr
+    for name, found in json.loads(done.stdout).items():
+        for plain, compiled in zip(found, motion(name), strict=True):
+            assert plain == compiled, name

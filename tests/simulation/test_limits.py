@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.control.baselines import GravityOnly
+from fpid_pin.control import GravityOnly
 from fpid_pin.references import Hold
 from fpid_pin.simulation.limits import limit_report, overloaded_joints
 

@@ -101,7 +101,7 @@ class Attacker(http.server.BaseHTTPRequestHandler):
 
 def until(page, expression):
     """Wait for an expression, from outside: the page forbids evaluating strings within it."""
-    limit = time.monotonic() + 30.0
+    limit = time.monotonic() + 120.0
     while not page.evaluate(expression):
         assert time.monotonic() < limit, expression
         page.wait_for_timeout(50)
@@ -130,7 +130,7 @@ def main(address, most):
         inside = [frame for frame in page.frames if frame.parent_frame and frame.name != "sink"]
         found["frame"] = [frame.evaluate(SHOWN) for frame in inside]
         before = own.evaluate("fpidPin.frames()")
-        own.wait_for_timeout(500)
+        until(own, f"fpidPin.frames() > {before + 3}")
         found["frames meanwhile"] = own.evaluate("fpidPin.frames()") - before
         own.keyboard.press("q")
         until(own, "!document.getElementById('message').hidden")

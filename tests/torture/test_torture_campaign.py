@@ -7,7 +7,8 @@ import time
 from contextlib import closing
 
 import pytest
-from test_torture_kills import SHORT, end_of, start
+from bounded import wait_until
+from test_torture_kills import SHORT, end_of, outcome_of, start
 
 pytestmark = pytest.mark.torture
 RUNS, KILLS = 600, 20
@@ -38,7 +39,7 @@ def new_folder(tmp_path, name):
 
 
 def table_of(folder):
-    status, said = end_of(start(folder, *TABLE))
+    status, said = outcome_of(folder, *TABLE)
     assert status == 0, said
     return (folder / "table.csv").read_bytes()
 
@@ -48,9 +49,19 @@ def never(tmp_path_factory):
     """Return the table of a campaign that nobody disturbed, and how long it took [s]."""
     folder = new_folder(tmp_path_factory.mktemp("never"), "campaign")
     began = time.monotonic()
-    status, said = end_of(campaign(folder))
+    with campaign(folder) as child:
+        status, said = end_of(child)
     assert status == 0, said
     return table_of(folder), time.monotonic() - began
+
+
+def begun(ledger):
+    """Return whether a campaign under way has recorded anything."""
+    try:
+        with closing(sqlite3.connect(f"file:{ledger}?mode=ro", uri=True)) as file:
+            return file.execute("SELECT count(*) FROM results").fetchone()[0] > 0
+    except sqlite3.OperationalError:  # not there yet, or not laid out
+        return False
 
 
 def rows_of(ledger):
@@ -78,12 +89,14 @@ def test_a_campaign_killed_at_any_moment_and_resumed(never, tmp_path, tally, ful
         round_ += 1
         status = None
         while status != 0:
-            child = campaign(folder, *options)
-            if kills < most:
-                # Python needs a second before there is anything to kill.
-                time.sleep(chance.uniform(0.2, 0.8) * seconds)
-                child.kill()
-            status, said = end_of(child)
+            with campaign(folder, *options) as child:
+                if kills == 0:
+                    assert wait_until(lambda ledger=folder / "l.sqlite": begun(ledger))
+                elif kills < most:
+                    time.sleep(chance.uniform(0.2, 0.8) * seconds)
+                if kills < most:
+                    child.kill()
+                status, said = end_of(child)
             if status == 0:
                 break
             assert status == -signal.SIGKILL, said

@@ -4,11 +4,11 @@ import json
 import os
 import resource
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.cli.experiments import demo_config
@@ -24,9 +24,7 @@ def shim(tmp_path_factory):
     if shutil.which("gcc") is None or sys.platform != "linux":
         pytest.skip("needs gcc, on Linux")
     path = tmp_path_factory.mktemp("shim") / "fault.so"
-    subprocess.run(
-        ["gcc", "-shared", "-fPIC", "-O1", "-o", path, HERE / "fault.c", "-ldl"], check=True
-    )
+    finished(["gcc", "-shared", "-fPIC", "-O1", "-o", path, HERE / "fault.c", "-ldl"], check=True)
     return path
 
 
@@ -48,9 +46,9 @@ WORK = {
 def test_a_disk_that_fails_at_any_write(what, shim, tmp_path, tally):
     every = WORK[what][0 if FULL else 1]
     written(tmp_path)
-    done = subprocess.run(
+    done = finished(
         [sys.executable, HERE / "faults.py", tmp_path, what, str(every)],
-        env=os.environ | {"LD_PRELOAD": str(shim)}, capture_output=True, text=True,
+        env=os.environ | {"LD_PRELOAD": str(shim)}, timeout=3600 if FULL else 250,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     rows = [json.loads(line) for line in done.stdout.splitlines()]
@@ -61,10 +59,7 @@ def test_a_disk_that_fails_at_any_write(what, shim, tmp_path, tally):
 
 
 def command(folder, *arguments, **options):
-    done = subprocess.run(
-        [sys.executable, "-m", "fpid_pin_start", *arguments], capture_output=True, text=True,
-        cwd=folder, **options,
-    )  # fmt: skip
+    done = finished([sys.executable, "-m", "fpid_pin_start", *arguments], cwd=folder, **options)
     said = [line for line in done.stderr.splitlines() if "generation" not in line]
     return done.returncode, said
 
@@ -90,10 +85,10 @@ def disk(tmp_path):
     place = tmp_path / "disk"
     place.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(place)]
-    if subprocess.run(mount, capture_output=True).returncode:
+    if finished(mount).returncode:
         pytest.skip("tmpfs may not be mounted here")
     yield place
-    subprocess.run(["umount", str(place)], check=True)
+    finished(["umount", str(place)], check=True)
 
 
 @pytest.mark.parametrize("state", ["full", "read-only"])
@@ -105,7 +100,7 @@ def test_a_full_and_a_read_only_disk(state, disk, tmp_path, tally):
     # The page has a megabyte of its own; a figure has not.
     (disk / "ballast").write_bytes(bytes(900_000))
     if state == "read-only":
-        subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)
+        finished(["mount", "-o", "remount,ro", str(disk)], check=True)
     before = snapshot(disk)
     for name in COMMANDS if FULL else ["run" if state == "full" else "operators"]:
         status, said = command(tmp_path, *COMMANDS[name])

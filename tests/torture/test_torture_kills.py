@@ -1,5 +1,6 @@
 """Killed, interrupted and run twice at once, a search loses nothing and is as never disturbed."""
 
+import contextlib
 import os
 import random
 import signal
@@ -9,6 +10,7 @@ import time
 
 import numpy as np
 import pytest
+from bounded import started, wait_until
 
 import fpid_pin as fp
 from fpid_pin.cli.experiments import demo_config
@@ -28,23 +30,36 @@ kp = [1, 100, "log"]
 RESULTS = {"tuned.npz", "history.csv", "summary.md", "report.html", "tuned.toml", "checkpoint.npz"}
 
 
+@contextlib.contextmanager
 def start(folder, *arguments):
+    """Start a command for the length of a block, which begins where the command does."""
     # "begun" is the first thing that is ours: before it Python itself starts.
     code = (
         "import sys, runpy; sys.stderr.write('begun\\n'); sys.stderr.flush(); "
         "runpy.run_module('fpid_pin_start', run_name='__main__', alter_sys=True)"
     )
-    child = subprocess.Popen(
+    with started(
         [sys.executable, "-c", code, *arguments], stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE, text=True, cwd=folder, start_new_session=True,
-    )  # fmt: skip
-    assert child.stderr.readline() == "begun\n"
-    return child
+    ) as child:  # fmt: skip
+        assert child.stderr.readline() == "begun\n"
+        yield child
 
 
 def end_of(child):
     said = child.communicate()[1]
     return child.returncode, said
+
+
+def outcome_of(folder, *arguments):
+    """Run a command to its end; return its status and what it said."""
+    with start(folder, *arguments) as child:
+        return end_of(child)
+
+
+def holds(folder, pid):
+    """Return whether a process has a lock in a folder: then its number is in it."""
+    return any(lock.read_text() == str(pid) for lock in folder.glob(".fpid_pin-*.lock"))
 
 
 def visible(folder):
@@ -78,7 +93,7 @@ def never(tmp_path_factory):
     folder = tmp_path_factory.mktemp("never")
     (folder / "study.toml").write_text(SHORT + TUNE)
     began = time.monotonic()
-    status, said = end_of(start(folder, "tune", "study.toml", "--out", "out"))
+    status, said = outcome_of(folder, "tune", "study.toml", "--out", "out")
     assert status == 0, said
     return bits_of(folder / "out"), time.monotonic() - began
 
@@ -93,18 +108,17 @@ def test_killed_at_any_moment_and_resumed(never, tmp_path, tally, full):
         round_ += 1
         status = None
         while status != 0:
-            child = start(folder, "tune", "study.toml", "--out", "out", "--resume")
-            if kills == 0:
-                # Once there is something to go on from.
-                beside = folder / "out.checkpoint.npz"
-                while not beside.exists() and child.poll() is None:
-                    time.sleep(0.01)
-            elif kills < (100 if full else 2):
-                time.sleep(chance.uniform(0.3, 1.1) * seconds)
-            else:
-                child.wait()
-            child.kill()
-            status, said = end_of(child)
+            with start(folder, "tune", "study.toml", "--out", "out", "--resume") as child:
+                if kills == 0:
+                    # Once there is something to go on from.
+                    beside = folder / "out.checkpoint.npz"
+                    assert wait_until(beside.exists)
+                elif kills < (100 if full else 2):
+                    time.sleep(chance.uniform(0.3, 1.1) * seconds)
+                else:
+                    child.wait()
+                child.kill()
+                status, said = end_of(child)
             if status == 0:
                 break
             assert status == -signal.SIGKILL, said
@@ -124,10 +138,16 @@ def test_two_at_once_on_one_folder(never, tmp_path, tally, full):
         folder = tmp_path / str(k)
         folder.mkdir()
         (folder / "study.toml").write_text(SHORT + TUNE)
-        first = start(folder, "tune", "study.toml", "--out", "out")
-        time.sleep(chance.uniform(0.0, 0.3) * seconds)
-        second = start(folder, "tune", "study.toml", "--out", "out", "--resume")
-        ends = sorted([end_of(first), end_of(second)])
+        with start(folder, "tune", "study.toml", "--out", "out") as first:
+            if k == 0:
+                # The first is at work, and stays so until the second has ended.
+                assert wait_until(lambda folder=folder, pid=first.pid: holds(folder, pid))
+                first.send_signal(signal.SIGSTOP)
+            else:
+                time.sleep(chance.uniform(0.0, 0.3) * seconds)
+            ends = [outcome_of(folder, "tune", "study.toml", "--out", "out", "--resume")]
+            first.send_signal(signal.SIGCONT)
+            ends = sorted([*ends, end_of(first)])
         fault = ""
         if [status for status, _ in ends] != [0, 2]:
             fault = f"{ends}"
@@ -160,12 +180,13 @@ def test_ctrl_c_at_any_moment(name, tmp_path, tally, full):
         folder = tmp_path / str(k)
         folder.mkdir()
         (folder / "study.toml").write_text(SHORT + TUNE)
-        child, began = start(folder, *COMMANDS[name]), time.monotonic()
-        time.sleep(chance.uniform(0.0, 1.1) * seconds)
-        # As a terminal does it: to the workers too.
-        with_workers = os.getpgid(child.pid)
-        os.killpg(with_workers, signal.SIGINT)
-        status, said = end_of(child)
+        with start(folder, *COMMANDS[name]) as child:
+            began = time.monotonic()
+            time.sleep(chance.uniform(0.0, 1.1) * seconds)
+            # As a terminal does it: to the workers too.
+            with_workers = os.getpgid(child.pid)
+            os.killpg(with_workers, signal.SIGINT)
+            status, said = end_of(child)
         if status == 0:
             seconds = max(0.5, 0.8 * (time.monotonic() - began))
         else:

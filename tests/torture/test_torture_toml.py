@@ -1,25 +1,33 @@
 """Any text is a configuration, or lines that name the file and the key."""
 
+import inspect
 import os
 import re
 import tomllib
 
 import pytest
 import tomli_w
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fpid_pin import descriptions
+from fpid_pin.arms import Arm
+from fpid_pin.campaign import Distribution, Scenarios
+from fpid_pin.cli.campaign_plan import read_campaign
 from fpid_pin.cli.config import parse
 from fpid_pin.cli.experiments import demo_config
 from fpid_pin.cli.tune_plan import read_plan
+from fpid_pin.control import Controller
+from fpid_pin.costs import Cost
+from fpid_pin.disturbances import Disturbance
 from fpid_pin.exceptions import ConfigError
+from fpid_pin.references import Reference
+from fpid_pin.simulation import Experiment, Plant
+from fpid_pin.tuning import SearchSettings, Space
 
 pytestmark = pytest.mark.torture
 FULL = os.environ.get("FPID_TORTURE") == "full"
-MANY = settings(
-    max_examples=4000 if FULL else 30, deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
-)  # fmt: skip
+MANY = settings(max_examples=4000 if FULL else 30)
 TEXT = (
     demo_config().text
     + """
@@ -43,6 +51,10 @@ kind = "quadratic_cost"
 [tune.space]
 kp = [1, 100, "log"]
 integral_order = { low = 0.1, high = 1, shared = true }
+[campaign]
+runs = 4
+[campaign.uncertain]
+mass = { kind = "uniform", low = 0.8, high = 1.2 }
 """
 )
 TABLE = tomllib.loads(TEXT)
@@ -123,7 +135,9 @@ def torn(draw):
 
 def fault_of(text, folder):
     try:
-        read_plan(parse(text, "x.toml", folder))
+        config = parse(text, "x.toml", folder)
+        read_plan(config)
+        read_campaign(config)
     except ConfigError as error:
         lines = str(error).split("\n")
         keyed = all(re.match(r"x\.toml: .+: ", line) or "not valid TOML" in line for line in lines)
@@ -131,6 +145,37 @@ def fault_of(text, folder):
     except Exception as error:
         return f"{type(error).__name__}: {error}"
     return ""
+
+
+def names_of_arguments():
+    """Return what the arguments are called of whatever a table may become."""
+    calls = [Arm.with_payload, Experiment, Plant, Scenarios, SearchSettings, Space]
+    calls += [kind for family in (Arm, Controller, Cost, Disturbance, Distribution, Reference)
+              for kind in descriptions.kinds(family).values()]  # fmt: skip
+    return {name for call in calls for name in inspect.signature(call).parameters}
+
+
+def test_a_key_of_any_table_may_be_called_as_an_argument_is(tmp_path, tally):
+    """``[plant.payload] self = 0`` was a traceback."""
+    assert fault_of(TEXT, tmp_path) == ""
+    every = {"self", "cls", "args", "kwargs", *names_of_arguments()}
+    names = every if FULL else ("self", "cls", "args", "kind", "arm", "mass")
+    for path in [(), *PLACES]:
+        table = copied(TABLE)
+        inner = table
+        for key in path:
+            inner = inner[key]
+        if not isinstance(inner, dict):
+            continue
+        for name in sorted(names):
+            before = inner.get(name)
+            inner[name] = 0
+            fault = fault_of(tomli_w.dumps(table), tmp_path)
+            tally("a key called as an argument is", fault and f"{path}, {name}: {fault}")
+            if before is None:
+                del inner[name]
+            else:
+                inner[name] = before
 
 
 @MANY

@@ -9,7 +9,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, seed, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fpid_pin import descriptions
@@ -18,12 +18,7 @@ from fpid_pin.exceptions import FpidError, FpidWarning
 
 pytestmark = pytest.mark.torture
 FULL = os.environ.get("FPID_TORTURE") == "full"
-SIZES = settings(
-    max_examples=4000 if FULL else 150,
-    deadline=None,
-    database=None,
-    suppress_health_check=list(HealthCheck),
-)
+SIZES = settings(max_examples=4000 if FULL else 150, suppress_health_check=list(HealthCheck))
 
 SOUND = """<?xml version="1.0"?>
 <robot name="sound"><material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
@@ -171,7 +166,6 @@ def arm_or_one_line(text, lock):
     return ""
 
 
-@seed(11)
 @SIZES
 @given(robots(), mostly(st.just({}), st.just({"j1": 0.0})))
 def test_robots_by_grammar(text, lock):
@@ -180,7 +174,6 @@ def test_robots_by_grammar(text, lock):
     assert len(said) < 1000
 
 
-@seed(12)
 @SIZES
 @given(spoilt())
 def test_a_sound_robot_spoilt(text):

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from bounded import started
 
 import fpid_pin as fp
 from fpid_pin import sealed
@@ -34,6 +35,7 @@ from fpid_pin.tuning import SearchSettings, Space, tune
 
 def said(progress):
     print(progress.generation, flush=True)
+    sys.stdin.readline()  # goes on when told to
 
 tune(fp.paper_experiment(duration=0.3, step=5e-3), fp.paper_controller(supervised=False),
      Space(integral_order=(0, 1), derivative_order=(0, 1)),
@@ -60,27 +62,19 @@ def generation_of(path):
 def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
     chance = random.Random(4)
     path = tmp_path / "search.npz"
-    kills, stopped_at = 0, []
-    for _ in range(6):
-        with subprocess.Popen(
-            [sys.executable, "-c", SCRIPT, str(path)], stdout=subprocess.PIPE, text=True
-        ) as child:
-            wanted = chance.randint(2, 7)
-            for line in child.stdout:
-                wanted -= line.strip().isdigit()
-                if wanted == 0:
-                    time.sleep(chance.random() * 0.02)
-                    child.send_signal(signal.SIGKILL)
-                    break
-            child.stdout.read()
-        if child.returncode == 0:
-            break
+    stopped_at = []
+    for _ in range(2):
+        command = [sys.executable, "-c", SCRIPT, str(path)]
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "bufsize": 1}
+        with started(command, **pipes) as child:
+            for _ in range(chance.randint(2, 7)):
+                assert child.stdout.readline().strip().isdigit()
+                child.stdin.write("\n")
+            # In the next generation, wherever that is by then.
+            time.sleep(chance.random() * 0.02)
+            child.send_signal(signal.SIGKILL)
         assert child.returncode == -signal.SIGKILL
-        kills += 1
         stopped_at.append(generation_of(path))
-        if kills == 2:
-            break
-    assert kills == 2
     assert len(set(stopped_at)) == 2
     assert all(f == path or f.name.startswith(".fpid_pin-") for f in tmp_path.iterdir())
     resumed = tune(

@@ -65,8 +65,10 @@ def test_known_costs_are_taken_over_without_changing_a_bit(found):
 
 def test_workers_do_not_change_a_bit(found):
     with WorkerPool(2) as pool:
-        shared = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3), executor=pool))
-        assert bits(shared) == bits(found)
+        for means in ({"executor": pool}, {"workers": 2}):
+            settings = small(seeds=(0, 3), **means)
+            shared = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, settings)
+            assert bits(shared) == bits(found)
         heavy = dataclasses.replace(
             EXPERIMENT, plant=fp.Plant(arm=EXPERIMENT.arm.with_payload(0.7), disturbance=None)
         )

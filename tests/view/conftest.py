@@ -49,7 +49,7 @@ def make_run() -> MakeRun:
         return Run(
             t[:stop], q[:stop], v[:stop], q_ref[:stop], v[:stop], u[:stop],
             signals={k: x[:stop] for k, x in signals.items()}, outcome=outcome, step=h,
-            planned_rows=len(t), meta=describe_run(job, law, name),
+            planned_rows=len(t), meta=describe_run(job, law, name, "pinocchio"),
         )  # fmt: skip
 
     return make

@@ -4,10 +4,10 @@ import base64
 import contextlib
 import hashlib
 import re
-import time
 from html import unescape
 
 import pytest
+from bounded import until
 
 import fpid_pin as fp
 from fpid_pin.view import export_html, report_html
@@ -68,13 +68,6 @@ READY = {
     playground_page: "window.playground && playground.state.got > 0",
     live_page: "window.fpidPin !== undefined",
 }
-
-
-def until(page, expression, seconds=60.0):
-    limit = time.monotonic() + seconds
-    while not page.evaluate(expression):
-        assert time.monotonic() < limit, expression
-        page.wait_for_timeout(50)
 
 
 @pytest.mark.parametrize("make", PAGES)
@@ -155,7 +148,7 @@ def test_without_the_policy_each_of_these_runs(browser, tmp_path):
                             INJECTED):  # fmt: skip
         path.write_text(META.sub("", document("open", style="", body=piece)), encoding="utf-8")
         page.goto(path.as_uri())
-        until(page, "window.hacked !== undefined", 10.0)
+        until(page, "window.hacked !== undefined")
     page.close()
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from bounded import until
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
@@ -39,9 +40,9 @@ def test_a_page_moves_it_as_pinocchio_does(browser, scara, tmp_path):
     page, errors = browser.new_page(viewport={"width": 700, "height": 480}), []
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(f"{file.as_uri()}#t=0.5")
-    page.wait_for_function("() => window.fpidPin !== undefined", timeout=30_000)
+    until(page, "window.fpidPin !== undefined")
     page.evaluate("fpidPin.seek(0.5)")
-    page.wait_for_timeout(300)
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
     view = "fpidPin.views[0].arm"
     at = page.evaluate(f"{view}.turns.map(([turn]) => turn.position.length())")
     q = run.q[500]

@@ -1,17 +1,15 @@
 "use strict";
 // Runs an experiment on the printed kernels, in a Web Worker or in node: what the settings say is
-// written into a memory that starts as the description's, then blocks of ticks are flown.
+// written into a memory that starts as the description's, then blocks of ticks are made.
 // E (the engine's table), M (the memory) and K (the kernels) stand before this script.
 const decode = (text) => new Float64Array(
   Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
-const START = decode(E.memory), STARTS = E.starts.map((parts) =>
-  Object.fromEntries(Object.entries(parts).map(([name, text]) => [name, decode(text)])));
-const POINTS = decode(E.points), PAYLOAD = decode(E.payload), AT = E.places;
+const AT = E.places;
+const START = Object.entries(E.memory).map(([name, text]) => [AT[name], decode(text)]);
+const POINTS = decode(E.points), PAYLOAD = decode(E.payload);
 const STEPS = E.steps.map((one) => ({step: one.step, poles: decode(one.poles),
   weights: decode(one.weights), known: decode(one.known), exact: decode(one.exact)}));
-const N = E.shapes.torque[1];
-const WIDTH = 3 + E.shapes.modes[E.shapes.modes.length - 1];
-const B = E.block;
+const N = E.shapes.torque[0], MODES = E.shapes["c.modes"][2], WIDTH = 3 + MODES, B = E.block;
 
 // The place of a field of record k of an array.
 const place = (name, k, field) => {
@@ -19,9 +17,10 @@ const place = (name, k, field) => {
   return AT[name] + k * Object.keys(fields).length + fields[field];
 };
 const write = (name, k, values) => {
-  for (const [field, value] of Object.entries(values)) M[place(name, k, field)] = value;
+  for (const [field, value] of Object.entries(values)) M[place(name, k, field)] = Number(value);
 };
 const read = (name, k, field) => M[place(name, k, field)];
+const clip = (x, low, high) => Math.min(Math.max(x, low), high);
 
 // c1, c0, c2 and the modes' weights at an order: those of the description to the last bit, others
 // by the polynomial through Chebyshev's points (barycentric form, second kind).
@@ -40,121 +39,81 @@ function weightsAt(one, order) {
   return out;
 }
 
-function setOperators(S, one) {
-  M.set(one.poles, AT.poles);
-  const modes = WIDTH - 3;
+function setOperators(S, one, law) {
+  M.set(one.poles, AT["c.poles"]);
+  const moves = S.order_learning_rate > 0;
   for (let j = 0; j < N; j++) {
-    [1 - S.integral_order[j], S.derivative_order[j]].forEach((order, which) => {
-      const k = 2 * j + which, w = weightsAt(one, order), moves = S.order_learning_rate > 0;
-      write("ops", k, {order, c1: w[0], c0: w[1], c2: w[2]});
-      if (S.initialisation === "grunwald_letnikov") {
-        write("ops", k, {kick: Math.pow(one.step, -order)});
-      }
-      for (let m = 0; m < modes; m++) write("modes", k * modes + m, {weight: w[3 + m], x: 0});
-    });
+    [1 - read("c.joints", j, "integral_order"), read("c.joints", j, "derivative_order")]
+      .forEach((order, which) => {
+        const k = 2 * j + which, w = weightsAt(one, order);
+        write("c.ops", k, {order, c1: w[0], c0: w[1], c2: w[2], variable: moves,
+          order_column: moves ? E.orderColumns[which] : -1,
+          initial_output: law.kick ? one.step ** -order : 0});
+        for (let m = 0; m < MODES; m++) write("c.modes", k * MODES + m, {weight: w[3 + m], x: 0});
+      });
   }
-  if (S.order_learning_rate > 0) {
-    for (let a = 0; a < E.nodes; a++) {
-      const w = weightsAt(one, a / (E.nodes - 1));
-      for (let i = 0; i < WIDTH; i++) M[AT.table + i * E.nodes + a] = w[i];
-    }
+  for (let a = 0; moves && a < E.nodes; a++) {
+    const w = weightsAt(one, a / (E.nodes - 1));
+    for (let i = 0; i < WIDTH; i++) M[AT["c.table"] + i * E.nodes + a] = w[i];
   }
 }
 
-function setLaw(S) {
-  const start = STARTS[S.controller];
-  for (const name of ["robots", "joints", "ops"]) M.set(start[name], AT[name]);
-  write("robots", 0, {h: S.step, moves: S.order_learning_rate > 0 ? 1 : 0});
-  const guard = read("robots", 0, "guarded") || S.sigma > 0 || S.dead_zone > 0;
-  const rates = S.learning_rate;
+function setLaw(S, law) {
+  for (const [name, text] of Object.entries(law.start)) M.set(decode(text), AT[name]);
+  const guards = !law.guarded && (S.sigma > 0 || S.dead_zone > 0), moves = S.order_learning_rate > 0;
   for (let j = 0; j < N; j++) {
-    if (guard && !read("robots", 0, "guarded")) {
-      write("joints", j, {kp_min: 0, ki_min: 0, kd_min: 0});
-    }
+    const old = (field) => read("c.joints", j, field), set = (values) => write("c.joints", j, values);
+    if (guards) set({kp_min: 0, ki_min: 0, kd_min: 0});
     for (const gain of ["kp", "ki", "kd"]) {
-      const low = read("joints", j, `${gain}_min`), high = read("joints", j, `${gain}_max`);
-      const value = Math.min(Math.max(S[gain][j], low), high);
-      write("joints", j, {[gain]: value, [`${gain}_0`]: value});
+      const value = clip(S[gain][j], old(`${gain}_min`), old(`${gain}_max`));
       const gamma = `gamma_${gain[1]}`;
-      write("joints", j, {[gamma]: rates === 1 ? read("joints", j, gamma)
-        : read("joints", j, gamma) * rates});
+      set({[gain]: value, [`${gain}_0`]: value, [gamma]: old(gamma) * S.learning_rate});
     }
-    write("joints", j, {k0: S.k0[j], k1: S.k1[j], sigma: S.sigma, dead_zone: S.dead_zone,
-      lam: 1 - (1 - S.integral_order[j]), mu: S.derivative_order[j],
-      i_order_0: 1 - S.integral_order[j], d_order_0: S.derivative_order[j],
-      gamma_io: S.order_learning_rate, gamma_do: S.order_learning_rate});
-    if (S.knows_limit) write("joints", j, {limit: S.effort_limit[j]});
+    // Orders that move start within their bounds, and mu above 0: e - e(0) is its limit.
+    for (const name of ["integral_order", "derivative_order"]) {
+      if (!moves) set({[`${name}_min`]: 0, [`${name}_max`]: 1});
+      const least = moves && name[0] === "d" ? 2 ** -1022 : 0;
+      const order = clip(Math.max(S[name][j], least), old(`${name}_min`), old(`${name}_max`));
+      set({[name]: order, [`${name}_0`]: order, [`${name}_rate`]: S.order_learning_rate});
+    }
+    set({h: S.step, k0: S.k0[j], k1: S.k1[j], sigma: S.sigma, dead_zone: S.dead_zone});
+    if (S.knows_limit) set({limit: S.effort_limit[j]});
   }
-  if (guard) write("robots", 0, {guarded: 1});
 }
 
-// The supervisor's constants, as `control.supervisor` has them, for this M_x and step.
-function setSupervisor(S) {
-  const start = E.supervision[S.controller], fields = Object.keys(E.fields.robots);
-  for (const name of ["p11", "p12", "p22", "k0", "k1", "layer", "lookahead", "target", "trigger",
-    "l1", "l2", "own_gravity"]) if (fields.includes(name)) write("robots", 0, {[name]: 0});
-  write("robots", 0, {threshold: Infinity});
-  M.fill(0, AT.asked, AT.asked + Object.keys(E.fields.asked).length);
-  for (let j = 0; j < N; j++) write("joints", j, {bound: 0});
+// Observer and supervisor, as `control.state` and `control.supervisor` set them, for this step.
+function setAssistance(S, law) {
+  const s = law.supervisor, robot = (values) => write("c.robot", 0, values);
+  const bandwidth = Math.min(law.observer || (S.supervised ? s.observer : 0), 1 / S.step);
+  const pole = Math.exp(-bandwidth * S.step);
+  robot({h: S.step, observes: bandwidth > 0, l1: 1 - pole * pole, l2: (1 - pole) * (1 - pole) / S.step,
+    supervised: S.supervised});
   if (!S.supervised) return;
-  const size = S.m_x - start.reference_bound, most = start.half_smallest * (size * size);
-  const [p11, p12, p22] = start.p, paper = start.kind === "paper";
-  write("robots", 0, {p11, p12, p22, k0: start.k0, k1: start.k1});
-  if (paper) {
-    write("robots", 0, {threshold: most, layer: start.layer, own_gravity: start.own_gravity ? 1 : 0});
-  } else {
-    write("robots", 0, {lookahead: Math.max(start.lookahead, S.step), target: start.target * most,
-      trigger: start.trigger * most});
+  const size = S.m_x - s.reference_bound, most = s.half_smallest * (size * size);
+  const {p11, p12, p22, k0, k1, layer, own_gravity} = s;
+  robot({p11, p12, p22, k0, k1, [s.kind]: true});
+  if (s.kind === "paper") robot({threshold: most, layer, own_gravity});
+  else {
+    robot({lookahead: Math.max(s.lookahead, S.step), target: s.target * most,
+      trigger: s.trigger * most});
   }
-  if (start.observer > 0) {
-    const pole = Math.exp(-start.observer * S.step);
-    write("robots", 0, {l1: 1 - pole * pole, l2: ((1 - pole) * (1 - pole)) / S.step});
-    write("robots", 0, {observing: start.observing});
-    start.predicted.forEach((a, j) => write("joints", j, {predicted: S.step * a}));
-    write("asked", 0, {observes: 1});
-  }
-  write("asked", 0, paper ? {paper: 1} : {sampled: 1});
-  for (let j = 0; j < N; j++) write("joints", j, {bound: start.bound[j]});
-}
-
-// Ticks of a law that the model assists: `kernels.flight` part by part. Row -1: none is lost.
-function flyAssisted(S, X, rubs, senses, first, count) {
-  const {joints, robots} = E.fields, from = KEPT.map((name) => joints[name]);
-  const wide = Object.keys(joints).length;
-  for (let k = 0; k < count; k++) {
-    if (senses) {
-      K.measure(AT.alive, AT.sensors, X, first + k, AT.history, AT.noise, (first + k) % B, AT.seen);
-    }
-    K.assisted(AT.alive, AT.asked, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table,
-      AT.nominal, AT.pull, AT.there, AT.nominal_mass, AT.factored, AT.assistance, AT.seen, AT.torque);
-    const lost = K.drive(AT.alive, AT.plants, AT.torque, X, AT.forces, k, AT.rows, AT.tau);
-    M[AT.values + k] = M[AT.robots + robots.value];
-    for (let i = 0; i < from.length; i++) {
-      for (let j = 0; j < N; j++) {
-        M[AT.kept + (i * B + k) * N + j] = M[AT.joints + j * wide + from[i]];
-      }
-    }
-    if (lost) return k;
-    K.steps(AT.alive, AT.model, AT.bodies, AT.gravity, AT.frames, AT.mass, rubs, AT.dry, AT.stuck,
-      AT.force, AT.room, AT.response, AT.matrix, S.step, X, AT.tau, AT.a);
-    if (K.arrive(AT.alive, AT.plants, X, AT.references, (k + 1) % B, AT.seen)) return k + 1;
-  }
-  return -1;
+  s.bound.forEach((bound, j) => write("c.joints", j, {bound}));
 }
 
 function setPlant(S) {
-  const fields = Object.keys(E.fields.bodies).length;
+  const fields = Object.keys(E.fields["plant.bodies"]).length;
+  const keep = Math.exp(-E.cutoff * S.step);
   for (let i = 0; i < N; i++) {
     for (let f = 0; f < fields; f++) {
-      M[AT.bodies + i * fields + f] += S.payload * PAYLOAD[i * fields + f];
+      M[AT["plant.bodies"] + i * fields + f] += S.payload * PAYLOAD[i * fields + f];
     }
-    M[place("bodies", i, "armature")] += S.step * S.viscous_friction[i];
-    write("plants", i, {limit: S.effort_limit[i], viscous: S.viscous_friction[i]});
-    M[AT.dry + i] = S.dry_friction[i];
-    write("sensors", i, {noise_q: S.position_noise, noise_v: S.velocity_noise,
-      resolution: S.position_resolution, delay: S.delay,
-      derived: S.differentiated ? 1 : 0, keep: Math.exp(-E.cutoff * S.step)});
-    write("sensors", i, {gain: (1 - read("sensors", i, "keep")) / S.step});
+    M[place("plant.bodies", i, "armature")] += S.step * S.viscous_friction[i];
+    write("plant.joints", i, {limit: S.effort_limit[i], viscous: S.viscous_friction[i],
+      dry: S.dry_friction[i]});
+    write("sensing.joints", i, {noise_q: S.position_noise, noise_v: S.velocity_noise,
+      resolution: S.position_resolution, delay: S.delay, derived: S.differentiated, keep,
+      gain: (1 - keep) / S.step});
+    [M[AT["plant.q"] + i], M[AT["plant.v"] + i]] = [S.q0[i], E.v0[i]];
   }
 }
 
@@ -168,7 +127,7 @@ function sampler(S) {
     for (let k = 0; k < B; k++) {
       const t = (first + k) * S.step;
       for (let j = 0; j < N; j++) {
-        const at = AT.references + k * N + j, part = B * N;
+        const at = AT["rows.reference"] + k * N + j, part = B * N;
         if (table) {
           const row = Math.min(first + k, count - 1);
           for (let i = 0; i < 3; i++) M[at + i * part] = table[(i * count + row) * N + j];
@@ -186,7 +145,7 @@ function sampler(S) {
             ? (t >= other.start - 1e-9 && t < other.end - 1e-9 ? own(other.torque, j) : 0)
             : own(other.amplitude, j) * Math.cos(t * own(other.frequency, j) + own(other.phase, j));
         }
-        M[AT.forces + k * N + j] = force;
+        M[AT["rows.forces"] + k * N + j] = force;
       }
     }
   };
@@ -202,7 +161,7 @@ function brief(x) {
 // Why a run has ended, in the words of `simulation.simulator`.
 function outcome(row, S) {
   for (let j = 0; j < N; j++) {
-    const q = M[AT.x_now + j], v = M[AT.x_now + N + j], u = M[AT.torque + j];
+    const q = M[AT["plant.q"] + j], v = M[AT["plant.v"] + j], u = M[AT.torque + j];
     const slow = Math.abs(v) <= E.runaway;
     if (slow && Number.isFinite(q) && Number.isFinite(u)) continue;
     const cause = !Number.isFinite(v) ? "speed is not finite"
@@ -213,57 +172,36 @@ function outcome(row, S) {
   return {completed: false, time: row * S.step, joint: "", cause: "not finite"};
 }
 
-const SIGNALS = ["q", "v", "torque"], KEPT = ["kp", "ki", "kd", "u_fpid", "u_s", "s", "lam", "mu"];
-const KEEP = [0, 1, 2, 6, 7];
+const MOTION = ["q", "v", "torque"];
 
 function simulate(S) {
-  const one = STEPS.find((each) => each.step === S.step);
-  M.set(START);
-  setLaw(S);
-  setSupervisor(S);
-  setOperators(S, one);
+  const law = E.laws[S.controller];
+  M.fill(0);
+  for (const [at, values] of START) M.set(values, at);
+  setLaw(S, law);
+  setAssistance(S, law);
+  setOperators(S, STEPS.find((each) => each.step === S.step), law);
   setPlant(S);
-  const senses = S.position_noise > 0 || S.velocity_noise > 0 || S.delay > 0 || S.differentiated
-    || S.position_resolution > 0 || E.biased;
+  const rows = Math.round(E.duration / S.step) + 1, out = {};
+  for (const name of [...MOTION, "q_ref", ...E.kept]) out[name] = new Float64Array(rows * N);
   const noisy = S.position_noise > 0 || S.velocity_noise > 0;
-  const X = AT.x_now = senses ? AT.x : AT.seen;
-  for (let j = 0; j < N; j++) [M[X + j], M[X + N + j]] = [S.q0[j], E.v0[j]];
-  const rubs = S.dry_friction.some((f) => f > 0);
-  const rows = Math.round(E.duration / S.step) + 1, half = (rows - 1) >> 1;
-  const out = {};
-  for (const name of ["q", "v", "q_ref", "torque", "kp", "ki", "kd", "lam", "mu"]) {
-    out[name] = new Float64Array(rows * N);
-  }
   const sample = sampler(S), draw = noisy ? normals(E.generator) : null;
-  let valid = rows, end = {completed: true, time: (rows - 1) * S.step};
-  for (let first = 0; first < rows; first += B) {
+  const rubs = S.dry_friction.some((f) => f > 0);
+  let ended = -1;
+  for (let first = 0; first < rows && ended < 0; first += B) {
     const count = Math.min(B, rows - first);
     sample(first);
-    if (noisy) for (let i = 0; i < 2 * B * N; i++) M[AT.noise + i] = draw(i);
-    K.arrive(AT.alive, AT.plants, X, AT.references, 0, AT.seen);
-    if (S.supervised) M[AT.ends] = flyAssisted(S, X, rubs, senses, first, count);
-    else K.fly(AT.alive, AT.robots, AT.joints, AT.ops, AT.poles, AT.modes, AT.table, AT.model, AT.bodies,
-      AT.gravity, AT.frames, AT.mass, rubs, AT.dry, AT.stuck, AT.force, AT.room, AT.response,
-      AT.matrix, S.step, AT.plants, X, AT.seen, AT.torque, AT.tau, AT.a, AT.references, AT.forces,
-      AT.rows, senses, AT.sensors, AT.history, AT.noise, first, true, AT.kept, AT.values, 0, count, AT.ends);
-    const lost = M[AT.ends], good = lost >= 0 ? lost : count;
+    if (noisy) for (let i = 0; i < 2 * B * N; i++) M[AT["sensing.noise"] + i] = draw(i);
+    M.set([first, count, 0, rows - 1, rubs ? 1 : 0], AT.counts);
+    // The kernels have the places of all other arrays in them.
+    ended = K.rollout(AT.inputs, AT.torque, AT.counts);
     const copy = (name, at) => out[name].set(M.subarray(at, at + count * N), first * N);
-    SIGNALS.forEach((name, i) => copy(name, AT.rows + i * B * N));
-    copy("q_ref", AT.references);
-    KEEP.forEach((i) => copy(KEPT[i], AT.kept + i * B * N));
-    for (let i = 0; i < count * N; i++) {
-      M[AT.error + i] = M[AT.references + i] - M[AT.rows + i];
-    }
-    M[AT.valid] = Math.min(good, count);
-    K.tally(AT.sums, AT.error, AT.rows + 2 * B * N, AT.valid, first, rows - 1, half, S.step);
-    if (lost >= 0) {
-      if (first + lost < rows) {
-        valid = first + lost;
-        end = outcome(valid, S);
-      }
-      break;
-    }
+    MOTION.forEach((name, i) => copy(name, AT["rows.motion"] + i * B * N));
+    copy("q_ref", AT["rows.reference"]);
+    E.kept.forEach((name, i) => copy(name, AT["rows.kept"] + i * B * N));
   }
+  const lost = ended >= 0 && ended < rows, valid = lost ? ended : rows;
+  const end = lost ? outcome(valid, S) : {completed: true, time: (rows - 1) * S.step};
   for (const name of Object.keys(out)) out[name] = out[name].subarray(0, valid * N);
   return {...out, rows: valid, planned: rows, step: S.step, outcome: end, metrics: metrics(S.step)};
 }
@@ -272,7 +210,7 @@ function metrics(h) {
   const table = {ise: [], iae: [], itae: [], rms: [], rms_tail: [], energy: [], total_variation: [],
     peak_torque: []};
   for (let j = 0; j < N; j++) {
-    const sum = (field) => read("sums", j, field);
+    const sum = (field) => read("rows.sums", j, field);
     table.ise.push(h * sum("square"));
     table.iae.push(h * sum("absolute"));
     table.itae.push(h * sum("aged"));

@@ -116,6 +116,10 @@ function toToml(settings) {
     law.supervisor.m_x = S.m_x;
     if (law.supervisor.lookahead) law.supervisor.lookahead = Math.max(law.supervisor.lookahead, S.step);
   } else delete law.supervisor;
+  // An observer is not faster than its sampling.
+  for (const one of [law, law.supervisor ?? {}]) {
+    if (one.observer) one.observer = Math.min(one.observer, 1 / S.step);
+  }
   const arm = base.arm, plant = base.plant;
   const limited = !same(S.effort_limit, start.effort_limit);
   if (S.knows_limit && (limited || !start.knows_limit)) {

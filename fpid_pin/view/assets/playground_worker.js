@@ -37,7 +37,7 @@ function shown(run, moves) {
   // Orders that stay are one number from end to end.
   const still = Array.from({length: N}, (_, j) => (k) =>
     new Array(POINTS_SHOWN).fill(run.rows ? run[k][j] : null));
-  for (const name of ["lam", "mu"]) {
+  for (const name of ["integral_order", "derivative_order"]) {
     plots[name] = moves ? each(at(name)) : still.map((row) => row(name));
   }
   return plots;

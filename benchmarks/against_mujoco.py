@@ -1,0 +1,90 @@
+"""A whole step of the adaptive FPID beside a bare step of MuJoCo, on the same arms.
+
+    python benchmarks/against_mujoco.py
+
+MuJoCo (extra `peers`) steps the arm alone, by semi-implicit Euler at 1 ms, without contacts,
+limits or control, by `mujoco.rollout` on one thread; ours has the law with 24 modes a term, drives,
+figures of merit and dynamics. Its model is written from Pinocchio's: both have the same bodies.
+Processor time, best of some repeats, of a longer run less a shorter one.
+"""
+
+from __future__ import annotations
+
+import time
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from mujoco import rollout
+from speed import LONG, SHORT, best, experiment_of, laws, step_seconds
+
+import fpid_pin as fp
+
+
+def numbers(values: np.ndarray) -> str:
+    return " ".join(repr(float(x)) for x in np.ravel(values))
+
+
+def mjcf(arm: fp.Arm) -> str:
+    """Return the arm as MJCF: bodies, joints, inertias, rotor inertias."""
+    model, ends = arm.model, ""
+    text = (
+        '<mujoco><option timestep="0.001" integrator="Euler" gravity="'
+        f'{numbers(model.gravity.linear)}"><flag contact="disable" limit="disable"/></option>'
+        '<compiler balanceinertia="false"/><worldbody>'
+    )
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    for k in range(1, model.njoints):
+        place, body = model.jointPlacements[k], model.inertias[k]
+        turn = pin.Quaternion(place.rotation).coeffs()  # x, y, z, w
+        axis = np.reshape(pin.getJointJacobian(model, data, k, pin.LOCAL), (6, -1))[:, k - 1]
+        slides = bool(np.abs(axis[:3]).max() > 0.5)
+        inertia = np.asarray(body.inertia)
+        six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        text += (
+            f'<body pos="{numbers(place.translation)}" quat="{numbers(turn[[3, 0, 1, 2]])}">'
+            f'<joint type="{"slide" if slides else "hinge"}" armature="{model.armature[k - 1]}" '
+            f'axis="{numbers(axis[:3] if slides else axis[3:])}"/>'
+            f'<inertial pos="{numbers(body.lever)}" mass="{body.mass}" '
+            f'fullinertia="{numbers(six)}"/>'
+        )
+        ends += "</body>"
+    return f"{text}{ends}</worldbody></mujoco>"
+
+
+def mujoco_seconds(arm: fp.Arm, repeats: int) -> float:
+    """Return the time of a bare step, and check that both have the same mass matrix."""
+    model = mujoco.MjModel.from_xml_string(mjcf(arm))
+    data = mujoco.MjData(model)
+    data.qpos[:] = arm.home
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((arm.n, arm.n))
+    mujoco.mj_fullM(model, data, mass)
+    assert np.allclose(mass, arm.mass_matrix(arm.home), rtol=1e-9, atol=1e-9)
+    size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    state = np.zeros((1, size))
+    mujoco.mj_getState(model, data, state[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    times = [
+        best(lambda n=n: rollout.rollout(model, data, state, nstep=n), repeats, time.process_time)
+        for n in (SHORT, LONG)
+    ]
+    return (times[1] - times[0]) / (LONG - SHORT)
+
+
+def main() -> None:
+    law = laws()["adaptive FPID, 24 modes"]
+    print("| arm | MuJoCo, a bare step [us] | ours, the whole step, one / sixty | of MuJoCo's |")
+    print("| --- | ---: | ---: | ---: |")
+    for name in ("ur5", "panda"):
+        arm = fp.Arm.from_example(name)
+        fp.evaluate(experiment_of(arm, 2), law)
+        bare = mujoco_seconds(arm, 9)
+        ours = [step_seconds(arm, law, runs, 9 if runs == 1 else 3) for runs in (1, 60)]
+        cells = " / ".join(f"{1e6 * x:.2f}" for x in ours)
+        parts = " / ".join(f"{x / bare:.2f}" for x in ours)
+        print(f"| {name} | {1e6 * bare:.2f} | {cells} | {parts} |")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,320 @@
+"""A law's functions made ready for the engine: compiled apart, checked, called by address.
+
+What a law's function compiles to is kept on disk under a name made of its own code and of all that
+it uses, so that an edited law is another one, and a moved or deleted one harms nobody.
+"""
+
+from __future__ import annotations
+
+import dis
+import hashlib
+import itertools
+import re
+import traceback
+from collections.abc import Callable
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numba.core.caching import FunctionCache
+from numba.core.ccallback import CFunc
+from numba.core.sigutils import normalize_signature
+
+from fpid_pin.exceptions import FpidError, SimulationError
+from fpid_pin.kernels import compiled
+from fpid_pin.kernels.call import PLAIN
+from fpid_pin.kernels.compiled import compile_plain, globals_of
+from fpid_pin.kernels.records import BODY, LINK
+
+_numba: Any = numba
+_CFunc: Any = CFunc
+_normalized: Any = normalize_signature
+
+
+class Model(NamedTuple):
+    """The nominal model, for laws of the whole robot: see `kernels.records.Controller`."""
+
+    bodies: Any
+    links: Any
+    motions: Any
+    gravity: Any
+
+
+#: What a law's function is called with, by what it does: ``surface`` and ``adapt`` of a joint write
+#: its record, ``torque`` returns a number, the others are of the whole robot.
+ARGUMENTS = {"joint": ("c",), "torque": ("c",), "robot": ("joints", "own", "model")}
+
+
+def address_of(function: Any, record: Any, role: str, *, columns: int = 0) -> int:
+    """Return the address of a law's function, for `kernels.call`; the same one for the same code.
+
+    Parameters
+    ----------
+    function
+        See `plain_function`.
+    record
+        Type of a joint's record.
+    role
+        One of `ARGUMENTS`.
+    columns
+        Of the law's own arrays.
+
+    Raises
+    ------
+    SimulationError
+        A function that cannot be compiled; the message names its line.
+    """
+    function = plain_function(function)
+    stamp = _stamp(function)
+    key = (stamp, record.names, role, columns)
+    if stamp is None or key not in _KNOWN:
+        found = _bind(function, record, role, columns, key)
+        if stamp is None:
+            key = (str(next(_COUNT)), *key[1:])
+        _KNOWN[key] = found
+    return _KNOWN[key][0]
+
+
+#: Addresses, and what keeps the code that they point to alive.
+_KNOWN: dict[Any, tuple[int, Any]] = {}
+_COUNT = itertools.count(1)
+
+
+def plain_function(function: Any) -> Any:
+    """Return the function itself of a method or of what numba has made of it."""
+    function = getattr(function, "__func__", function)
+    return getattr(function, "py_func", function)
+
+
+def _bind(function: Any, record: Any, role: str, columns: int, key: Any) -> tuple[int, Any]:
+    if _numba.config.DISABLE_JIT:
+        address = next(_COUNT)
+        PLAIN[address] = _in_python(function, record, role)
+        return address, None
+    try:
+        called = _over_arrays(compile_plain(function, cache=False), role, columns)
+        return _compiled(called, _signature(record), key)
+    except FpidError:
+        raise
+    except Exception as error:
+        place, reason = _fault(function, error)
+        raise SimulationError(
+            f"the law's {function.__name__} cannot be compiled ({place}): {reason}"
+        ) from error
+
+
+def _fault(function: Any, error: Exception) -> tuple[str, str]:
+    """Return where a function cannot be compiled, line and file, and why."""
+    code = function.__code__
+    place = f"line {code.co_firstlineno} of {_short(code.co_filename)}"
+    if isinstance(error, KeyError):
+        # All that numba says of a number that a record has not is its name.
+        name = str(error.args[0])
+        return _place_of_attribute(function, name) or place, f"the law has no number '{name}'"
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    # The innermost function comes first.
+    found = re.search(r'File "(.+)", line (\d+):', str(error))
+    if found is not None:
+        place = f"line {found[2]} of {_short(found[1])}"
+    reason = next((x for x in lines if not x.startswith(("Failed", "File"))), type(error).__name__)
+    return place, reason
+
+
+def _place_of_attribute(function: Any, name: str) -> str | None:
+    """Return line and file of the first use of an attribute, also in functions that are called."""
+    line = function.__code__.co_firstlineno
+    for instruction in dis.get_instructions(function.__code__):
+        line = instruction.starts_line or line
+        if instruction.argval == name and instruction.opname.endswith("_ATTR"):
+            return f"line {line} of {_short(function.__code__.co_filename)}"
+    inner = [f for f in globals_of(function).values() if isinstance(f, FunctionType)]
+    found = (_place_of_attribute(f, name) for f in inner if f is not function)
+    return next((place for place in found if place is not None), None)
+
+
+def _short(path: str) -> str:
+    return path.replace("\\", "/").rpartition("/")[2]
+
+
+def _signature(record: Any) -> Any:
+    types = _numba.types
+    pointers = [types.CPointer(_numba.from_dtype(d)) for d in (record, BODY, LINK)]
+    reals = types.CPointer(types.float64)
+    joints, bodies, links = pointers
+    return types.void(joints, reals, bodies, links, reals, reals, types.int64, types.int64)
+
+
+def _over_arrays(inner: Any, role: str, columns: int) -> Callable[..., None]:
+    """Return what calls a law's function for all joints, with the arguments of `call_law`."""
+    carray = _numba.carray
+    if role == "robot":
+
+        def call_whole(joints, own, bodies, links, motions, gravity, n, rows):  # type: ignore[no-untyped-def]
+            inner(
+                carray(joints, (n,)),
+                carray(own, (rows, columns)),
+                Model(
+                    carray(bodies, (n,)), carray(links, (n,)), carray(motions, (3, n, 6)),
+                    carray(gravity, (3,)),
+                ),
+            )  # fmt: skip
+
+        return call_whole
+    if role == "torque":
+
+        def call_torque(joints, own, bodies, links, motions, gravity, n, rows):  # type: ignore[no-untyped-def]
+            c = carray(joints, (n,))
+            for j in range(n):
+                c[j].u_law = c[j].scale * inner(c[j])
+
+        return call_torque
+
+    def call_each(joints, own, bodies, links, motions, gravity, n, rows):  # type: ignore[no-untyped-def]
+        c = carray(joints, (n,))
+        for j in range(n):
+            inner(c[j])
+
+    return call_each
+
+
+def _in_python(function: Any, record: Any, role: str) -> Callable[..., None]:
+    """Return the same without compilation."""
+
+    def call(numbers, own, bodies, links, motions, gravity):  # type: ignore[no-untyped-def]
+        joints = numbers.view(record)[:, 0]
+        if role == "robot":
+            function(joints, own, Model(bodies, links, motions, gravity))
+            return
+        for c in joints:
+            if role == "torque":
+                c.u_law = c.scale * function(c)
+            else:
+                function(c)
+
+    return call
+
+
+class _Cache(FunctionCache):
+    """numba's cache on disk, with a key of our own in place of the code's bytes."""
+
+    def __init__(self, function: Any, key: str) -> None:
+        self._own_key = key
+        super().__init__(function)  # type: ignore[no-untyped-call]
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        return (sig, codegen.magic_tuple(), self._own_key)
+
+
+def _compiled(called: Any, signature: Any, key: Any) -> tuple[int, Any]:
+    result: Any = _CFunc(called, _normalized(signature), {}, {"error_model": "numpy"})
+    if key[0] is not None and compiled.CACHE is not None:
+        digest = hashlib.sha256(repr(key).encode()).hexdigest()
+        before = _numba.config.CACHE_DIR
+        _numba.config.CACHE_DIR = str(compiled.CACHE)
+        try:
+            # An index of its own for each function: what breaks one leaves the others alone.
+            called.__qualname__ = f"law_{key[2]}_{digest[:16]}"
+            result._cache = _Cache(called, digest)
+            compiled._forgive(result._cache)
+        except RuntimeError:
+            pass
+        finally:
+            _numba.config.CACHE_DIR = before
+    result.compile()
+    return int(result.address), result
+
+
+def _stamp(function: Any, known: frozenset[int] = frozenset()) -> str | None:
+    """Return a name for a function's code and all that it uses; None where that is not known.
+
+    Code, constants and defaults, the values of its globals and closed-over names, and the same of
+    all functions in plain Python that it calls; `known` are those that it is called by.
+    """
+    if id(function) in known:
+        return ""
+    code, cells = function.__code__, function.__closure__ or ()
+    used = globals_of(function)
+    used |= zip(code.co_freevars, (cell.cell_contents for cell in cells), strict=True)
+    parts = [compiled.source_stamp(), _code_text(code)]
+    parts.append(f"{function.__defaults__!r} {function.__kwdefaults__!r}")
+    for name, value in sorted(used.items()):
+        found = _stamp_of_value(value, set(code.co_names), known | {id(function)})
+        if found is None:
+            return None
+        parts.append(f"{name}={found}")
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _stamp_of_value(value: Any, names: set[str], known: frozenset[int]) -> str | None:
+    """Return a name for a value that a function uses; of a module, for its `names`."""
+    value = getattr(value, "py_func", value)
+    if isinstance(value, FunctionType):
+        return _stamp(value, known)
+    if isinstance(value, (bool, int, float, str, tuple, type(None), np.generic)):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape} {value.tobytes().hex()}"
+    if isinstance(value, ModuleType) and value.__name__ in ("math", "numpy"):
+        return value.__name__
+    if isinstance(value, ModuleType):
+        inner = {name: getattr(value, name) for name in sorted(names) if hasattr(value, name)}
+        stamps = {name: _stamp_of_value(x, names, known) for name, x in inner.items()}
+        return None if None in stamps.values() else repr(stamps)
+    if isinstance(value, (BuiltinFunctionType, np.ufunc, type)):
+        return f"{getattr(value, '__module__', '')}.{value.__name__}"
+    return None
+
+
+def _code_text(code: CodeType) -> str:
+    consts = [_code_text(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
+    return repr((code.co_name, code.co_code.hex(), consts, code.co_names, code.co_varnames))
+
+
+def check_in_python(function: Any, role: str, *arguments: Any, who: str) -> None:
+    """Run a law's function once in Python, which names the line of a fault that compiling hides.
+
+    Parameters
+    ----------
+    function, role
+        See `address_of`.
+    arguments
+        What it is called with.
+    who
+        The law, and what the function is to it.
+
+    Raises
+    ------
+    SimulationError
+        It takes other arguments, raises, asks for a number that the law has not, or should return
+        a number and does not.
+    """
+    function = plain_function(function)
+    code = getattr(function, "__code__", None)
+    if code is None:
+        raise SimulationError(f"{who}: expected a function, got {type(function).__name__}")
+    file, line = _short(code.co_filename), code.co_firstlineno
+    names = code.co_varnames[: code.co_argcount]
+    if len(names) != len(arguments):
+        expected, got = ", ".join(ARGUMENTS[role]), ", ".join(names)
+        raise SimulationError(
+            f"{who}, line {line} of {file}: expected a static method of ({expected}), got ({got})"
+        )
+    try:
+        with np.errstate(all="ignore"):
+            result = function(*arguments)
+    except Exception as error:
+        frames = traceback.extract_tb(error.__traceback__)
+        here = [f for f in frames if f.filename == code.co_filename]
+        line = here[-1].lineno or line if here else line
+        raise SimulationError(
+            f"{who}, line {line} of {file}: {type(error).__name__}: {error}"
+        ) from error
+    if role == "torque" and not isinstance(result, (float, int, np.floating, np.integer)):
+        raise SimulationError(
+            f"{who}, line {line} of {file}: expected a number to be returned, got "
+            f"{type(result).__name__}"
+        )
+
+
+__all__ = ["ARGUMENTS", "Model", "address_of", "check_in_python", "plain_function"]

@@ -1,0 +1,221 @@
+"""What a control law is: a frozen description, and one joint's arithmetic."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import ABC
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.control.operators import Derivative, Integral, Operator
+from fpid_pin.control.parameters import check_scale, is_number, joint_scale
+from fpid_pin.control.supervisor import Supervisor
+from fpid_pin.fractional import Design, ExponentialSum
+
+if TYPE_CHECKING:
+    from fpid_pin.arms import Arm
+    from fpid_pin.control.loop import Loop
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Controller(ABC):  # noqa: B024 - a law has one of three forms
+    """A control law and its parameters for one robot: a frozen dataclass (``eq=False``).
+
+    A law of one's own has fields, and functions in one of three forms. CONTRIBUTING.md has an
+    example of each.
+
+    *Joint by joint*, which is compiled, tuned, exported to C99 and played in a page as the built-in
+    ones are. ``c`` is one joint's record: the numbers that every law is given
+    (`kernels.records.GIVEN`), the law's number fields, what it remembers and its operators'
+    outputs.
+
+        @dataclass(frozen=True, eq=False)
+        class Damped(fp.Controller):
+            kp: ArrayLike
+            kd: ArrayLike
+
+            @staticmethod
+            def torque(c):
+                return c.kp * c.e - c.kd * c.v
+
+    ``surface(c)`` comes before it, for signals that operators or the model need; ``adapt(c)``
+    after it, and not while a torque is held.
+
+    *The whole robot*, compiled too: ``torques(joints, own, model)`` and ``adapts(joints, own,
+    model)`` with all joints' records, the arrays of `arrays` and the model of
+    `kernels.newton_euler`.
+
+    *Plain Python*, for one robot: ``begin(state)`` and ``control(state, q, v, q_ref, v_ref,
+    a_ref)``, which returns the torques, (n,).
+
+    Effort limits, anti-windup of integrals, and what follows here, are the engine's for all laws.
+
+    Parameters
+    ----------
+    scale
+        Factor of the law's own torque: ``"none"`` (1, as in the paper), ``"inertia"`` (M_jj at the
+        arm's home), or (n,).
+    feedforward
+        Whether the nominal model's torque for the reference, M q''_d + C q'_d + G + F_v q'_d, is
+        added. Not for laws that ask the model themselves.
+    observer
+        Bandwidth [rad/s] of an observer of what the nominal model lacks, whose estimate is
+        cancelled; 0: none.
+    supervisor
+        None: no supervisory torque.
+    name
+        What tables and figures call it; the kind of law if empty.
+
+    Attributes
+    ----------
+    operators
+        Fractional operators by the name of their output.
+    memory
+        Numbers that a joint remembers from tick to tick, 0 at first unless `numbers` has them.
+    shown
+        Numbers for the record, by the name that a run has for them. By default what is
+        remembered.
+    uses_model
+        Whether the law has a model's part of its own, ``M c.a + C(q, v) c.w + G``, with a and w as
+        `surface` writes them: 0 at first.
+    estimates_model
+        Whether that part is made of the law's own estimates of the bodies' inertia, m_hat, h0_hat
+        to j22_hat, a joint's record having those of the body that it carries. ``adapt(c)`` then
+        finds the derivatives of S . tau by them in ``c.by_m`` and so on.
+    """
+
+    memory: ClassVar[tuple[str, ...]] = ()
+    uses_model: ClassVar[bool] = False
+    estimates_model: ClassVar[bool] = False
+    own_columns: ClassVar[int] = 0
+    surface: ClassVar[Any] = None
+    torque: ClassVar[Any] = None
+    adapt: ClassVar[Any] = None
+    torques: ClassVar[Any] = None
+    adapts: ClassVar[Any] = None
+    control: ClassVar[Any] = None
+
+    scale: str | ArrayLike = "none"
+    feedforward: bool = False
+    observer: float = 0.0
+    supervisor: Supervisor | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        self.check_options()
+
+    def check_options(self) -> None:
+        """Check what all laws have.
+
+        Raises
+        ------
+        ArgumentError
+            Among others: a feedforward for a law that asks the model itself; two observers.
+        """
+        check_scale(self)
+        checks.instance("feedforward", self.feedforward, bool, "true or false")
+        if self.feedforward and self.uses_model:
+            kind = type(self).__name__
+            raise checks.ArgumentError("feedforward", f"none: {kind} has the model itself", True)
+        object.__setattr__(self, "observer", checks.number("observer", self.observer, low=0.0))
+        if self.supervisor is not None:
+            checks.instance("supervisor", self.supervisor, Supervisor, "a Supervisor or None")
+        _ = self.bandwidth
+
+    @property
+    def bandwidth(self) -> float:
+        """Of the one observer of law and supervisor [rad/s]; 0: none.
+
+        Raises
+        ------
+        ArgumentError
+            The two ask for different ones.
+        """
+        other = 0.0 if self.supervisor is None else self.supervisor.observer
+        if self.observer and other and self.observer != other:
+            raise checks.ArgumentError(
+                "observer", f"the supervisor's bandwidth ({other:g} rad/s)", self.observer
+            )
+        return self.observer or other
+
+    # ------------------------------------------------------------- what the engine asks
+
+    @property
+    def operators(self) -> Mapping[str, Operator]:
+        """Fractional operators, by the name of their output."""
+        return {}
+
+    @property
+    def shown(self) -> Mapping[str, str]:
+        """Numbers for the record, by the name that a run has for them."""
+        return {name: name for name in self.memory}
+
+    @property
+    def fractional_design(self) -> Design:
+        """How the operators are realised."""
+        design = getattr(self, "design", None)
+        return design if isinstance(design, Design) else ExponentialSum(modes=24)
+
+    def numbers(self, arm: Arm, step: float, horizon: float) -> Mapping[str, ArrayLike]:
+        """Return the law's numbers on an arm at the start, by name, each a scalar or (n,).
+
+        By default all fields that are numbers. `scale` is the engine's.
+        """
+        return {
+            field.name: getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.name not in _OPTIONS and is_number(getattr(self, field.name))
+        }
+
+    def arrays(self, arm: Arm, step: float, horizon: float) -> FloatArray:
+        """Return the arrays of a law of the whole robot at the start, (rows, own_columns)."""
+        return np.zeros((0, self.own_columns))
+
+    def scale_on(self, arm: Arm) -> FloatArray:
+        """Return the scale on an arm, (n,)."""
+        return joint_scale(self.scale, arm)
+
+    def begin(self, state: Any) -> None:  # noqa: B027 - most laws have nothing to prepare
+        """Prepare what a law in plain Python remembers; see `control.state.State`."""
+
+    # ------------------------------------------------------------- what a user asks
+
+    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> Controller:
+        """Return the law that this is on an arm: itself, unless its gains depend on the arm."""
+        return self
+
+    def start(self, arm: Arm, *, step: float, horizon: float = 3600.0) -> Loop:
+        """Start the law for one robot: a tick at a time, for any simulator or a real arm.
+
+        Parameters
+        ----------
+        arm
+            The nominal arm: its number of joints, model and effort limits.
+        step
+            Sampling period [s].
+        horizon
+            Longest time that the loop will run [s]; fractional memories are fitted for it.
+
+        Returns
+        -------
+        Loop
+        """
+        # Imported late: it loads numba.
+        from fpid_pin.control.loop import Loop
+        from fpid_pin.control.start import start_all
+
+        def restart() -> Any:
+            return start_all([self], arm, step=step, horizon=horizon)[0]
+
+        return Loop(restart(), restart, self)
+
+
+_OPTIONS = {field.name for field in dataclasses.fields(Controller)}
+
+__all__ = ["Controller", "Derivative", "Integral", "Operator"]

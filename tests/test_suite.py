@@ -1,0 +1,119 @@
+"""The suite itself: the same examples each time, no wait without an end, nothing left running."""
+
+import ast
+import os
+import shutil
+import signal
+import sys
+from pathlib import Path
+
+import psutil
+import pytest
+from bounded import finished
+
+HERE = Path(__file__).parent
+#: Methods that wait until something happens, where they are given no limit.
+WAITS = {"acquire", "get", "join", "result", "wait"}
+
+EXAMPLES = """
+import sys
+sys.path.insert(0, {folder!r})
+import conftest
+from hypothesis import given, strategies as st
+{before}
+drawn = []
+
+@given(st.integers() | st.floats() | st.text())
+def draw(value):
+    drawn.append(value)
+
+draw()
+print(drawn)
+"""
+
+
+def test_hypothesis_draws_the_same_examples_whatever_else_is_loaded():
+    told = set()
+    environment = {key: value for key, value in os.environ.items() if key != "FPID_TORTURE"}
+    for before in ("", "import fpid_pin.campaign, fpid_pin.view"):
+        code = EXAMPLES.format(folder=str(HERE), before=before)
+        told.add(finished([sys.executable, "-c", code], check=True, env=environment).stdout)
+    assert len(told) == 1
+    assert len(told.pop()) > 1000
+
+
+@pytest.fixture
+def suite_of(tmp_path):
+    """Return a function that runs a test file under our conftest, as a shell in the background.
+
+    A shell starts it with Ctrl-C ignored.
+    """
+
+    def ignore():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    def run(text):
+        shutil.copyfile(HERE / "conftest.py", tmp_path / "conftest.py")
+        (tmp_path / "test_it.py").write_text(text)
+        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_it.py"]
+        return finished(command, cwd=tmp_path, preexec_fn=ignore)
+
+    return run
+
+
+HEARD = """
+import signal, subprocess, sys
+
+def test_it():
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    code = "import signal; assert signal.getsignal(signal.SIGINT) is signal.default_int_handler"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+"""
+
+
+def test_ctrl_c_is_heard_by_tests_that_were_started_without(suite_of):
+    done = suite_of(HEARD)
+    assert done.returncode == 0, done.stdout
+
+
+LEFT = """
+import subprocess, sys
+
+def test_it(tmp_path):
+    # Through another that is gone, so that it is nobody's child.
+    code = "import subprocess; subprocess.Popen(['sleep', '654']); subprocess.Popen(['true'])"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
+"""
+
+
+def test_a_process_that_a_test_leaves_behind_is_told_of_and_killed(suite_of):
+    done = suite_of(LEFT)
+    assert done.returncode == 1
+    assert "sleep 654 (started by test_it.py::test_it (call))" in done.stdout
+    commands = [process.info["cmdline"] for process in psutil.process_iter(["cmdline"])]
+    assert ["sleep", "654"] not in commands
+
+
+def waits_for_ever(call):
+    """Return whether a call may wait without a limit."""
+    name = ast.unparse(call.func)
+    if name.startswith("subprocess."):
+        return True
+    bare = not call.args and not call.keywords
+    return isinstance(call.func, ast.Attribute) and call.func.attr in WAITS and bare
+
+
+def test_no_wait_is_without_an_end():
+    """Programs are run by `bounded.finished` and `bounded.started`; in the latter all waits end."""
+    told = {
+        f"{path.relative_to(HERE)}: {ast.unparse(node)}"
+        for path in HERE.rglob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Call) and waits_for_ever(node)
+    }
+    # A recorder's result is there.
+    assert {call for call in told if "child.wait()" not in call} == {
+        "bounded.py: subprocess.Popen(arguments, **options)",
+        "bounded.py: subprocess.run(arguments, **given | options)",
+        "simulation/test_metrics.py: recorder.result()",
+    }
