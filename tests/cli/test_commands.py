@@ -210,6 +210,7 @@ def test_compiling_is_said_once_on_a_machine(config):
             [sys.executable, "-m", "fpid_pin.cli.main", "run", str(config),
              "--controller", "integer PID"],
             check=True, env=os.environ | {"NUMBA_CACHE_DIR": str(config.parent / "cache")},
+            timeout=240.0,
         )  # fmt: skip
         return "compiling the equations" in done.stderr
 
