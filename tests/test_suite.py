@@ -111,9 +111,7 @@ def test_no_wait_is_without_an_end():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
         if isinstance(node, ast.Call) and waits_for_ever(node)
     }
-    # A recorder's result is there.
     assert {call for call in told if "child.wait()" not in call} == {
         "bounded.py: subprocess.Popen(arguments, **options)",
         "bounded.py: subprocess.run(arguments, **given | options)",
-        "simulation/test_metrics.py: recorder.result()",
     }

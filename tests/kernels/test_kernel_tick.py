@@ -8,7 +8,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.control.start import start_all
-from fpid_pin.kernels import observer, supervisor
+from fpid_pin.kernels import observer, supervisor, tick
 from fpid_pin.kernels.records import GIVEN, ROBOT
 
 pytestmark = pytest.mark.kernels
@@ -171,6 +171,14 @@ def test_torques_are_those_of_the_equations(name, limited):
     # Nothing that is to be compared stood idle, or acted all the time.
     assert (0 < acted < 60) == (law.supervisor is not None), acted
     assert (0 < cut < 60) == limited, cut
+
+
+def test_a_joint_that_was_cut_tells_nothing_where_adapting_would_ask_for_more():
+    """Adaptation pushes the torque where -S points."""
+    joints, out = np.zeros(5, GIVEN), np.full(5, np.nan)
+    joints["cut"], joints["s"] = [2.0, 2.0, -2.0, -2.0, 0.0], [-1.0, 3.0, -4.0, 5.0, 6.0]
+    tick.mask_surface(joints, out)
+    assert out.tolist() == [0.0, 3.0, -4.0, 0.0, 6.0]
 
 
 # ---------------------------------------------------------------------- supervisor and observer
