@@ -5,13 +5,13 @@ Every test has processes of its own; all share one cache, which the first of the
 
 import json
 import os
-import subprocess
 import sys
 from pathlib import Path
 
 import every_law
 import numpy as np
 import pytest
+from bounded import finished
 
 HERE = Path(__file__).parent
 LAW = """
@@ -62,9 +62,9 @@ def run(cache, tmp_path):
         (tmp_path / "main.py").write_text(text)
         places = {"NUMBA_CACHE_DIR": str(cache), "XDG_CACHE_HOME": str(cache / "home")}
         # With its own bytecode kept, Python would not see an edit within the same second.
-        done = subprocess.run(
-            [sys.executable, "-B", "-W", "error", "main.py"], capture_output=True, text=True,
-            check=False, cwd=tmp_path, timeout=300, env=os.environ | places,
+        done = finished(
+            [sys.executable, "-B", "-W", "error", "main.py"],
+            cwd=tmp_path, timeout=240, env=os.environ | places,
         )  # fmt: skip
         assert done.returncode == 0, done.stderr[-2000:]
         return [json.loads(line) for line in done.stdout.splitlines()]
@@ -179,9 +179,9 @@ def test_what_laws_are_made_of_is_kept_compiled(run, cache):
 
 
 def test_without_compilation_every_law_gives_the_same_torques(cache):
-    done = subprocess.run(
-        [sys.executable, HERE / "every_law.py"], capture_output=True, text=True, check=False,
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, timeout=300,
+    done = finished(
+        [sys.executable, HERE / "every_law.py"],
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, timeout=240,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     plain = json.loads(done.stdout)

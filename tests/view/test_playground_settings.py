@@ -4,10 +4,10 @@ import dataclasses
 import json
 import re
 import shutil
-import subprocess
 
 import numpy as np
 import pytest
+from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.cli.config import parse
@@ -64,7 +64,7 @@ class Page:
         path = self.folder / "asked.json"
         path.write_text(json.dumps(asked))
         command = ["node", str(self.script), str(path)]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+        done = finished(command, timeout=240)
         assert done.returncode == 0, done.stderr[-1000:]
         return json.loads(done.stdout)
 
