@@ -38,7 +38,9 @@ def started(arguments, **options):
 
 
 def killed(child):
-    """Kill a program and all that it has started."""
+    """Kill a program, unless it has ended, and all that it has started."""
+    if child.poll() is not None:
+        return
     with contextlib.suppress(psutil.NoSuchProcess):
         family = psutil.Process(child.pid).children(recursive=True)
         child.kill()

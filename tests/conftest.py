@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import secrets
 import shutil
 import signal
 from collections.abc import Iterator
@@ -40,8 +41,8 @@ else:
     # tests that ran before. There is no setting for it; tests/test_suite.py checks that this works.
     providers.is_local_module_file = lambda path: False
 
-#: Set for all children, and theirs: the process of the tests that they belong to.
-OWNER = "FPID_PIN_TESTS"
+#: A variable that all children have, and theirs: which run of tests they belong to.
+OWNER, RUN = "FPID_PIN_TESTS", secrets.token_hex()
 
 FLAGS = [
     "--no-sandbox",
@@ -61,7 +62,7 @@ def still_running() -> dict[psutil.Process, str]:
     for process in psutil.process_iter():
         with contextlib.suppress(psutil.Error):
             variables = process.environ()
-            ours = process in children or variables.get(OWNER) == str(os.getpid())
+            ours = process in children or variables.get(OWNER) == RUN
             # Python's own helper of worker processes ends with this process.
             helper = "multiprocessing.resource_tracker" in " ".join(process.cmdline())
             if ours and not helper and process.status() != psutil.STATUS_ZOMBIE:
@@ -72,7 +73,7 @@ def still_running() -> dict[psutil.Process, str]:
 @pytest.fixture(scope="session", autouse=True)
 def nothing_is_left_running() -> Iterator[None]:
     """Fail at the end, by name, for processes that tests have left; they are killed."""
-    os.environ[OWNER] = str(os.getpid())
+    os.environ[OWNER] = RUN
     yield
     psutil.wait_procs(still_running(), timeout=10.0)
     left = [
