@@ -116,7 +116,8 @@ def linearised(arm: Arm, controller: Controller, step: float) -> LinearSystem:
         gives another slope. An operator of something else than e.
     """
     # Imported late: it loads numba.
-    from fpid_pin.control.state import MODEL, TORQUES, start_all
+    from fpid_pin.control.start import start_all
+    from fpid_pin.control.state import MODEL, TORQUES
 
     n = arm.n
     free = arm.with_limits(effort=np.zeros(n))

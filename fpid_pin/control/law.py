@@ -208,7 +208,7 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
         """
         # Imported late: it loads numba.
         from fpid_pin.control.loop import Loop
-        from fpid_pin.control.state import start_all
+        from fpid_pin.control.start import start_all
 
         def restart() -> Any:
             return start_all([self], arm, step=step, horizon=horizon)[0]

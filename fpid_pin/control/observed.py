@@ -35,19 +35,20 @@ def observer_system(
     Notes
     -----
     The states are the speed that was predicted, and xi. About rest the model's acceleration is
-    ``M^-1 (u - F_v v^ - (dG/dq) q)``, with q = -e.
+    ``(M + h F_v)^-1 (u - F_v v - (dG/dq) q)``, with q = -e, and ``(M + h F_v) xi`` is cancelled.
     """
     n = arm.n
     first, second = observer_gains(bandwidth, step)
-    inertia, viscous = arm.mass_matrix(q), np.diag(arm.viscous_friction)
+    viscous = np.diag(arm.viscous_friction)
+    felt = arm.mass_matrix(q) + step * viscous
     # Rows over [v^-, xi, e, e', u].
     predicted, xi, e, rate, torque = np.split(np.eye(5 * n), 5)
     miss = -rate - predicted
     v_hat = predicted + first * miss
     xi = xi + second * miss
-    torque = torque + (-np.eye(n) if answer is None else answer) @ inertia @ xi
-    load = torque - viscous @ v_hat + gravity_stiffness(arm, q) @ e
-    ahead = v_hat + step * (np.linalg.solve(inertia, load) + xi)
+    torque = torque + (-np.eye(n) if answer is None else answer) @ felt @ xi
+    load = torque + viscous @ rate + gravity_stiffness(arm, q) @ e
+    ahead = v_hat + step * (np.linalg.solve(felt, load) + xi)
     following, known = np.vstack([ahead, xi]), 2 * n
     return LinearSystem(
         following[:, :known], following[:, known:], torque[:, :known], torque[:, known:]

@@ -143,9 +143,9 @@ def _law(arm: Arm, controller: AdaptiveFpid, step: float) -> LinearSystem:
 def _quiet(arm: Arm, law: LinearSystem, step: float, noise: float) -> float:
     """Return the bandwidth at which the torque varies by 1 + `noise` times as much."""
     answer = np.diag(law.d[:, arm.n :])
-    inertia = arm.mass_matrix(arm.home)
-    own = np.diag(inertia)
-    others = np.sum(inertia**2, axis=1) - own**2
+    felt = arm.mass_matrix(arm.home) + step * np.diag(arm.viscous_friction)
+    own = np.diag(felt)
+    others = np.sum(felt**2, axis=1) - own**2
 
     def size(omega: float) -> float:
         gain = observer_gains(omega, step)[1]

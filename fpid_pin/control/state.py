@@ -15,9 +15,9 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
 from fpid_pin.control.observer_gains import observer_gains
 from fpid_pin.control.operators import Integral, check_declared
-from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
-from fpid_pin.fractional import Bank, Design
-from fpid_pin.fractional.design import modes_of
+from fpid_pin.control.order_changes import OrdersByHand
+from fpid_pin.exceptions import ArgumentError, SimulationError
+from fpid_pin.fractional import Bank
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
 from fpid_pin.kernels.layout import record_type
@@ -43,65 +43,10 @@ if TYPE_CHECKING:
     from fpid_pin.arms import Arm
     from fpid_pin.control.law import Controller
 
-#: Orders at which the table is laid out that orders which vary are interpolated in: a cubic on this
-#: grid is within 1e-7 of the operator, as the operator of 24 modes is of the exact one.
-NODES = 201
 #: Rates of given signals.
 RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
 #: Parts of a tick, for `kernels.rollout.step_tick`.
 SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
-
-
-def start_all(
-    controllers: Sequence[Controller], arm: Arm, *, step: float, horizon: float
-) -> list[State]:
-    """Start laws on robots of one arm, each in a state of its own.
-
-    The modes of laws with the same operators are fitted together, which costs hardly more than
-    one.
-
-    Raises
-    ------
-    ArgumentError, DesignError, SimulationError
-        Numbers that do not fit the arm, operators that cannot be had, functions that cannot be
-        compiled.
-    """
-    # A suggestion takes a second, and most populations have one description many times. It is not
-    # fitted to a horizon: a run's gains must not depend on how long it lasts.
-    known = {id(c): c for c in controllers}
-    laws = {key: law.on(arm, step=step) for key, law in known.items()}
-    each = [laws[id(c)] for c in controllers]
-    states = [State(law, arm, step=step, horizon=horizon) for law in each]
-    groups: dict[Any, list[State]] = {}
-    for state in states:
-        if state.orders.size:
-            law = state.controller
-            key = (law.fractional_design, getattr(law, "initialisation", "caputo"))
-            groups.setdefault((*key, state.orders.shape), []).append(state)
-    for (design, initialisation, _), members in groups.items():
-        _fit(members, design, initialisation)
-    return states
-
-
-def _fit(states: Sequence[State], design: Design, initialisation: str) -> None:
-    """Give states their operators' modes."""
-    first = states[0]
-    orders = np.array([state.orders for state in states])
-    modes = modes_of(design, orders, step=first.step, horizon=first.horizon)
-    if modes.shared_poles:
-        ops, poles, values = modes.records(initialisation)
-        for state, own, value in zip(states, ops, values, strict=True):
-            state.use_modes(own, poles, value)
-    else:
-        for state in states:
-            own = modes_of(design, state.orders, step=state.step, horizon=state.horizon)
-            state.use_modes(*own.records(initialisation))
-
-
-@lru_cache(maxsize=8)
-def _order_table(design: Design, step: float, horizon: float) -> FloatArray:
-    nodes = np.linspace(0.0, 1.0, NODES)
-    return np.ascontiguousarray(modes_of(design, nodes, step=step, horizon=horizon).table())
 
 
 @lru_cache(maxsize=256)
@@ -109,7 +54,7 @@ def _record(own: tuple[str, ...]) -> Any:
     return record_type(dict.fromkeys((*GIVEN.names, *own), ""))  # type: ignore[misc]
 
 
-class State:
+class State(OrdersByHand):
     """One robot under one law.
 
     Parameters
@@ -321,14 +266,6 @@ class State:
             table=table,
         )
 
-    def _table(self) -> FloatArray:
-        return _order_table(self.controller.fractional_design, self.step, self.horizon)
-
-    def _need_shared_poles(self, poles: Any) -> None:
-        if len(poles) > 1:
-            kind = type(self.controller.fractional_design).__name__
-            raise DesignError(f"orders: expected a design with shared poles, got {kind}")
-
     # ------------------------------------------------------------------------- a tick
 
     def prepare(self) -> None:
@@ -421,76 +358,7 @@ class State:
 
     # ---------------------------------------------------------------- orders by hand
 
-    def set_orders(
-        self,
-        integral_order: ArrayLike | None = None,
-        derivative_order: ArrayLike | None = None,
-        *,
-        ramp: float = 0.0,
-    ) -> None:
-        """Change the orders of integrals and derivatives while running, (n,); None: as they are.
-
-        From now on (or, with a `ramp` [s], from its end) the terms are those of a law that had the
-        new orders from the start. Orders that adapt go on from there.
-
-        Raises
-        ------
-        DesignError
-            A design whose poles depend on the order: its modes mean nothing to another one.
-        """
-        self.orders = self.c.ops["order"].copy()
-        new = self.orders.copy()
-        for i, (_, operator) in enumerate(self._operators):
-            integral = isinstance(operator, Integral)
-            given = integral_order if integral else derivative_order
-            name = "integral_order" if integral else "derivative_order"
-            if given is not None:
-                order = checks.floats(name, given, low=0.0, high=1.0)
-                new[:, i] = 1.0 - order if integral else order
-        self._need_shared_poles(self.c.poles)
-        steps = round(checks.number("ramp", ramp, low=0.0) / self.step)
-        if steps:
-            self._ramp = (self.orders, new, 0, steps)
-            self.c = self.c._replace(table=self._table())
-            self.c.ops["variable"] = 1
-        else:
-            self._use_orders(new)
-
-    def _follow_ramp(self) -> None:
-        """Move the orders by one step of their ramp, through the table of variable orders."""
-        assert self._ramp is not None
-        first, last, done, steps = self._ramp
-        fraction = (done + 1) / steps
-        if fraction >= 1.0:
-            self._use_orders(last)
-        else:
-            self._write_orders(first + fraction * (last - first))
-            self._ramp = (first, last, done + 1, steps)
-
-    def _use_orders(self, orders: FloatArray) -> None:
-        self._ramp = None
-        design = self.controller.fractional_design
-        modes = modes_of(design, orders, step=self.step, horizon=self.horizon)
-        for name, value in modes.operator().items():
-            self.c.ops[name] = value
-        self.c.modes["weight"] = np.moveaxis(modes.weights, 0, -1)
-        self.c.ops["variable"] = self.c.ops["order_column"] >= 0
-        self._write_orders(orders)
-
-    def _write_orders(self, orders: FloatArray) -> None:
-        self.orders = orders
-        self.c.ops["order"] = orders
-        for i, (_, operator) in enumerate(self._operators):
-            if isinstance(operator.order, str):
-                order = orders[:, i]
-                self.joints[operator.order] = (
-                    1.0 - order if isinstance(operator, Integral) else order
-                )
-
     @property
     def ticks_within_horizon(self) -> int:
         """How many ticks the fractional memories are fitted for; 0: there are none."""
         return round(self.horizon / self.step) + 1 if self.orders.size else 0
-
-
-__all__ = ["State", "start_all"]

@@ -66,9 +66,10 @@ class Supervisor:
 
     ``"sampled"`` acts one step ahead. Over a step in which e'' is constant V is a quadratic in
     e'', so {V <= V_T} is a ball in it, and u_s makes the least change to e'' that ends there: with
-    T the look-ahead, sums over joints, z and r as in `kernels.supervisor.find_push`,
+    T the look-ahead, sums over joints, z and r as in `kernels.supervisor.find_push`, and
+    M_h = M + h F_v what a torque meets over a step (viscous friction is implicit),
 
-        u_s = M z/|z| clip(|z| + sum_j |M^-1 z/|z||_j d_u,j - r, 0, |z|)   where V >= V_on, else 0
+        u_s = M_h z/|z| clip(|z| + sum_j |M_h^-1 z/|z||_j d_u,j - r, 0, |z|)   where V >= V_on
 
     Where accelerations of unknown cause are reserved for and at most `tolerance`, the torque is
     unsaturated, V_on = 0 and V(0) <= V_T, V_(k+1) <= (1 - h/T) V_k + (h/T) V_T: the set is kept at

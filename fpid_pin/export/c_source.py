@@ -51,15 +51,15 @@ class CSource:
         texts |= {name: f"fpid_{name}" for name in _FIXED} | {"numbers": "((real_t *){}->joints)"}
         arrays = bundle("state", state.c, texts, record=state.record)
         program = Program(_LANGUAGE, stand_ins(state.controller))
-        parts = [
-            f"    {program.add(kernel, [arrays, *kinds])}(state{''.join(others)});"
-            for kernel, kinds, others in (
-                (tick.signals, [real(INPUTS, n)], [", inputs"]),
-                (tick.ask_model, [real(INPUTS, n)], [", inputs"]),
-                (tick.torques, [real(n)], [", output->torque"]),
-                (tick.adapt, [], []),
-            )
-        ]
+        given = {"c": "state", "inputs": "inputs", "torque": "output->torque"}
+        calls = []
+        for kernel, kinds in (
+            (tick.signals, [real(INPUTS, n)]), (tick.ask_model, [real(INPUTS, n)]),
+            (tick.torques, [real(n)]), (tick.adapt, []),
+        ):  # fmt: skip
+            part = program.add(kernel, [arrays, *kinds])
+            arguments = ", ".join(given[p.name] for p in part.parameters if p.taken)
+            calls.append(f"    {part.name}({arguments});")
         text = program.text
         used = set(re.findall(r"(?:->|\bfpid_)(\w+)", text)) | {"robot", "joints"}
         #: Name, kind and values of the arrays that are used.
@@ -93,7 +93,7 @@ class CSource:
         )  # fmt: skip
         self.source = SOURCE.format(
             version=__version__, inputs=INPUTS, helpers=helpers(text), functions=text,
-            tick="\n".join(parts),
+            tick="\n".join(calls),
             reset="\n".join(
                 f"    memcpy(state->{name}, fpid_{name}_0, sizeof fpid_{name}_0);"
                 for name, _, _ in constants

@@ -6,7 +6,7 @@ import ast
 import math
 import operator
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING
 
 from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Bundle, Kind, Number, Record, joined
 from fpid_pin.export.language import (
@@ -22,6 +22,9 @@ from fpid_pin.export.language import (
 )  # fmt: skip
 from fpid_pin.export.source import Source, is_kernel
 
+if TYPE_CHECKING:
+    from fpid_pin.export.printer import Program
+
 _ARITHMETIC = {
     ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT), ast.Div: ("/", PRODUCT),
     ast.BitAnd: ("&", AND),
@@ -31,43 +34,10 @@ _FOLDED = {
     "+": operator.add, "-": operator.sub, "*": operator.mul, ">": operator.gt, "<": operator.lt,
     ">=": operator.ge, "<=": operator.le, "==": operator.eq, "!=": operator.ne, "&": operator.and_,
 }  # fmt: skip
-_MATH = [
-    "sqrt",
-    "exp",
-    "expm1",
-    "log",
-    "log1p",
-    "pow",
-    "sin",
-    "cos",
-    "tan",
-    "asin",
-    "acos",
-    "atan",
-    "atan2",
-    "sinh",
-    "cosh",
-    "tanh",
-    "hypot",
-    "floor",
-    "ceil",
-    "fabs",
-    "copysign",
-    "isfinite",
-    "isnan",
-]
-
-
-class Caller(Protocol):
-    """What a kernel's expressions ask of the program that they are part of."""
-
-    def call(
-        self, kernel: Any, kinds: Sequence[Kind], node: ast.AST, caller: Source
-    ) -> tuple[str, Kind | None, list[bool]]:
-        """Print a kernel; return its name, what it returns, which arguments it writes to."""
-
-    def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
-        """Return what is called in a kernel's place, and with what; itself as a rule."""
+_MATH = """
+    sqrt exp expm1 log log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh hypot floor ceil
+    fabs copysign isfinite isnan
+"""
 
 
 class Expressions:
@@ -83,8 +53,8 @@ class Expressions:
         Names of variables through which memory is written.
     """
 
-    def __init__(self, source: Source, language: Language, calls: Caller) -> None:
-        self.source, self.language, self._calls = source, language, calls
+    def __init__(self, source: Source, language: Language, program: Program) -> None:
+        self.source, self.language, self._program = source, language, program
         self.kinds: dict[str, Kind] = {}
         self.roots: dict[str, frozenset[str]] = {}
         self.fixed: dict[str, Value] = {}
@@ -173,9 +143,11 @@ class Expressions:
         ends = isinstance(node.op, ast.Or)
         sign, rank = ("||", OR) if ends else ("&&", AND)
         parts = [self.number(value, BOOL) for value in node.values]
-        if any(part.known is ends for part in parts):
+        decided = next((k for k, part in enumerate(parts) if part.known is ends), None)
+        # A call before it is made all the same.
+        if decided is not None and not any(map(_calls, node.values[:decided])):
             return self.language.number(ends)
-        parts = [part for part in parts if part.known is None]
+        parts = [part for part in parts if part.known is not (not ends)]
         if len(parts) < 2:
             return parts[0] if parts else self.language.number(not ends)
         # A compiler wants parentheses around && within ||.
@@ -282,24 +254,23 @@ class Expressions:
             raise self.refuse(node, f"arguments other than plain ones: {ast.unparse(node)}")
         name = ast.unparse(node.func)
         if isinstance(node.func, ast.Attribute):
-            if not name.startswith("math.") or node.func.attr not in _MATH:
+            if not name.startswith("math.") or node.func.attr not in _MATH.split():
                 raise self.refuse(node, name)
             kind = BOOL if node.func.attr.startswith("is") else REAL
             given = [self.number(argument, REAL) for argument in node.args]
             return self.language.call(node.func.attr, given, kind)
         if name in ("min", "max", "abs", "int") and name not in self.source.globals:
             return self._builtin(node, name)
-        kernel, arguments = self._calls.instead(self.source.globals.get(name), node.args)
+        kernel, arguments = self._program.instead(self.source.globals.get(name), node.args)
         if name in self.kinds or not is_kernel(kernel):
             raise self.refuse(node, f"{name}() is no kernel")
         values = [self.value(argument) for argument in arguments]
         kinds = [value.kind for value in values]
-        called, kind_, writes = self._calls.call(kernel, kinds, node, self.source)
-        for value, written in zip(values, writes, strict=True):
-            if written:
-                self.written |= value.roots
-        text = f"{called}({', '.join(value.text for value in values)})"
-        return text if kind_ is None else Value(text, kind_)
+        printed = self._program.add(kernel, kinds, node, self.source)
+        taken = [(v, p) for v, p in zip(values, printed.parameters, strict=True) if p.taken]
+        self.written.update(*(v.roots for v, p in taken if p.written))
+        text = f"{printed.name}({', '.join(v.text for v, _ in taken)})"
+        return text if printed.returns is None else Value(text, printed.returns)
 
     def _builtin(self, node: ast.Call, name: str) -> Value:
         given = [self.number(argument) for argument in node.args]
@@ -312,6 +283,11 @@ class Expressions:
         for value in given:
             kind = joined(kind, _number(value)) if value.kind != BOOL else kind
         return self.language.call(name, [self.language.coerce(v, kind) for v in given], kind)
+
+
+def _calls(node: ast.expr) -> bool:
+    """Return whether an expression has a call in it, which may write."""
+    return any(isinstance(part, ast.Call) for part in ast.walk(node))
 
 
 def _number(value: Value) -> Number:

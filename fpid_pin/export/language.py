@@ -47,12 +47,17 @@ class Value:
 
 @dataclass(frozen=True)
 class Parameter:
-    """An argument of a printed function, and whether what it points to is written."""
+    """An argument of a kernel: whether what it points to is written, whether it is looked at."""
 
     name: str
     kind: Kind
     written: bool
     used: bool
+
+    @property
+    def taken(self) -> bool:
+        """Whether the printed function has it: numbers may be calls, which are made in any case."""
+        return self.used or isinstance(self.kind, Number)
 
 
 def offset(array: Array, index: Sequence[Value], stride: int = 1) -> Value:

@@ -35,7 +35,7 @@ def start(controller: Controller, arm: Arm, step: float, horizon: float) -> Stat
     ExportError
         More joints than `MOST_JOINTS`, or a law in plain Python.
     """
-    from fpid_pin.control.state import start_all
+    from fpid_pin.control.start import start_all
 
     checks.instance("controller", controller, Controller, "a controller")
     if arm.n > MOST_JOINTS:

@@ -22,11 +22,10 @@ StandIn = Callable[[Sequence[ast.expr]], tuple[Any, Sequence[ast.expr]]]
 
 
 @dataclass
-class _Printed:
-    """A kernel printed for some kinds of arguments."""
+class Printed:
+    """A kernel printed for some kinds of arguments: what its callers want to know."""
 
     name: str
-    source: Source
     returns: Kind | None = None
     parameters: list[Parameter] = field(default_factory=list)
     done: bool = False
@@ -53,15 +52,23 @@ class Program:
         self.language = language
         self.functions: list[str] = []
         self._stand_ins = stand_ins or {}
-        self._printed: dict[tuple[Any, ...], _Printed] = {}
+        self._printed: dict[tuple[Any, ...], Printed] = {}
 
     @property
     def text(self) -> str:
         """All functions."""
         return "\n".join(self.functions)
 
-    def add(self, kernel: Any, kinds: Sequence[Kind]) -> str:
-        """Print a kernel and all that it calls; return the name of its function.
+    def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
+        """Return what is called in a kernel's place, and with what; itself as a rule."""
+        stand_in = self._stand_ins.get(kernel) if callable(kernel) else None
+        return (kernel, arguments) if stand_in is None else stand_in(arguments)
+
+    def add(
+        self, kernel: Any, kinds: Sequence[Kind], node: ast.AST | None = None,
+        caller: Source | None = None,
+    ) -> Printed:  # fmt: skip
+        """Print a kernel and all that it calls, unless they are there.
 
         Parameters
         ----------
@@ -69,6 +76,8 @@ class Program:
             See `kernels.compiled.kernel`.
         kinds
             Of its arguments.
+        node, caller
+            Where it is called, in another kernel's text; None: from outside.
 
         Raises
         ------
@@ -76,39 +85,21 @@ class Program:
             A line that has no counterpart.
         """
         source = Source(kernel)
+        node, caller = node or source.tree, caller or source
         if len(kinds) != len(source.parameters):
-            what = f"{len(source.parameters)} arguments, given {len(kinds)}"
-            raise source.refusal(source.tree, what)
-        return self._print(source, tuple(kinds), source.tree, source).name
-
-    def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
-        """See `expressions.Caller`."""
-        stand_in = self._stand_ins.get(kernel) if callable(kernel) else None
-        return (kernel, arguments) if stand_in is None else stand_in(arguments)
-
-    def call(
-        self, kernel: Any, kinds: Sequence[Kind], node: ast.AST, caller: Source
-    ) -> tuple[str, Kind | None, list[bool]]:
-        """See `expressions.Caller`."""
-        source = Source(kernel)
-        if len(kinds) != len(source.parameters):
-            raise caller.refusal(node, f"{source.name} takes {len(source.parameters)} arguments")
-        printed = self._print(source, tuple(kinds), node, caller)
-        return printed.name, printed.returns, [p.written for p in printed.parameters]
-
-    def _print(
-        self, source: Source, kinds: tuple[Kind, ...], node: ast.AST, caller: Source
-    ) -> _Printed:
+            what = f"{source.name} takes {len(source.parameters)} arguments, given {len(kinds)}"
+            raise caller.refusal(node, what)
         # The same function may have been compiled more than once.
-        key = (source.file, source.name, source.function.__code__, kinds)
+        key = (source.file, source.name, source.function.__code__, tuple(kinds))
         if key in self._printed:
             if not self._printed[key].done:
                 raise caller.refusal(node, f"recursion: {source.name} calls itself")
             return self._printed[key]
-        printed = self._printed[key] = _Printed(self._name(source), source)
+        printed = self._printed[key] = Printed(self._name(source))
         body = Statements(source, self.language, self, kinds)
         printed.parameters, printed.returns = body.parameters, body.returns
-        head = self.language.head(printed.name, body.parameters, body.returns)
+        taken = [parameter for parameter in body.parameters if parameter.taken]
+        head = self.language.head(printed.name, taken, body.returns)
         comment = f"/* {source.module}.{source.name}: {source.says.replace('*/', '* /')} */"
         self.functions.append("\n".join([comment, *head, *body.lines, "}", ""]))
         printed.done = True

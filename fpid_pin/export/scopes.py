@@ -22,8 +22,8 @@ class Scopes:
     ----------
     hoisted
         Names to declare at the top of the function.
-    single
-        Names that get a value in one line only.
+    steady
+        Names that keep their value: they get one in one line only, or with the call.
     """
 
     def __init__(self, source: Source) -> None:
@@ -38,7 +38,11 @@ class Scopes:
             for node in ast.walk(source.tree)
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)
         ]
-        self.single = {name for name in stores if stores.count(name) == 1} - self._parameters
+        self.steady = {
+            name
+            for name in self._parameters.union(stores)
+            if stores.count(name) + (name in self._parameters) == 1
+        }
 
     @staticmethod
     def _outlives(where: list[tuple[_Path, bool]]) -> bool:
@@ -87,17 +91,6 @@ class Scopes:
             if isinstance(name, ast.Name) and name.id not in loops | self._parameters:
                 stored = isinstance(name.ctx, ast.Store) and not isinstance(node, ast.AugAssign)
                 self._seen.setdefault(name.id, []).append((path, stored))
-
-    @staticmethod
-    def changes(end: ast.expr, loop: ast.For) -> bool:
-        """Return whether a loop may change what its end depends on."""
-        names = {n.id for n in ast.walk(end) if isinstance(n, ast.Name)}
-        inside = [n for statement in loop.body for n in ast.walk(statement)]
-        stored = {n.id for n in inside if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-        # A number in memory may change by another name: only sizes are sure to stay.
-        loads = [n for n in ast.walk(end) if isinstance(n, (ast.Attribute, ast.Subscript))]
-        sizes = all(ast.unparse(n).partition(".")[2][:5] in ("size", "shape") for n in loads)
-        return bool(names & stored) or not sizes
 
     @staticmethod
     def touches(target: ast.expr, value: ast.expr) -> bool:

@@ -5,12 +5,16 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from fpid_pin.export.expressions import Caller, Expressions
+from fpid_pin.export.expressions import Expressions
 from fpid_pin.export.kinds import BOOL, INT, REAL, Kind, Number, joined
 from fpid_pin.export.language import SUM, Language, Parameter, Value, zero
 from fpid_pin.export.scopes import Scopes
 from fpid_pin.export.source import Source
+
+if TYPE_CHECKING:
+    from fpid_pin.export.printer import Program
 
 _AUGMENTED = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*=", ast.Div: "/="}
 #: The kinds of variables may depend on one another; more rounds than any kernel needs.
@@ -31,11 +35,11 @@ class Statements:
     """
 
     def __init__(
-        self, source: Source, language: Language, calls: Caller, kinds: Sequence[Kind]
+        self, source: Source, language: Language, program: Program, kinds: Sequence[Kind]
     ) -> None:
         self._source, self._language = source, language
         self._scopes = Scopes(source)
-        self._x = Expressions(source, language, calls)
+        self._x = Expressions(source, language, program)
         self._given = dict(zip(source.parameters, kinds, strict=True))
         self._x.kinds.update(self._given)
         self.returns: Kind | None = None
@@ -77,7 +81,8 @@ class Statements:
         """Drop variables that nothing is left of but where they begin."""
         for line, name in reversed(self._declarations.items()):
             others = "\n".join(other for other in self.lines if other != line)
-            if not _uses(others, name):
+            # A call may write.
+            if not _uses(others, name) and not re.search(r"\w\(", line):
                 self.lines = [other for other in self.lines if other != line]
 
     def _line(self, text: str) -> None:
@@ -171,7 +176,7 @@ class Statements:
         for end, argument in zip(ends, made.args, strict=True):
             if end.kind != INT:
                 raise self._x.refuse(argument, f"expected an integer, got {ast.unparse(argument)}")
-        if ends[-1].known is None and self._scopes.changes(made.args[-1], node):
+        if ends[-1].known is None and ast.unparse(made.args[-1]) not in self._scopes.steady:
             # Python asks only once where it ends.
             ends[-1] = self._keep(ends[-1])
         start = ends[0].text if len(ends) == 2 else "0"
@@ -253,7 +258,7 @@ class Statements:
             kind = value.kind
         if self._given.get(name, kind) != kind:
             raise self._x.refuse(target, f"{name} is given as {self._given[name]}, then {kind}")
-        if value.known is not None and kind in (INT, BOOL) and name in self._scopes.single:
+        if value.known is not None and kind in (INT, BOOL) and name in self._scopes.steady:
             self._x.fixed[name] = value
             return
         self._x.kinds[name] = kind

@@ -3,9 +3,10 @@
     v^ = v^- + (1 - p^2) (v - v^-),   xi += (1 - p)^2/h (v - v^-),   p = exp(-omega h)
     v^- of the next sample = v^ + h (a(q, v^, u) + xi)
 
-Both error poles are p; a(q, v, u) is the nominal model's acceleration. It is a Luenberger observer
-of the speed with a constant disturbance as its second state, both poles placed at p (Franklin,
-Powell and Workman, *Digital Control of Dynamic Systems*, 1998, section 8.2).
+Both error poles are p; a(q, v^, u) is the nominal model's acceleration over a step, viscous
+friction implicit and of the measured speed, (M + h F_v) a = u - C v^ - G - F_v v. It is a
+Luenberger observer of the speed with a constant disturbance as its second state, both poles placed
+at p (Franklin, Powell and Workman, *Digital Control of Dynamic Systems*, 1998, section 8.2).
 """
 
 from __future__ import annotations

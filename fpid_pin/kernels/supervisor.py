@@ -79,8 +79,8 @@ def find_push(robot, joints, acceleration, direction):
 def least_correction(robot, joints, reserve, direction):
     """Scale the direction to the least change that ends in the ball, whatever D does along z.
 
-    That is, |D| <= d_u; docs/supervisor.md says what it can do across. `reserve` is M^-1 of the
-    direction, (n,).
+    That is, |D| <= d_u; docs/supervisor.md says what it can do across. `reserve` is (M + h F_v)^-1
+    of the direction, (n,).
     """
     margin = 0.0
     for j in range(joints.size):

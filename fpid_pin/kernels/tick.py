@@ -169,18 +169,34 @@ def limit_torque(joints, torque):
 
 
 @kernel
+def torque_of_change(joints, bodies, mass, h, x, out):
+    """Write (M + h F_v) x, the torque that changes the accelerations of a step by x, (n,)."""
+    mass_times(bodies, mass, x, out)
+    for j in range(joints.size):
+        out[j] += h * joints[j].viscous * x[j]
+
+
+@kernel
 def nominal_acceleration(joints, bodies, factored, terms, torque):
-    """Write what the model makes of a torque: M^-1 (u - F_v v^ - C v^ - G)."""
+    """Write what the model makes of a torque: (M + h F_v)^-1 (u - F_v v - C v^ - G).
+
+    Viscous friction is implicit in the speed, as in the arm's motion: taken from the start of a
+    step alone, friction that stops a joint within the step would seem to reverse it. Its v is the
+    measured one, so that the observer's poles are p whatever friction.
+    """
     a = terms[ACCELERATION]
     for j in range(joints.size):
         g = joints[j]
-        a[j] = torque[j] - g.viscous * g.v_hat - terms[BIAS, j]
+        a[j] = torque[j] - g.viscous * g.v - terms[BIAS, j]
     solve_tree(bodies, factored, a)
 
 
 @kernel
 def sampled_supervisor(robot, joints, bodies, mass, factored, terms, torque):
-    """Add u_s of the supervisor for sampled loops, M times the least change of acceleration."""
+    """Add u_s of the supervisor for sampled loops, the torque of the least change that is wanted.
+
+    `factored` are the factors of M + h F_v.
+    """
     n = joints.size
     change, reserve, u_s = terms[CHANGE], terms[WORK], terms[WORK_2]
     find_push(robot, joints, terms[ACCELERATION], change)
@@ -190,7 +206,7 @@ def sampled_supervisor(robot, joints, bodies, mass, factored, terms, torque):
         solve_tree(bodies, factored, reserve)
         least_correction(robot, joints, reserve, change)
     if robot.pushing:
-        mass_times(bodies, mass, change, u_s)
+        torque_of_change(joints, bodies, mass, robot.h, change, u_s)
         for j in range(n):
             terms[WORK_3, j] = torque[j]
             joints[j].u_s = u_s[j]
@@ -220,7 +236,7 @@ def paper_supervisor(robot, joints, bodies, mass, factored, terms, torque):
 
 @kernel
 def add_model_terms(robot, joints, bodies, mass, terms):
-    """Write what the model adds to the law's torque: its own term, feedforward, less M xi."""
+    """Write what the model adds: the law's own term, feedforward, less what cancels xi."""
     found, lost = terms[WORK], terms[WORK_2]
     for j in range(joints.size):
         g = joints[j]
@@ -230,17 +246,18 @@ def add_model_terms(robot, joints, bodies, mass, terms):
             g.u_model += terms[FEEDFORWARD, j] + g.viscous * g.v_ref
         found[j] = g.xi
     if robot.compensates:
-        mass_times(bodies, mass, found, lost)
+        torque_of_change(joints, bodies, mass, robot.h, found, lost)
         for j in range(joints.size):
             joints[j].u_model -= lost[j]
 
 
 @kernel
-def factor_mass(bodies, mass, factored):
-    """Write the factors of M and leave M as it is."""
+def factor_mass(joints, bodies, mass, h, factored):
+    """Write the factors of M + h F_v and leave M as it is; h = 0: of M alone."""
     for i in range(bodies.size):
         for k in range(i + 1):
             factored[i, k] = mass[i, k]
+        factored[i, i] += h * joints[i].viscous
     factor_tree(bodies, factored)
 
 
@@ -252,16 +269,17 @@ def torques(c, torque):
         call_law(robot.torque, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
     add_model_terms(robot, c.joints, c.bodies, c.mass, c.terms)
     limit_torque(c.joints, torque)
-    acts = robot.paper and robot.acting
-    if robot.observes or robot.sampled or acts:
-        factor_mass(c.bodies, c.mass, c.factored)
     if robot.sampled:
+        factor_mass(c.joints, c.bodies, c.mass, robot.h, c.factored)
         nominal_acceleration(c.joints, c.bodies, c.factored, c.terms, torque)
         sampled_supervisor(robot, c.joints, c.bodies, c.mass, c.factored, c.terms, torque)
-    elif acts:
+    elif robot.paper and robot.acting:
+        # (20) is of continuous time, and so is its M.
+        factor_mass(c.joints, c.bodies, c.mass, 0.0, c.factored)
         paper_supervisor(robot, c.joints, c.bodies, c.mass, c.factored, c.terms, torque)
     if robot.observes:
         if not robot.sampled:
+            factor_mass(c.joints, c.bodies, c.mass, robot.h, c.factored)
             nominal_acceleration(c.joints, c.bodies, c.factored, c.terms, torque)
         predict(robot, c.joints, c.terms[ACCELERATION], c.terms[CHANGE])
 

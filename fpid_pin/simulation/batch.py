@@ -9,7 +9,7 @@ import numpy as np
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.control.state import start_all
+from fpid_pin.control.start import start_all
 from fpid_pin.costs import Cost
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.blocks import BLOCK_ROWS, Block, Outcome

@@ -15,7 +15,8 @@ from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.control.state import State, start_all
+from fpid_pin.control.start import start_all
+from fpid_pin.control.state import State
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import plant as plant_kernels
 from fpid_pin.kernels import records

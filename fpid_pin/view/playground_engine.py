@@ -18,7 +18,8 @@ from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.law import Controller
-from fpid_pin.control.state import NODES, start_all
+from fpid_pin.control.order_changes import NODES
+from fpid_pin.control.start import start_all
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.export.javascript import HELPERS, JavaScript
@@ -185,8 +186,8 @@ class Engine:
         ]  # fmt: skip
         program = Program(JavaScript(), stand_ins(self._states[0].controller))
         n = self._experiment.arm.n
-        name = program.add(rollout, [*bundles, real(INPUTS, n), real(n), Array(INT, (5,))])
-        return f"{HELPERS}{program.text}return {{rollout: {name}}};\n"
+        run = program.add(rollout, [*bundles, real(INPUTS, n), real(n), Array(INT, (5,))])
+        return f"{HELPERS}{program.text}return {{rollout: {run.name}}};\n"
 
     # ------------------------------------------------------------------ for the page
 

@@ -67,7 +67,7 @@ class Loop:
         given = np.clip(u, -self.limit, self.limit)
         self.cut = u - given
         if self.observer:
-            bias = self.rnea(q, self.v_hat, np.zeros(self.n)) + self.viscous * self.v_hat
+            bias = self.rnea(q, self.v_hat, np.zeros(self.n)) + self.viscous * v
             ahead = np.linalg.solve(self._felt(), given - bias) + self.xi
             self.predicted = self.v_hat + h * ahead
         if hasattr(self.law, "adapt"):
@@ -75,8 +75,8 @@ class Loop:
         return given
 
     def _felt(self):
-        """What resists a torque over a step: M."""
-        return self.mass()
+        """What a torque meets over a step: friction is implicit in the speed, as in the arm's."""
+        return self.mass() + self.h * np.diag(self.viscous)
 
     def _correct(self):
         p, self.v_hat = np.exp(-self.observer * self.h), self.v

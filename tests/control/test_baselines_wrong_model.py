@@ -37,17 +37,33 @@ def following(arm, duration, **others):
     return fp.Experiment(arm, reference, v0=v0, duration=duration, **others)
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.1, 5.0])
 @pytest.mark.parametrize("law", OBSERVED, ids=NAMES)
-def test_a_constant_torque_is_cancelled_by_its_closed_form(law):
+def test_a_constant_torque_is_cancelled_by_its_closed_form(law, friction):
+    """Whatever viscous friction, which is given as h F_v/M: beyond 1 it stops a joint in a step."""
     law = dataclasses.replace(law, **({"ki": 0.0} if hasattr(law, "ki") else {}))
-    run = fp.simulate(pushed(1.5), law)
+    rod = ROD.with_friction(viscous=2.0 * friction / STEP)
+    # The scale "inertia", and the model's part, are of M alone.
+    run = fp.simulate(dataclasses.replace(pushed(1.5), arm=rod), law)
     p, k = np.exp(-OMEGA * STEP), np.arange(len(run.t))
     found = LOAD * (1.0 - p**k * (1.0 + (1.0 - p) * k))
     # Each of the three is M (100 e + 20 e') beside it: the sliding mode, inside its layer, has
     # the slope 10 once in its model and once in its surface, times 20/2.
     feedback = 2.0 * (100.0 * run.error[:, 0] + 20.0 * (run.v_ref - run.v)[:, 0])
     assert np.abs(run.torque[:, 0] - feedback + found).max() < 1e-10
-    assert np.abs(run.error[-1]).max() < 1e-8
+    assert friction or np.abs(run.error[-1]).max() < 1e-8
+
+
+@pytest.mark.parametrize("name", ["z1", "xarm7"])
+def test_an_arm_whose_friction_stops_joints_within_a_step_bears_an_observer(name):
+    arm = fp.Arm.from_example(name)
+    assert (STEP * arm.viscous_friction > 2.0 * np.diag(arm.mass_matrix(arm.home))).any()
+    experiment = following(arm, 1.0, plant=fp.Plant(arm=arm.with_payload(0.3)), dynamics="compiled")
+    for law in (*OBSERVED, fp.Pid(100.0, 200.0, 20.0, scale="inertia", observer=30.0)):
+        slow = dataclasses.replace(law, observer=30.0)
+        run, alone = fp.simulate(experiment, [slow, dataclasses.replace(law, observer=0.0)])
+        assert run.outcome.completed
+        assert np.linalg.norm(run.metrics.rms) < 1.1 * np.linalg.norm(alone.metrics.rms)
 
 
 def test_an_integral_removes_what_stiffness_alone_leaves():

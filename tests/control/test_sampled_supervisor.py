@@ -51,8 +51,10 @@ class Printed:
             v_hat = self.predicted + (1.0 - self.pole**2) * miss
             self.xi = self.xi + (1.0 - self.pole) ** 2 / h * miss
         e, rate, ahead = q_ref - q, v_ref - v_hat, guard.lookahead or h
-        mass = self.arm.mass_matrix(q)
-        a = self.arm.forward_dynamics(q, v_hat, u - self.arm.viscous_friction * v_hat) + self.xi
+        viscous = self.arm.viscous_friction
+        mass = self.arm.mass_matrix(q) + h * np.diag(viscous)
+        bias = self.arm.inverse_dynamics(q, v_hat, np.zeros(n)) + viscous * v
+        a = np.linalg.solve(mass, u - bias) + self.xi
         eta = ahead**2 * (p22 + h * p12 + h**2 * p11 / 4.0)
         there = e + ahead * rate
         g = ahead * ((h * p11 / 2.0 + p12) * there + (h * p12 / 2.0 + p22) * rate)
@@ -76,7 +78,9 @@ class Printed:
 def test_u_s_is_the_law_as_printed(name, quiet):
     """Without an observer V is that of the measured rate, and z, too."""
     arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
-    arm = arm.with_limits(effort=np.inf)
+    # h F_v is up to a tenth of M_jj: how friction counts is to be seen.
+    viscous = np.diag(arm.mass_matrix(arm.home)) * np.linspace(0.0, 0.1, arm.n) / 2e-3
+    arm = arm.with_limits(effort=np.inf).with_friction(viscous=viscous)
     push = np.linspace(8.0, 1.0, arm.n)
     guard = fp.Supervisor.quiet(2.0, 0.5) if quiet else fp.Supervisor(
         2.0, 0.5, disturbance_bound=push)  # fmt: skip

@@ -18,7 +18,7 @@ const M = new Float64Array(given(process.argv[2])), inputs = given(process.argv[
 const ticks = inputs.length / (5 * JOINTS), out = new Float64Array(ticks * JOINTS);
 for (let k = 0; k < ticks; k++) {
     M.set(inputs.subarray(k * 5 * JOINTS, (k + 1) * 5 * JOINTS), INPUTS);
-    TICK(0, INPUTS, TORQUE, k == 0 ? 7 : 15);
+    TICK(INPUTS, TORQUE, k == 0 ? 7 : 15);
     out.set(M.subarray(TORQUE, TORQUE + JOINTS), k * JOINTS);
 }
 fs.writeFileSync(process.argv[4], Buffer.from(out.buffer));
@@ -37,7 +37,8 @@ def script(state):
     texts = {name: str(place) for name, place in places.items()}
     arrays = bundle("controller", state.c, texts, record=state.record)
     program = Program(javascript.JavaScript(), stand_ins(state.controller))
-    name = program.add(tick.tick_parts, [arrays, real(5, state.n), real(state.n), INT])
+    kinds = [arrays, real(5, state.n), real(state.n), INT]
+    name = program.add(tick.tick_parts, kinds).name
     constants = {
         "JOINTS": state.n,
         "INPUTS": places["inputs"],
@@ -75,6 +76,8 @@ def test_other_laws_have_the_same_bits(seed, node, tmp_path):
     assert np.array_equal(in_node(node, tmp_path, controller, arm, step, inputs), proof.torque)
 
 
+# A Panda bears less than the reserve asks, which is warned of.
+@pytest.mark.filterwarnings("ignore:supervisor.disturbance_bound")
 @pytest.mark.parametrize("name", OTHERS)
 def test_with_the_model_torques_are_within_1e_12_of_the_largest(name, node, tmp_path):
     controller, arm = OTHERS[name], fp.Arm.from_example("ur5" if name != "reserve" else "panda")

@@ -7,6 +7,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.engine import Simulation
 
 EXPERIMENT = fp.paper_experiment(duration=2.0)
 GOOD = fp.paper_controller()
@@ -36,20 +37,24 @@ def test_the_others_do_not_notice():
     assert (runs[2].q == first.q).all()
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
 class Overflowing(fp.Controller):
     """A law of one's own whose torque overflows."""
 
-    kp: float = 1e308
+    @staticmethod
+    def torque(c):
+        return 1e308 * c.e * 10.0
 
-    def torque(self, state, q, v, q_ref, v_ref, a_ref):
-        return self.kp * (q_ref - q) * 10.0
+
+class OverflowingInPython(fp.Controller):
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        return 1e308 * (q_ref - q) * 10.0
 
 
+@pytest.mark.filterwarnings("ignore:overflow encountered")
 @pytest.mark.parametrize(
     "law",
     [fp.AdaptiveFpid(1e308, 0, 0), dataclasses.replace(GOOD, kp=1e308), fp.Pid(1e308, 0, 0),
-     Overflowing()],
+     Overflowing(), OverflowingInPython()],
 )  # fmt: skip
 @pytest.mark.parametrize("where", ["nominal limit", "plant's limit"])
 @pytest.mark.parametrize("dynamics", ["pinocchio", "compiled"])
@@ -107,21 +112,61 @@ def test_all_runs_may_diverge():
     assert not any(run.outcome.completed for run in runs)
 
 
-def test_a_retired_run_is_exact_zeros_from_then_on():
-    """Denormals would make the whole batch some sixteen times slower."""
-    state = fp.AdaptiveFpid.start_many([GOOD, GOOD], EXPERIMENT.arm, step=1e-3, horizon=2.0)
-    rng = np.random.default_rng(0)
-    inputs = rng.normal(size=(5, 2, 2))
-    for _ in range(50):
-        state.tick(inputs)
-    state.retire(0)
-    for _ in range(50):
-        state.tick(inputs)
-        assert (state.torque[0] == 0.0).all()
-        assert (state.torque[1] != 0.0).all()
-    assert (state.signals()["kp"][0] == 0.0).all()
-
-
 def test_a_start_beyond_the_runaway_speed_is_refused():
     with pytest.raises(ArgumentError, match="v0: expected at most runaway_speed"):
         dataclasses.replace(EXPERIMENT, v0=(2000.0, 0.0))
+
+
+@pytest.mark.parametrize(("kd", "kp", "speed"), [(5000.0, 10.0, 1e3), (0.0, 2000.0, 3.0)])
+def test_both_dynamics_end_a_run_at_the_same_row_for_the_same_cause(kd, kp, speed):
+    law = dataclasses.replace(GOOD, kd=kd, kp=kp)
+    experiment = dataclasses.replace(EXPERIMENT, runaway_speed=speed)
+    one, other = (
+        fp.simulate(experiment.with_dynamics(dynamics), law)
+        for dynamics in ("compiled", "pinocchio")
+    )
+    assert not one.outcome.completed
+    assert one.outcome.time == other.outcome.time
+    assert one.outcome.joint == other.outcome.joint
+    assert one.outcome.cause.split()[0] == other.outcome.cause.split()[0]
+
+
+class Faulty(fp.Controller):
+    """A law in Python that gives way after 0.1 s."""
+
+    fault = "raise"
+
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        if state.joints["t"][0] < 0.1 - 1e-9:
+            return 50.0 * (q_ref - q) + 10.0 * (v_ref - v)
+        if self.fault == "raise":
+            raise ZeroDivisionError("nothing to divide by")
+        return np.zeros(3)
+
+
+class OfAnotherShape(Faulty):
+    fault = "shape"
+
+
+@pytest.mark.parametrize("dynamics", ["compiled", "pinocchio"])
+@pytest.mark.parametrize(
+    ("law", "cause"),
+    [
+        (Faulty(), "the law raised ZeroDivisionError: nothing to divide by"),
+        (OfAnotherShape(), "the law's torque: expected shape (2,), got (3,)"),
+    ],
+)
+def test_a_law_in_python_that_gives_way_ends_its_own_run_and_no_other(law, cause, dynamics):
+    experiment = EXPERIMENT.with_dynamics(dynamics)
+    broken, good = fp.simulate(experiment, [law, GOOD])
+    assert str(broken.outcome) == f"ended at 0.1 s: {cause}"
+    assert len(broken.t) == 100
+    assert broken.outcome.joint == ""
+    assert (good.q == fp.simulate(experiment, GOOD).q).all()
+    assert fp.evaluate(experiment, [law, GOOD])[0] == np.inf
+    simulation = Simulation(experiment, law)
+    for _ in range(100):
+        simulation.tick()
+    with pytest.raises(fp.exceptions.SimulationError) as caught:
+        simulation.tick()
+    assert str(caught.value) == cause

@@ -5,27 +5,28 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.kernels.sensors import measure
+from fpid_pin.simulation.blocks import BLOCK_ROWS
 from fpid_pin.simulation.sensors import SensorState
 
 STEP = 1e-3
 
 
-def measured(sensors, q, v=None, seeds=None, n=1):
-    """Pass signals (K, runs, n) through the sensors of `runs` robots."""
-    runs = q.shape[1]
-    state = SensorState([sensors] * runs if not isinstance(sensors, list) else sensors,
-                        seeds or [0] * runs, n, STEP)  # fmt: skip
-    v = np.zeros_like(q) if v is None else v
-    alive, seen, found = np.ones(runs, bool), np.zeros((5, runs, n)), []
-    for x, y in zip(q, v, strict=True):
-        state.measure(alive, np.stack([x, y]), seen)
-        found.append(seen[:2].copy())
-    return np.array(found)
+def measured(sensors, q, v=None, seed=0, block=1):
+    """Pass signals (K, n) through the sensors of a robot, (K, 2, n), `block` ticks a call."""
+    rows, n = q.shape
+    state, v = SensorState(sensors, seed, n, STEP), np.zeros_like(q) if v is None else v
+    inputs, found = np.zeros((5, n)), np.zeros((rows, 2, n))
+    for first in range(0, rows, block):
+        records = state.records(first, min(block, rows - first))
+        for k in range(first, min(first + block, rows)):
+            measure(*records, q[k], v[k], k, inputs)
+            found[k] = inputs[:2]
+    return found
 
 
-def ramp(rows, runs=1, n=1, slope=1.0):
-    t = STEP * np.arange(rows).reshape(-1, 1, 1)
-    return np.broadcast_to(slope * t, (rows, runs, n)).copy()
+def ramp(rows, slope=1.0):
+    return slope * STEP * np.arange(rows)[:, np.newaxis]
 
 
 def test_an_encoder_counts_whole_steps():
@@ -37,12 +38,12 @@ def test_an_encoder_counts_whole_steps():
 
 
 def test_noise_has_its_standard_deviation_and_is_white():
-    q = np.zeros((20_000, 1, 2))
+    q = np.zeros((20_000, 2))
     sensors = fp.Sensors(position_noise=(1e-3, 0.0), velocity_noise=0.05)
-    found = measured(sensors, q, n=2)
-    assert found[:, 0, 0, 0].std() == pytest.approx(1e-3, rel=0.03)
-    assert (found[:, 0, 0, 1] == 0.0).all()
-    speed = found[:, 1, 0, :]
+    found = measured(sensors, q)
+    assert found[:, 0, 0].std() == pytest.approx(1e-3, rel=0.03)
+    assert (found[:, 0, 1] == 0.0).all()
+    speed = found[:, 1]
     assert speed.std(axis=0) == pytest.approx([0.05, 0.05], rel=0.03)
     neighbours = np.corrcoef(speed[1:, 0], speed[:-1, 0])[0, 1]
     between = np.corrcoef(speed[:, 0], speed[:, 1])[0, 1]
@@ -58,7 +59,7 @@ def test_a_bias_is_constant():
 def test_differentiation_finds_the_speed_of_a_ramp_with_the_filters_lag():
     cutoff = 50.0
     q = ramp(400, slope=2.0)
-    found = measured(fp.Sensors(velocity="differentiated", velocity_cutoff=cutoff), q)[:, 1, 0, 0]
+    found = measured(fp.Sensors(velocity="differentiated", velocity_cutoff=cutoff), q)[:, 1, 0]
     t = STEP * np.arange(400)
     assert found == pytest.approx(2.0 * (1.0 - np.exp(-cutoff * t)), abs=1e-9)
 
@@ -79,30 +80,17 @@ def test_everything_is_late_by_whole_samples_and_the_past_was_at_rest_there():
     assert (found[:7, 0] == q[0]).all()
 
 
-def test_a_runs_noise_depends_on_its_seed_only():
-    sensors = fp.Sensors(position_noise=1e-3, velocity_noise=1e-2, delay=2)
-    mixed = [sensors, None, fp.Sensors(delay=5), sensors]
-    q = np.random.default_rng(1).uniform(-1, 1, (600, 4, 1))
-    together = measured(mixed, q, seeds=[3, 4, 5, 6])
-    for run, seed in ((0, 3), (3, 6)):
-        alone = measured([sensors], np.ascontiguousarray(q[:, run : run + 1]), seeds=[seed])
-        assert (together[:, :, run] == alone[:, :, 0]).all()
-    assert (together[:, 0, 1] == q[:, 1]).all()
-    assert (together[:, 0, 0] != together[:, 0, 3]).any()
-
-
-def test_a_retired_run_stays_zero():
-    state = SensorState(
-        [fp.Sensors(position_noise=1.0, velocity_noise=1.0, velocity_bias=1.0, delay=3)], [0], 1,
-        STEP,
+@pytest.mark.parametrize("velocity", ["measured", "differentiated"])
+def test_noise_depends_on_the_seed_and_not_on_how_many_ticks_a_call_makes(velocity):
+    sensors = fp.Sensors(
+        position_noise=1e-3, velocity_noise=1e-2, delay=2, position_resolution=1e-4,
+        velocity=velocity,
     )  # fmt: skip
-    alive, seen = np.ones(1, bool), np.zeros((5, 1, 1))
-    state.measure(alive, np.ones((2, 1, 1)), seen)
-    assert (seen[:2] != 0.0).all()
-    alive[0] = False
-    for _ in range(600):
-        state.measure(alive, np.zeros((2, 1, 1)), seen)
-        assert (seen == 0.0).all()
+    q = np.random.default_rng(1).uniform(-1, 1, (BLOCK_ROWS + 300, 2))
+    one = measured(sensors, q, seed=3)
+    for block in (256, BLOCK_ROWS):
+        assert (measured(sensors, q, seed=3, block=block) == one).all()
+    assert (measured(sensors, q, seed=4)[:, 0] != one[:, 0]).mean() > 0.9
 
 
 @pytest.mark.parametrize(

@@ -193,7 +193,8 @@ function simulate(S) {
     sample(first);
     if (noisy) for (let i = 0; i < 2 * B * N; i++) M[AT["sensing.noise"] + i] = draw(i);
     M.set([first, count, 0, rows - 1, rubs ? 1 : 0], AT.counts);
-    ended = K.rollout(0, 0, 0, 0, AT.inputs, AT.torque, AT.counts);
+    // The kernels have the places of all other arrays in them.
+    ended = K.rollout(AT.inputs, AT.torque, AT.counts);
     const copy = (name, at) => out[name].set(M.subarray(at, at + count * N), first * N);
     MOTION.forEach((name, i) => copy(name, AT["rows.motion"] + i * B * N));
     copy("q_ref", AT["rows.reference"]);
