@@ -43,6 +43,8 @@ class WrittenOut:
     def tick(self, q, v, q_ref, v_ref, a_ref):
         law, arm = self.law, self.arm
         mass = arm.mass_matrix(q)
+        # Over a step viscous friction is implicit in the speed.
+        stepped = mass + H * np.diag(arm.viscous_friction)
         e, rate = q_ref - q, v_ref - v
         paper = self.guard is not None and self.guard.kind == "paper"
         self.acting = paper and self.energy(e, rate) >= self.guard.threshold
@@ -67,18 +69,18 @@ class WrittenOut:
         if law.feedforward:
             u = u + arm.inverse_dynamics(q_ref, v_ref, a_ref) + arm.viscous_friction * v_ref
         if law.observer:
-            u = u - mass @ self.xi
+            u = u - stepped @ self.xi
         self.limited(u)
         if self.acting:
             self.limited(u + self.paper_torque(q, v, a_ref, mass, u))
         weight = arm.gravity_vector(q)
-        bias = weight + arm.coriolis_matrix(q, v_hat) @ v_hat + arm.viscous_friction * v_hat
-        a, change = np.linalg.solve(mass, self.torque - bias), np.zeros(arm.n)
+        bias = weight + arm.coriolis_matrix(q, v_hat) @ v_hat + arm.viscous_friction * v
+        a, change = np.linalg.solve(stepped, self.torque - bias), np.zeros(arm.n)
         if self.guard is not None and not paper:
             before = self.torque
-            change = self.least_change(v_hat, v_ref, a_ref - a - self.xi, mass)
-            self.limited(u + mass @ change)
-            change = np.linalg.solve(mass, self.torque - before)
+            change = self.least_change(v_hat, v_ref, a_ref - a - self.xi, stepped)
+            self.limited(u + stepped @ change)
+            change = np.linalg.solve(stepped, self.torque - before)
         self.predicted = v_hat + H * (a + change + self.xi)
         self.k += 1
         return self.torque
