@@ -1,3 +1,5 @@
+import csv
+
 import numpy as np
 import pytest
 from deadly import Faulty
@@ -5,9 +7,20 @@ from studies import bits, study
 from test_execution import pushed
 
 import fpid_pin as fp
-from fpid_pin.campaign import Normal, Scenarios, Study, Uniform, attack, load, replay, run
+from fpid_pin.campaign import (
+    Normal,
+    Scenarios,
+    Study,
+    Uniform,
+    attack,
+    export,
+    load,
+    replay,
+    report_html,
+    run,
+)
 from fpid_pin.campaign.data import METRICS
-from fpid_pin.exceptions import ArgumentError, SimulationError
+from fpid_pin.exceptions import ArgumentError, FileFormatError, SimulationError
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +46,26 @@ def test_a_replay_has_the_bits_of_its_row(ledger, number, controller):
     twin = fp.simulate(study().experiment, study().controllers[again.controller])
     assert again.nominal.q.tobytes() == twin.q.tobytes()
     assert again.run.q.tobytes() != twin.q.tobytes()
+
+
+@pytest.mark.parametrize(("asked", "told"), [(None, "compiled"), ("pinocchio", "pinocchio")])
+def test_ledger_export_report_and_replay_say_the_dynamics(tmp_path, asked, told):
+    made = study(duration=0.1, dynamics=asked)
+    data = run(made, tmp_path / "l.sqlite", 3)
+    assert data.dynamics == load(tmp_path / "l.sqlite").dynamics == told
+    with open(export(data, tmp_path / "l.csv"), newline="") as file:
+        assert {row["dynamics"] for row in csv.DictReader(file)} == {told}
+    page = report_html(data, tmp_path / "l.html").read_text(encoding="utf-8")
+    assert f"Dynamics: {told}." in page
+    again = replay(tmp_path / "l.sqlite", 2)
+    assert again.exact
+    assert again.run.meta["experiment"]["dynamics"] == told
+    # The two agree within rounding, and are told apart.
+    other = study(duration=0.1, dynamics={"compiled": "pinocchio"}.get(told, "compiled"))
+    with pytest.raises(FileFormatError, match=r"another: experiment\.dynamics is "):
+        run(other, tmp_path / "l.sqlite", 3)
+    beside = run(other, tmp_path / "other.sqlite", 3)
+    assert beside.metrics["rms"] == pytest.approx(data.metrics["rms"], rel=1e-9)
 
 
 def test_what_is_not_there_is_refused(ledger):
