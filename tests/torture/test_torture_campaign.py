@@ -9,7 +9,9 @@ from contextlib import closing
 
 import pytest
 from bounded import wait_until
-from test_torture_kills import SHORT, end_of, outcome_of, start
+from test_torture_kills import SHORT, end_of, start
+
+from fpid_pin.campaign import export, load
 
 pytestmark = pytest.mark.torture
 FULL = os.environ.get("FPID_TORTURE") == "full"
@@ -23,7 +25,6 @@ mass = { kind = "uniform", low = 0.8, high = 1.2 }
 payload = { kind = "uniform", low = 0.0, high = 1.0 }
 position_noise = { kind = "log_uniform", low = 1e-5, high = 1e-3 }
 """
-TABLE = ("campaign", "export", "l.sqlite", "--out", "table.csv")
 
 
 def campaign(folder, *options):
@@ -42,9 +43,7 @@ def new_folder(tmp_path, name):
 
 
 def table_of(folder):
-    status, said = outcome_of(folder, *TABLE)
-    assert status == 0, said
-    return (folder / "table.csv").read_bytes()
+    return export(load(folder / "l.sqlite"), folder / "table.csv").read_bytes()
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.1").replace(
 TUNE = """
 [tune]
 population = 6
-generations = 12
+generations = 6
 seeds = [0, 1]
 map_points = 0
 [tune.space]
