@@ -106,8 +106,8 @@ def test_nothing_in_a_file_is_executed(folder):
     told = watched(READ + "\nseen.add('and then')\non[0] = True\neval('1')\n", folder)
     # NumPy has headers of arrays parsed into a syntax tree, a literal; nothing of it is run.
     told = [line for line in told if not line.startswith("compile (b\"{'descr': ")]
-    # The last line is the one that shows that the hook sees what it is there for.
-    assert set(told) == {"and then", "compile (b'1',)", "exec (<code object <module>>,)"}
+    # The last two show that the hook sees what it is there for.
+    assert {line.split(" (<")[0] for line in told} == {"and then", "compile (b'1',)", "exec"}
 
 
 NETWORK = """
@@ -116,7 +116,7 @@ for words in (
     ["run", "short.toml", "--controller", "integer PID"],
     ["view", "run.npz", "--html", "page.html"],
     ["operators", "--order", "0.5", "--plot", "plot.png"],
-    ["compare", "short.toml", "--out", "compared"],
+    ["compare", "short.toml", "--no-figures", "--out", "compared"],
     ["playground", "short.toml", "--html", "playground.html"],
     ["export", "short.toml", "--controller", "integer PID", "--out", "c", "--ticks", "5"],
     ["tune", "tune.toml", "--out", "tuned"],
