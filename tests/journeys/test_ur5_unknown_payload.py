@@ -20,9 +20,9 @@ plant = { payload = { mass = 3.0 } }
 [tune]
 controller = "FPID"
 population = 4
-generations = 2
+generations = 1
 map_points = 0
-profile_points = 2
+profile_points = 0
 [tune.space]
 bandwidth = [4.0, 12.0, "shared"]
 derivative_order = [0.6, 0.98, "shared"]
@@ -44,7 +44,7 @@ def afternoon(tmp_path_factory):
     after = [
         ["compare", str(config), "--out", str(compared), "--png"],
         ["tune", str(config), "--out", str(tuned)],
-        ["run", str(tuned / "tuned.toml"), "--out", str(folder / "run")],
+        ["run", str(tuned / "tuned.toml"), "--out", str(folder / "run"), "--no-figures"],
         ["view", str(folder / "run" / "tuned.npz"), "--html", str(folder / "run.html")],
     ]
     if shutil.which("gcc") or shutil.which("cc"):
