@@ -17,13 +17,13 @@ from fpid_pin.control.parameters import check_gains
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.descriptions import described
 from fpid_pin.fractional import Design, ExponentialSum
-from fpid_pin.fractional.modes import INITIALISATIONS
 from fpid_pin.kernels.functions import clip, winds_up
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
 REGRESSORS = ("law", "integer")
+INITIALISATIONS = ("caputo", "grunwald_letnikov")
 
 
 @described("adaptive_fpid")
@@ -53,8 +53,8 @@ class AdaptiveFpid(Controller):
     design
         How the fractional operators are realised: one with modes.
     initialisation
-        What the operators take the error to have been before t = 0: ``"caputo"``,
-        ``"riemann_liouville"`` or ``"grunwald_letnikov"``; see `fpid_pin.fractional.Bank`.
+        What the operators take the error to have been before t = 0: ``"caputo"`` or
+        ``"grunwald_letnikov"``; see `fpid_pin.fractional.Bank`.
     safeguards
         Bounds and leakage for the adapted gains; None: none, as in the paper.
     order_learning_rate
