@@ -196,14 +196,23 @@ class Bank:
         ----------
         value, rate
             f and, where it is known, f', (N, ...): time first. What is streaming is left alone.
+
+        Raises
+        ------
+        ArgumentError
+            A wrong shape.
         """
-        samples = len(value)
-        f = np.ascontiguousarray(value).reshape(samples, -1)
+        samples = max(len(value), 1)
+        for name, given in (("value", value), ("rate", value if rate is None else rate)):
+            if given.shape != (samples, *self.shape):
+                expected = f"shape {(samples, *self.shape)}"
+                raise ArgumentError(name, expected, f"shape {given.shape} (time first)")
+        f = np.ascontiguousarray(value, dtype=np.float64).reshape(samples, -1)
         if rate is None:
             jump = f[:1] * (self.initialisation == "grunwald_letnikov")
             df = last = np.diff(f, axis=0, prepend=f[:1] - jump) / self.step
         else:
-            df = np.ascontiguousarray(rate).reshape(samples, -1)
+            df = np.ascontiguousarray(rate, dtype=np.float64).reshape(samples, -1)
             last = np.concatenate([df[:1], df[:-1]])
         if self._past is not None:
             out = self._past.recorded(f, df)

@@ -96,7 +96,7 @@ class Crone(Design):
             now=(weights * one["b1"]).sum(axis=0) + rate,
             before=(weights * one["b0"]).sum(axis=0),
             mean=(weights * one["b2"]).sum(axis=0),
-            kick=weights.sum(axis=0) + rate / step,
+            initial_output=weights.sum(axis=0) + rate / step,
         )
 
     def _partial_fractions(self, order: float) -> tuple[FloatArray, FloatArray]:

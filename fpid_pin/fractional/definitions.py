@@ -88,8 +88,6 @@ def caputo(
     step = checks.number("step", step, above=0.0)
     value = _time_first("signal", signal, axis)
     slope = None if rate is None else _time_first("rate", rate, axis)
-    if slope is not None and slope.shape != value.shape:
-        raise ArgumentError("rate", f"shape {value.shape}", f"shape {slope.shape} (time first)")
     alpha = check_order(order)
     try:
         alpha = read_only(np.broadcast_to(alpha, value.shape[1:]))

@@ -144,7 +144,7 @@ class Modes:
         (modes, ...) [s^-alpha].
     now, before, mean
         Newest step's weights on f'_k, f'_(k-1) and m_k, (...).
-    kick
+    initial_output
         Output at t = 0 for each unit of f(0) when the start is Grünwald-Letnikov's, (...).
     """
 
@@ -155,7 +155,7 @@ class Modes:
     now: FloatArray
     before: FloatArray
     mean: FloatArray
-    kick: FloatArray
+    initial_output: FloatArray
 
     @classmethod
     def of_kernel(
@@ -191,7 +191,7 @@ class Modes:
             ops[name] = value
         ops["initial_mode"] = INITIAL_MODES[initialisation]
         if initialisation == "grunwald_letnikov":
-            ops["initial_output"] = self.kick
+            ops["initial_output"] = self.initial_output
         if not self.shared_poles:
             ops["row"] = np.arange(self.order.size).reshape(shape)
         poles = integrate_step(self.poles.reshape(len(self.poles), -1).T, self.step)
@@ -234,8 +234,8 @@ class Modes:
 
 def _differenced(now: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
     """Turn weights on [f, f'], now and before, into those on [f] alone."""
-    slope = (now[..., 1:] + before[..., 1:]) / h
-    return now[..., :1] + slope, before[..., :1] - slope
+    change = (now[..., 1:] + before[..., 1:]) / h
+    return now[..., :1] + change, before[..., :1] - change
 
 
 class Design(ABC):

@@ -51,8 +51,15 @@ class HistoryDesign(Design):
             object.__setattr__(self, "memory", checks.number("memory", self.memory, above=0.0))
 
     @abstractmethod
+    def _weights(self, order: FloatArray, lag: FloatArray) -> FloatArray:
+        """Return the weights of f_k, f_(k-1), ... for a step of 1, (lags, ...), lags 1, 2, ..."""
+
     def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> FloatArray:
         """Return the weights of f_k, f_(k-1), ... up to the memory or the horizon, (lags, ...)."""
+        alpha = check_order(order)
+        step, horizon = check_grid(step, horizon)
+        lag = np.arange(1.0, self.lag_count(step, horizon)).reshape((-1,) + (1,) * alpha.ndim)
+        return self._weights(alpha, lag) * step**-alpha
 
     def lag_count(self, step: float, horizon: float) -> int:
         """Return how many samples of the past are in use at most."""
@@ -70,13 +77,10 @@ class GrunwaldLetnikov(HistoryDesign):
 
     __doc__ = (__doc__ or "") + (HistoryDesign.__doc__ or "").partition("\n")[2]
 
-    def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> FloatArray:
-        """Return h^-alpha (-1)^j binom(alpha, j) for every lag."""
-        alpha = check_order(order)
-        step, horizon = check_grid(step, horizon)
-        lag = np.arange(1, self.lag_count(step, horizon)).reshape((-1,) + (1,) * alpha.ndim)
-        ratios = np.concatenate([np.ones((1, *alpha.shape)), 1.0 - (alpha + 1.0) / lag])
-        return np.cumprod(ratios, axis=0) * step**-alpha
+    def _weights(self, order: FloatArray, lag: FloatArray) -> FloatArray:
+        """Return (-1)^j binom(alpha, j)."""
+        ratios = np.concatenate([np.ones((1, *order.shape)), 1.0 - (order + 1.0) / lag])
+        return np.cumprod(ratios, axis=0)
 
 
 @described("l1")
@@ -86,18 +90,15 @@ class L1(HistoryDesign):
 
     __doc__ = (__doc__ or "") + (HistoryDesign.__doc__ or "").partition("\n")[2]
 
-    def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> FloatArray:
-        """Return the differences of h^-alpha/Gamma(2 - alpha) ((j + 1)^(1-alpha) - j^(1-alpha))."""
-        alpha = check_order(order)
-        step, horizon = check_grid(step, horizon)
-        lag = np.arange(1.0, self.lag_count(step, horizon)).reshape((-1,) + (1,) * alpha.ndim)
-        power = 1.0 - alpha
+    def _weights(self, order: FloatArray, lag: FloatArray) -> FloatArray:
+        """Return the differences of ((j + 1)^(1-alpha) - j^(1-alpha))/Gamma(2 - alpha)."""
+        power = 1.0 - order
         # The difference of two nearly equal powers, without subtracting them.
         tail = lag**power * np.expm1(power * np.log1p(1.0 / lag))
         # A short memory has no weight for older changes of f.
-        forgotten = np.zeros((0 if self.memory is None else 1, *alpha.shape))
-        weights = np.concatenate([np.ones((1, *alpha.shape)), tail, forgotten])
-        scale = step**-alpha * scipy.special.rgamma(2.0 - alpha)
+        forgotten = np.zeros((0 if self.memory is None else 1, *order.shape))
+        weights = np.concatenate([np.ones((1, *order.shape)), tail, forgotten])
+        scale = scipy.special.rgamma(2.0 - order)
         return np.asarray(np.diff(weights, axis=0, prepend=0.0) * scale)
 
 
@@ -114,10 +115,9 @@ class Past:
         self, design: HistoryDesign, order: FloatArray, step: float, initialisation: str
     ) -> None:
         self._design, self._step, self._initialisation = design, step, initialisation
-        # The sum (1) over f itself sees f jump from 0 to f(0) at t = 0; a rule else is blind to it.
-        kicked = initialisation == "grunwald_letnikov"
-        self._sees_jump = kicked and isinstance(design, GrunwaldLetnikov)
-        self._kick = step**-order * kicked
+        self._at_once = initialisation == "grunwald_letnikov"
+        # The sum (1) over f itself sees f jump from 0 to f(0) at t = 0; any other rule does not.
+        self._sees_jump = self._at_once and isinstance(design, GrunwaldLetnikov)
         self._begin(np.zeros(order.size))
         self.use(order)
 
@@ -129,8 +129,9 @@ class Past:
 
     def use(self, order: FloatArray) -> None:
         """Take new orders: the sum goes over the same past with new weights."""
-        self._order = order
-        rows = len(self._past)
+        self._order, rows = order, len(self._past)
+        # Of a jump from 0 to 1 at t = 0.
+        self._initial_output = self._step**-order * self._at_once
         weights = self._design.coefficients(order, step=self._step, horizon=rows * self._step)
         self._weights = weights[:rows]
 
@@ -140,7 +141,7 @@ class Past:
             return np.zeros_like(samples)
         later = (np.maximum(samples, 1.0) * self._step) ** -self._order
         later *= scipy.special.rgamma(1.0 - self._order)
-        return np.where(samples == 0.0, self._kick, later)
+        return np.where(samples == 0.0, self._initial_output, later)
 
     def sample(
         self,
@@ -180,7 +181,7 @@ class Past:
         y = scipy.signal.fftconvolve(f - before, weights, axes=0)[:samples]
         y += f[0] * self._jump(np.arange(float(samples))[:, None])
         # The first sample is known exactly; a transform would leave rounding there.
-        y[0] = f[0] * self._kick
+        y[0] = f[0] * self._initial_output
         return self._with_ends(f, rate, y)
 
     def _with_ends(self, f: FloatArray, rate: FloatArray, y: FloatArray) -> FloatArray:

@@ -290,6 +290,13 @@ def test_wrong_samples_are_named(design):
             differenced.update(two, two)
         bank.update(two, two)
         differenced.update(two)
+    for words, *record in (
+        (r"value: expected shape \(5, 2\), got shape \(5, 3\)", np.zeros((5, 3))),
+        (r"value: expected shape \(1, 2\), got shape \(0, 2\)", np.zeros((0, 2))),
+        (r"rate: expected shape \(5, 2\), got shape \(4, 2\)", np.zeros((5, 2)), np.zeros((4, 2))),
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            bank.recorded(*record)
     with pytest.raises(ArgumentError, match=r"hold: expected booleans of shape \(2,\).*\(3,\)"):
         bank.update(two, two, hold=np.zeros(3, dtype=bool))
     for words, order, ramp in (

@@ -12,7 +12,7 @@ from fpid_pin.descriptions import from_dict, to_dict
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional import L1, Bank, Crone, Design, ExponentialSum, GrunwaldLetnikov
 from fpid_pin.fractional.interop import continuous_modes
-from fpid_pin.fractional.response import frequency_response
+from fpid_pin.fractional.operator_report import frequency_response
 
 STEP = 1e-3
 DESIGNS = [

@@ -7,7 +7,7 @@ import pytest
 
 from fpid_pin.exceptions import DesignError
 from fpid_pin.fractional import Bank, ExponentialSum
-from fpid_pin.fractional.response import kernel_error
+from fpid_pin.fractional.operator_report import kernel_error
 
 STEP, HORIZON = 1e-3, 20.0
 GRID = {"step": STEP, "horizon": HORIZON}

@@ -5,7 +5,7 @@ from scipy.special import gamma
 from fpid_pin.cli.operators import operators_table
 from fpid_pin.exceptions import ArgumentError, DesignError, FileFormatError
 from fpid_pin.fractional import L1, Bank, Crone, ExponentialSum, GrunwaldLetnikov, report
-from fpid_pin.fractional.response import frequency_response, kernel_error, noise_gains
+from fpid_pin.fractional.operator_report import frequency_response, kernel_error, noise_gains
 
 STEP = 1e-3
 MODAL = [ExponentialSum(24), Crone(0.1, 1e3, 4)]
