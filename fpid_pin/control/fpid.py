@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.control.operators import Derivative, Integral, Operator
+from fpid_pin.control.operators import INITIALISATIONS, Derivative, Integral, Operator
 from fpid_pin.control.parameters import check_gains
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.descriptions import described
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
 REGRESSORS = ("law", "integer")
-INITIALISATIONS = ("caputo", "grunwald_letnikov")
 
 
 @described("adaptive_fpid")

@@ -1,4 +1,4 @@
-"""The default design: the kernel as a sum of decaying exponentials with fractiond poles.
+"""The default design: the kernel as a sum of decaying exponentials with shared poles.
 
 The starting point is the integral
 
@@ -7,10 +7,10 @@ The starting point is the integral
 by the trapezoidal rule in u = ln p (Beylkin and Monzón, Appl. Comput. Harmon. Anal. 19, 2005, and
 28, 2010), whose weights are positive and smooth in alpha. They remove superfluous poles by Prony's
 method, which would give each order poles of its own. Here the poles stay, and both ends of their
-range are corrected by least squares of the relative error on [step, horizon], in
-factors that multiply those weights and are held near one by a slight Tikhonov term: they too
-are smooth in alpha, so they are fitted at a few Chebyshev nodes and interpolated. One table
-serves every order, and an order may change at any sample.
+range are corrected by least squares of the relative error on [step, horizon], in factors that
+multiply those weights and are held near one by a slight Tikhonov term: they too are smooth in
+alpha, so they are fitted at a few Chebyshev nodes and interpolated. One table serves every order,
+and an order may change at any sample.
 
 The poles are spread evenly in ln p, wider at the slow end, and there is one at p = 0, without
 which small orders (whose kernel hardly decays) cannot be met. The spread was found by
