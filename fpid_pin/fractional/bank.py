@@ -204,9 +204,9 @@ class Bank:
         """
         samples = max(len(value), 1)
         for name, given in (("value", value), ("rate", value if rate is None else rate)):
-            if given.shape != (samples, *self.shape):
+            if np.shape(given) != (samples, *self.shape):
                 expected = f"shape {(samples, *self.shape)}"
-                raise ArgumentError(name, expected, f"shape {given.shape} (time first)")
+                raise ArgumentError(name, expected, f"shape {np.shape(given)} (time first)")
         f = np.ascontiguousarray(value, dtype=np.float64).reshape(samples, -1)
         if rate is None:
             jump = f[:1] * (self.initialisation == "grunwald_letnikov")
@@ -219,7 +219,7 @@ class Bank:
         else:
             out = np.empty_like(f)
             self._kernels.record(*self._fitted(), f, df, last, out, self.step)
-        return out.reshape(value.shape)
+        return out.reshape(samples, *self.shape)
 
     def _copy(self, name: str, given: ArrayLike, to: NDArray[np.generic]) -> None:
         try:
