@@ -9,6 +9,9 @@ from typing import Any
 from fpid_pin import checks
 from fpid_pin.kernels.records import GIVEN
 
+#: What a law may take its signals to have been before t = 0: see `fpid_pin.fractional.Bank`.
+INITIALISATIONS = ("caputo", "grunwald_letnikov")
+
 
 @dataclass(frozen=True)
 class Operator:

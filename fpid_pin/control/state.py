@@ -240,7 +240,7 @@ class State(OrdersByHand):
         return orders
 
     def use_modes(self, ops: Any, poles: Any, modes: Any) -> None:
-        """Take the operators' records: see `fractional.modes.Records`."""
+        """Take the operators' records: see `fractional.design.Records`."""
         table = np.zeros((3 + modes.shape[-1], 4))
         for i, (output, operator) in enumerate(self._operators):
             column = ops[:, i]

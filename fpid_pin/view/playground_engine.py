@@ -26,8 +26,7 @@ from fpid_pin.export.javascript import HELPERS, JavaScript
 from fpid_pin.export.kinds import INT, Array, words
 from fpid_pin.export.law import INPUTS, bundle, real, stand_ins
 from fpid_pin.export.printer import Program
-from fpid_pin.fractional.design import modes_of
-from fpid_pin.fractional.step_integrals import integrate_step
+from fpid_pin.fractional.design import integrate_step, modes_of
 from fpid_pin.kernels.records import Rows, Sensing
 from fpid_pin.kernels.rollout import rollout
 from fpid_pin.simulation.blocks import BLOCK_ROWS
@@ -248,13 +247,12 @@ class Engine:
         """Return poles, and what depends on the order at `POINTS` orders, for a step."""
         design = self._controllers[0].design
         modes = modes_of(design, self._points, step=h, horizon=self._horizon)
-        poles = np.stack(list(integrate_step(modes.poles.reshape(1, -1), h)), axis=-1)
         # Shared by several orders: those of the descriptions, to the last bit.
         orders = np.array([c.orders(self._experiment.arm.n) for c in self._controllers])
         known = np.unique([1.0 - orders[:, 0], orders[:, 1]])
         exact = modes_of(design, known, step=h, horizon=self._horizon)
         return {
-            "poles": encoded(poles.ravel()),
+            "poles": encoded(words(integrate_step(modes.poles, h))),
             "weights": encoded(modes.table().T.ravel()),
             "known": encoded(known),
             "exact": encoded(exact.table().T.ravel()),

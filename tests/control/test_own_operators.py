@@ -209,6 +209,8 @@ def test_orders_set_on_the_way_are_those_of_a_law_that_had_them_from_the_start(r
         ({"shown": {"x": "nope"}}, "shown.x: expected a number of the law, got nope"),
         ({"operators": {"d": Derivative(0.5)}, "design": fp.fractional.L1()},
          "design: expected one with modes, got L1"),
+        ({"operators": {"d": Derivative(0.5)}, "initialisation": "riemann_liouville"},
+         "initialisation: expected one of caputo, grunwald_letnikov, got"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_declared_is_one_line(declared, line):

@@ -50,7 +50,7 @@ def random_law(seed):
         learning_rate=rng.uniform(0.0, 20.0, (3, n)),
         k0=rng.uniform(0.1, 3.0), k1=rng.uniform(0.1, 5.0),
         regressors=str(rng.choice(["law", "integer"])), design=design,
-        initialisation=str(rng.choice(["caputo", "riemann_liouville", "grunwald_letnikov"])),
+        initialisation=str(rng.choice(["caputo", "grunwald_letnikov"])),
         scale=rng.uniform(0.5, 2.0, n), safeguards=guard,
         order_learning_rate=rng.uniform(0.0, 0.05, (2, n)) if moves else 0.0,
     )  # fmt: skip

@@ -40,7 +40,7 @@ LAWS = [
     fpid(feedforward=True, observer=60.0, initialisation="grunwald_letnikov"),
     fpid(supervisor=dataclasses.replace(GUARD, kind="paper", observer=0.0, trigger=0.0),
          safeguards=fp.Safeguards(minimum=1.0, maximum=80.0, sigma=0.05)),
-    fpid(order_learning_rate=0.02, initialisation="riemann_liouville", regressors="integer"),
+    fpid(order_learning_rate=0.02, initialisation="grunwald_letnikov", regressors="integer"),
 ]  # fmt: skip
 
 
