@@ -8,10 +8,10 @@ they meet reals, visibly.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
-from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Bundle, Kind, Number, Record
-from fpid_pin.export.language import ATOM, COMPARISON, SUM, Language, Parameter, Value, offset
+from fpid_pin.export.kinds import INT, REAL, Array, Bundle, Kind, Number, Record
+from fpid_pin.export.language import ATOM, Language, Value, field_kind, offset
 
 #: Functions that printed kernels may call. min and max are Python's, which let NaN through where it
 #: comes first and drop it where it comes second: fmin and fmax would always drop it, and a joint
@@ -54,24 +54,11 @@ _TAKEN = """
 
 
 class C99(Language):
-    """C99.
+    """C99."""
 
-    Parameters
-    ----------
-    prefix
-        Of the names of structs.
-    """
-
-    equal: Mapping[str, str] = {"==": "==", "!=": "!="}
+    functions = {"abs": "fabs", "int": "real_int", "ipow": "real_ipow"}  # noqa: RUF012
     reserved = frozenset(_RESERVED.split())
     taken = frozenset(_TAKEN.split()) | frozenset(HELPERS)
-
-    def __init__(self, prefix: str = "fpid_") -> None:
-        self.prefix = prefix
-
-    def truth(self, value: bool) -> str:
-        """See `Language`."""
-        return "1" if value else "0"
 
     def real(self, value: float) -> Value:
         """See `Language`."""
@@ -80,16 +67,11 @@ class C99(Language):
             text = "NAN" if math.isnan(value) else "INFINITY"
         text = f"(real_t){text}"
         # 0 and -0 are different numbers.
-        return Value(f"(-{text})" if math.copysign(1.0, value) < 0.0 else text, REAL, known=value)
+        negative = math.copysign(1.0, value) < 0.0
+        return Value(f"(-{text})" if negative else text, REAL, ATOM, value)
 
-    def convert(self, value: Value, kind: Number) -> Value:
+    def to_real(self, value: Value) -> Value:
         """See `Language`."""
-        if kind == BOOL:
-            zero = self.real(0.0).text if value.kind == REAL else "0"
-            return Value(f"{value.within(SUM)} != {zero}", BOOL, COMPARISON)
-        if kind == INT:
-            # A truth value is an int of 0 or 1.
-            return Value(value.text, INT, value.rank)
         return Value(f"(real_t){value.within(ATOM)}", REAL)
 
     def type_of(self, kind: Kind) -> str:
@@ -97,48 +79,50 @@ class C99(Language):
         if isinstance(kind, Array):
             return self.type_of(kind.element)
         if isinstance(kind, (Record, Bundle)):
-            return self.prefix + kind.name
+            return f"fpid_{kind.name}"
         return "real_t" if kind == REAL else "int"
 
-    def field(self, record: Value, name: str, place: int, kind: Number) -> Value:
+    def field(self, record: Value, name: str) -> Value:
         """See `Language`."""
-        name = self.name(name)
-        dot = f"{record.text[1:]}.{name}" if record.text.startswith("&") else ""
-        return Value(dot or f"{record.text}->{name}", kind, ATOM, record.roots)
+        text, kind, name = record.text, field_kind(record, name)[1], self.name(name)
+        return Value(f"{text[1:]}.{name}" if text.startswith("&") else f"{text}->{name}", kind)
 
     def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
         """See `Language`."""
         assert isinstance(array.kind, Array)
         base = f"({array.text})" if array.text.startswith("&") else array.text
         text = f"{base}[{offset(array.kind, index).text}]"
-        return Value(text if isinstance(kind, Number) else f"&{text}", kind, ATOM, array.roots)
+        return Value(text if isinstance(kind, Number) else f"&{text}", kind)
 
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
         """See `Language`."""
-        given = ", ".join(argument.text for argument in arguments)
-        if kind == BOOL:
-            return Value(f"{name}({given}) != 0", BOOL, COMPARISON)
         if name in ("min", "max", "mod", "floordiv"):
-            return Value(f"{'int' if kind == INT else 'real'}_{name}({given})", kind)
-        own = {"abs": "fabs", "int": "real_int", "ipow": "real_ipow"}
-        return Value(f"{own.get(name, name)}({given})", kind)
+            name = f"{'int' if kind == INT else 'real'}_{name}"
+        given = ", ".join(argument.text for argument in arguments)
+        return Value(f"{self.functions.get(name, name)}({given})", kind)
 
-    def declare(self, name: str, kind: Kind, fixed: bool) -> str:
+    def declare(self, name: str, kind: Kind) -> str:
         """See `Language`."""
         if isinstance(kind, Number):
             return f"{self.type_of(kind)} {name}"
-        return f"{'const ' * fixed}{self.type_of(kind)} *{name}"
+        constant = "const " if isinstance(kind, (Array, Record)) and kind.fixed else ""
+        return f"{constant}{self.type_of(kind)} *{name}"
 
-    def loop(self, name: str, start: str, stop: str) -> str:
+    def hoist(self, name: str, kind: Kind) -> str:
         """See `Language`."""
-        return f"for (int {name} = {start}; {name} < {stop}; ++{name}) {{"
+        return f"{self.declare(name, kind)} = {'0' if isinstance(kind, Number) else 'NULL'};"
 
-    def head(self, name: str, parameters: Sequence[Parameter], returns: Kind | None) -> list[str]:
+    def head(
+        self, name: str, parameters: Sequence[tuple[str, Kind]], returns: Kind | None
+    ) -> list[str]:
         """See `Language`."""
-        given = [self.declare(p.name, p.kind, not p.written) for p in parameters]
+        given = ", ".join(self.declare(*parameter) for parameter in parameters) or "void"
         result = "void" if returns is None else self.type_of(returns)
-        lines = [f"static {result} {name}({', '.join(given) or 'void'})", "{"]
-        return lines + [f"    (void){p.name};" for p in parameters if not p.used]
+        return [f"static {result} {name}({given})", "{"]
+
+    def unused(self, name: str) -> list[str]:
+        """See `Language`."""
+        return [f"    (void){name};"]
 
     def structs(self, records: Iterable[Record]) -> str:
         """Return the types of records."""

@@ -6,8 +6,8 @@ from exported import HORIZON, OTHERS, guarded_panda, random_law, simulated
 
 import fpid_pin as fp
 from fpid_pin.export import javascript, vectors
-from fpid_pin.export.kinds import INT, words
-from fpid_pin.export.law import bundle, real, stand_ins, start
+from fpid_pin.export.kinds import INT, bundle, real, words
+from fpid_pin.export.law import stand_ins, start
 from fpid_pin.export.printer import Program
 from fpid_pin.kernels import tick
 
@@ -35,7 +35,8 @@ def script(state):
             memory.append(words(state.joints if name == "joints" else values))
             at += memory[-1].size
     texts = {name: str(place) for name, place in places.items()}
-    arrays = bundle("controller", state.c, texts, record=state.record)
+    values = {**state.c._asdict(), "joints": state.joints}
+    arrays = bundle("controller", values, texts)
     program = Program(javascript.JavaScript(), stand_ins(state.controller))
     kinds = [arrays, real(5, state.n), real(state.n), INT]
     name = program.add(tick.tick_parts, kinds).name
