@@ -8,10 +8,11 @@ they meet reals, visibly.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import ClassVar
 
 from fpid_pin.export.kinds import INT, REAL, Array, Bundle, Kind, Number, Record
-from fpid_pin.export.language import ATOM, Language, Value, field_kind, offset
+from fpid_pin.export.language import ATOM, UNARY, Value, field_kind, offset
 
 #: Functions that printed kernels may call. min and max are Python's, which let NaN through where it
 #: comes first and drop it where it comes second: fmin and fmax would always drop it, and a joint
@@ -53,15 +54,31 @@ _TAKEN = """
 """
 
 
-class C99(Language):
-    """C99."""
+class C99:
+    """What depends on the language: numbers, memory, declarations, functions.
 
-    functions = {"abs": "fabs", "int": "real_int", "ipow": "real_ipow"}  # noqa: RUF012
-    reserved = frozenset(_RESERVED.split())
-    taken = frozenset(_TAKEN.split()) | frozenset(HELPERS)
+    JavaScript is a subclass: blocks, loops and conditional expressions it writes alike.
+
+    Attributes
+    ----------
+    functions
+        Names of functions that are called otherwise than in Python.
+    reserved, taken
+        Names that no variable may have; and that no function may have, either.
+    """
+
+    functions: ClassVar[Mapping[str, str]] = {"abs": "fabs", "int": "real_int", "ipow": "real_ipow"}
+    reserved: ClassVar = frozenset(_RESERVED.split())
+    taken: ClassVar = frozenset(_TAKEN.split()) | frozenset(HELPERS)
+
+    def number(self, value: bool | float) -> Value:
+        """Return a constant."""
+        if isinstance(value, float):
+            return self.real(value)
+        return Value(str(int(value)), INT, ATOM if value >= 0 else UNARY, value)
 
     def real(self, value: float) -> Value:
-        """See `Language`."""
+        """Return a real constant, to the last bit."""
         text = repr(abs(value))
         if not math.isfinite(value):
             text = "NAN" if math.isnan(value) else "INFINITY"
@@ -71,8 +88,18 @@ class C99(Language):
         return Value(f"(-{text})" if negative else text, REAL, ATOM, value)
 
     def to_real(self, value: Value) -> Value:
-        """See `Language`."""
+        """Return an integer as a real number."""
         return Value(f"(real_t){value.within(ATOM)}", REAL)
+
+    def coerce(self, value: Value, kind: Number) -> Value:
+        """Return a number as one of another kind: an integer as a real one."""
+        if kind == REAL and value.kind == INT:
+            return self.to_real(value) if value.known is None else self.real(float(value.known))
+        return value
+
+    def name(self, name: str) -> str:
+        """Return how a variable or a field is called, where the language has taken its name."""
+        return f"{name}_v" if name in self.reserved else name
 
     def type_of(self, kind: Kind) -> str:
         """Return the name of a type, a pointer's without its star."""
@@ -83,45 +110,48 @@ class C99(Language):
         return "real_t" if kind == REAL else "int"
 
     def field(self, record: Value, name: str) -> Value:
-        """See `Language`."""
+        """Return a field of a record."""
         text, kind, name = record.text, field_kind(record, name)[1], self.name(name)
         return Value(f"{text[1:]}.{name}" if text.startswith("&") else f"{text}->{name}", kind)
 
-    def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
-        """See `Language`."""
-        assert isinstance(array.kind, Array)
+    def element(self, array: Value, index: Sequence[Value], part: Array | None = None) -> Value:
+        """Return an element of an array, or a row of it, or a `part` that begins there."""
+        kind = array.kind
+        assert isinstance(kind, Array)
+        rest = kind.shape[len(index) :]
+        row = Array(kind.element, rest, fixed=kind.fixed) if rest else kind.element
+        return self.at(array, kind, index, part or row)
+
+    def at(self, array: Value, kind: Array, index: Sequence[Value], found: Kind) -> Value:
+        """Return what begins at an element of an array: the number there, or its address."""
         base = f"({array.text})" if array.text.startswith("&") else array.text
-        text = f"{base}[{offset(array.kind, index).text}]"
-        return Value(text if isinstance(kind, Number) else f"&{text}", kind)
+        text = f"{base}[{offset(kind, index).text}]"
+        return Value(text if isinstance(found, Number) else f"&{text}", found)
 
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
-        """See `Language`."""
+        """Call `min`, `max`, `abs`, `int`, `mod`, `floordiv`, `ipow` or a function of `math`."""
         if name in ("min", "max", "mod", "floordiv"):
             name = f"{'int' if kind == INT else 'real'}_{name}"
         given = ", ".join(argument.text for argument in arguments)
         return Value(f"{self.functions.get(name, name)}({given})", kind)
 
     def declare(self, name: str, kind: Kind) -> str:
-        """See `Language`."""
+        """Return a declaration up to the name."""
         if isinstance(kind, Number):
             return f"{self.type_of(kind)} {name}"
         constant = "const " if isinstance(kind, (Array, Record)) and kind.fixed else ""
         return f"{constant}{self.type_of(kind)} *{name}"
 
-    def hoist(self, name: str, kind: Kind) -> str:
-        """See `Language`."""
-        return f"{self.declare(name, kind)} = {'0' if isinstance(kind, Number) else 'NULL'};"
-
     def head(
         self, name: str, parameters: Sequence[tuple[str, Kind]], returns: Kind | None
     ) -> list[str]:
-        """See `Language`."""
+        """Return the lines that open a function."""
         given = ", ".join(self.declare(*parameter) for parameter in parameters) or "void"
         result = "void" if returns is None else self.type_of(returns)
         return [f"static {result} {name}({given})", "{"]
 
     def unused(self, name: str) -> list[str]:
-        """See `Language`."""
+        """Return what a function says of a number that it is given and does not look at."""
         return [f"    (void){name};"]
 
     def structs(self, records: Iterable[Record]) -> str:

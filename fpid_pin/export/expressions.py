@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from types import FunctionType
 from typing import TYPE_CHECKING
 
+from fpid_pin.export.c99 import C99
 from fpid_pin.export.kinds import INT, REAL, Array, Bundle, Kind, Number, Record
 from fpid_pin.export.language import (
     AND,
@@ -18,7 +19,6 @@ from fpid_pin.export.language import (
     PRODUCT,
     SUM,
     UNARY,
-    Language,
     Value,
 )  # fmt: skip
 from fpid_pin.export.source import Source
@@ -53,7 +53,7 @@ class Expressions:
         Values of variables that are constants.
     """
 
-    def __init__(self, source: Source, language: Language, program: Program) -> None:
+    def __init__(self, source: Source, language: C99, program: Program) -> None:
         self.source, self.language, self._program = source, language, program
         self.kinds: dict[str, Kind] = {}
         self.fixed: dict[str, Value] = {}

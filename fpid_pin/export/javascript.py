@@ -7,10 +7,12 @@ operation everywhere. `kinds.words` gives what belongs into the memory.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
+from fpid_pin.export.c99 import C99
 from fpid_pin.export.kinds import REAL, Array, Kind, Number, Record
-from fpid_pin.export.language import ATOM, SUM, UNARY, Language, Value, field_kind, offset
+from fpid_pin.export.language import ATOM, SUM, UNARY, Value, field_kind, offset
 
 #: Functions that the printed kernels call. min and max are Python's: Math.min and Math.max would
 #: make NaN of either argument's.
@@ -40,54 +42,54 @@ _RESERVED = """
 """
 
 
-class JavaScript(Language):
+class JavaScript(C99):
     """ECMAScript 2015."""
 
-    functions = {name: name for name in _OWN} | {
+    functions: ClassVar[Mapping[str, str]] = {
         "fabs": "Math.abs", "isfinite": "Number.isFinite", "isnan": "Number.isNaN",
+        **{name: name for name in _OWN},
     }  # fmt: skip
-    reserved = frozenset(_RESERVED.split()).union(_OWN)
+    reserved: ClassVar = frozenset(_RESERVED.split()).union(_OWN)
+    taken: ClassVar = frozenset()
 
     def real(self, value: float) -> Value:
-        """See `Language`."""
+        """Return a real constant, to the last bit."""
         text = repr(value).replace("inf", "Infinity").replace("nan", "NaN")
         return Value(text, REAL, UNARY if text.startswith("-") else ATOM, value)
 
     def to_real(self, value: Value) -> Value:
-        """See `Language`."""
+        """Return an integer as a real number, which it is."""
         return value._replace(kind=REAL)
 
     def field(self, record: Value, name: str) -> Value:
-        """See `Language`."""
+        """Return a field of a record: the number so many places further."""
         place, kind = field_kind(record, name)
         return Value(f"M[{record.within(SUM)} + {place} /* {name} */]", kind)
 
-    def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
-        """See `Language`."""
-        assert isinstance(array.kind, Array)
-        element = array.kind.element
-        stride = len(element.fields) if isinstance(element, Record) else 1
-        before = offset(array.kind, index, stride)
-        place = array._replace(kind=kind)
+    def at(self, array: Value, kind: Array, index: Sequence[Value], found: Kind) -> Value:
+        """Return what begins at an element of an array: the number there, or its place."""
+        stride = len(kind.element.fields) if isinstance(kind.element, Record) else 1
+        before = offset(kind, index, stride)
+        place = array._replace(kind=found)
         if before.text != "0":
-            place = Value(f"{array.within(SUM)} + {before.within(SUM)}", kind, SUM)
-        return Value(f"M[{place.text}]", kind) if isinstance(kind, Number) else place
+            place = Value(f"{array.within(SUM)} + {before.within(SUM)}", found, SUM)
+        return Value(f"M[{place.text}]", found) if isinstance(found, Number) else place
 
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
-        """See `Language`."""
+        """Call a function, of `Math` as a rule."""
         given = ", ".join(argument.text for argument in arguments)
         return Value(f"{self.functions.get(name, f'Math.{name}')}({given})", kind)
 
     def declare(self, name: str, kind: Kind) -> str:
-        """See `Language`."""
+        """Return a declaration up to the name."""
         return f"let {name}"
-
-    def hoist(self, name: str, kind: Kind) -> str:
-        """See `Language`."""
-        return f"let {name} = 0;"
 
     def head(
         self, name: str, parameters: Sequence[tuple[str, Kind]], returns: Kind | None
     ) -> list[str]:
-        """See `Language`."""
+        """Return the line that opens a function."""
         return [f"function {name}({', '.join(name for name, _ in parameters)}) {{"]
+
+    def unused(self, name: str) -> list[str]:
+        """Return nothing: nobody minds."""
+        return []

@@ -1,16 +1,11 @@
-"""What the languages that kernels are printed in differ in.
-
-Operators, their precedence, blocks, loops and conditional expressions are written alike in C and
-JavaScript. What is not is here: numbers, memory, declarations, functions.
-"""
+"""Expressions of C and JavaScript, which write operators and their precedence alike."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from fpid_pin.export.kinds import INT, REAL, Array, Kind, Number, Record
+from fpid_pin.export.kinds import INT, Array, Kind, Number, Record
 
 #: How tightly an expression holds together; a looser one goes into parentheses.
 CHOICE, OR, AND, COMPARISON, SUM, PRODUCT, UNARY, ATOM = range(8)
@@ -59,86 +54,6 @@ def offset(array: Array, index: Sequence[Value], stride: int = 1) -> Value:
     if sure or not terms:
         terms.append(str(sure))
     return Value(" + ".join(terms), INT, SUM if len(terms) > 1 else rank)
-
-
-class Language(ABC):
-    """A language of the C family.
-
-    Attributes
-    ----------
-    functions
-        Names of functions that are called otherwise than in Python.
-    reserved
-        Names that no variable may have.
-    taken
-        Names that no function may have, either.
-    """
-
-    functions: Mapping[str, str]
-    reserved: frozenset[str]
-    taken: frozenset[str] = frozenset()
-
-    def number(self, value: bool | float) -> Value:
-        """Return a constant."""
-        if isinstance(value, float):
-            return self.real(value)
-        return Value(str(int(value)), INT, ATOM if value >= 0 else UNARY, value)
-
-    def coerce(self, value: Value, kind: Number) -> Value:
-        """Return a number as one of another kind: an integer as a real one."""
-        if kind == REAL and value.kind == INT:
-            return self.to_real(value) if value.known is None else self.real(float(value.known))
-        return value
-
-    def name(self, name: str) -> str:
-        """Return how a variable or a field is called, where the language has taken its name."""
-        return f"{name}_v" if name in self.reserved else name
-
-    def element(self, array: Value, index: Sequence[Value], part: Array | None = None) -> Value:
-        """Return an element of an array, or a row of it, or a `part` that begins there."""
-        kind = array.kind
-        assert isinstance(kind, Array)
-        rest = kind.shape[len(index) :]
-        row = Array(kind.element, rest, fixed=kind.fixed) if rest else kind.element
-        return self.at(array, index, part or row)
-
-    @abstractmethod
-    def real(self, value: float) -> Value:
-        """Return a real constant, to the last bit."""
-
-    @abstractmethod
-    def to_real(self, value: Value) -> Value:
-        """Return an integer as a real number."""
-
-    @abstractmethod
-    def field(self, record: Value, name: str) -> Value:
-        """Return a field of a record."""
-
-    @abstractmethod
-    def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
-        """Return what begins at an element of an array: the number there, or its address."""
-
-    @abstractmethod
-    def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
-        """Call `min`, `max`, `abs`, `int`, `mod`, `floordiv`, `ipow` or a function of `math`."""
-
-    @abstractmethod
-    def declare(self, name: str, kind: Kind) -> str:
-        """Return a declaration up to the name."""
-
-    @abstractmethod
-    def hoist(self, name: str, kind: Kind) -> str:
-        """Return a declaration at the top of a function."""
-
-    @abstractmethod
-    def head(
-        self, name: str, parameters: Sequence[tuple[str, Kind]], returns: Kind | None
-    ) -> list[str]:
-        """Return the lines that open a function."""
-
-    def unused(self, name: str) -> list[str]:
-        """Return what a function says of a number that it is given and does not look at."""
-        return []
 
 
 def field_kind(record: Value, name: str) -> tuple[int, Number]:

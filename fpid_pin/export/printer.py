@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from fpid_pin.export.c99 import C99
 from fpid_pin.export.kinds import Kind, Number
-from fpid_pin.export.language import Language
 from fpid_pin.export.source import Source
 from fpid_pin.export.statements import Statements
 
@@ -48,7 +48,7 @@ class Program:
         their place, and with what. May be changed from one `add` to the next.
     """
 
-    def __init__(self, language: Language, stand_ins: Mapping[Any, StandIn] | None = None) -> None:
+    def __init__(self, language: C99, stand_ins: Mapping[Any, StandIn] | None = None) -> None:
         self.language = language
         self.stand_ins = stand_ins or {}
         self._printed: dict[tuple[Any, ...], Printed] = {}

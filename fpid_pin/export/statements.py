@@ -7,9 +7,10 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from fpid_pin.export.c99 import C99
 from fpid_pin.export.expressions import Expressions
 from fpid_pin.export.kinds import INT, REAL, Kind, Number
-from fpid_pin.export.language import SUM, Language, Value
+from fpid_pin.export.language import SUM, Value
 from fpid_pin.export.source import Source
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ class Statements:
     """
 
     def __init__(
-        self, source: Source, language: Language, program: Program, kinds: Sequence[Kind]
+        self, source: Source, language: C99, program: Program, kinds: Sequence[Kind]
     ) -> None:
         self._source, self._language = source, language
         self._x = Expressions(source, language, program)
@@ -59,7 +60,10 @@ class Statements:
         self._depth, self._temporaries = 1, 0
         for name in self._source.hoisted:
             if name in self._x.kinds:
-                self._line(self._language.hoist(self._language.name(name), self._x.kinds[name]))
+                kind = self._x.kinds[name]
+                declared = self._language.declare(self._language.name(name), kind)
+                # The address 0 as well as the number.
+                self._line(f"{declared} = 0;")
         self._all(self._source.body)
 
     def _line(self, text: str) -> None:

@@ -181,12 +181,13 @@ def law_groups(e: Experiment, law: Law) -> list[dict[str, Any]]:
         orders = {x.order for x in law.state.controller.operators.values()}
         fields = []
         for key, value in law.settings.items():
+            label = key.replace("_", " ")
             if key in orders:
-                fields.append(control(key, key, 0, 1, step=0.001, note="order of an operator"))
+                fields.append(control(key, label, 0, 1, step=0.001, note="order of an operator"))
             elif np.min(value) > 0.0:
-                fields.append(control(key, key, 0, 0, "", "gain", "factor"))
+                fields.append(control(key, label, 0, 0, "", "gain", "factor"))
             else:
-                fields.append(control(key, key, 0, 100, "", "log0", least=1e-3))
+                fields.append(control(key, label, 0, 100, "", "log0", least=1e-3))
         own = [{"name": "Parameters", "controls": fields}] if fields else []
         return [*own, {"name": "Supervisor", "controls": watch}]
 

@@ -355,7 +355,7 @@ def test_on_a_phone_all_is_in_reach_and_nothing_sticks_out(browser, page_file):
         wide = "document.documentElement.scrollWidth <= 400"
         assert opened.page.evaluate(wide)
         for view in ("torque", "signal", "arm", "table", "error"):
-            opened.page.tap(f"[role=tab][data-view={view}]")
+            opened.page.tap(f"label:has(#view-{view})")
             assert opened.page.is_visible(f"#{view}")
             assert opened.page.evaluate(wide)
         slider = opened.page.locator("#kp")

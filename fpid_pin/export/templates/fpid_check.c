@@ -9,7 +9,7 @@
 
 #include "fpid.h"
 
-static fpid_state state;
+static fpid_state state, saved;
 
 int main(int argc, char **argv)
 {
@@ -44,7 +44,15 @@ int main(int argc, char **argv)
             input.v_ref[j] = (real_t)row[3 * FPID_JOINTS + j];
             input.a_ref[j] = (real_t)row[4 * FPID_JOINTS + j];
         }
-        status = fpid_step(&state, &input, &output);
+        if (k == sizes[1] / 2) {
+            /* A restart half way: nothing of it may be seen. */
+            saved = state;
+            memset(&state, 0, sizeof state);
+            status = fpid_restore(&state, &saved);
+        }
+        if (status == FPID_OK) {
+            status = fpid_step(&state, &input, &output);
+        }
         for (int j = 0; j < FPID_JOINTS; ++j) {
             const double want = row[5 * FPID_JOINTS + j];
             const double got = (double)output.torque[j];

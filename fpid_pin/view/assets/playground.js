@@ -213,12 +213,6 @@ const commands = {
       element("copied").textContent = document.execCommand("copy") ? "Copied." : "Select and copy it.";
     }
   },
-  save() {
-    const blob = new Blob([element("given").value], {type: "application/toml"});
-    const a = make("a", {href: URL.createObjectURL(blob), download: "playground.toml"});
-    a.click();
-    URL.revokeObjectURL(a.href);
-  },
 };
 for (const [name, command] of Object.entries(commands)) {
   element(name).addEventListener("click", () => command());
@@ -229,6 +223,7 @@ function give(text, what) {
   element("given").value = text;
   element("giving-head").textContent = what;
   element("save").hidden = what !== "TOML";
+  element("save").href = `data:application/toml;charset=utf-8,${encodeURIComponent(text)}`;
   element("copied").textContent = "";
   element("giving").showModal();
   element("given").setSelectionRange(0, 0);
@@ -305,27 +300,6 @@ seek.addEventListener("input", () => {
 stage.toggled = (on) => {
   element("play").textContent = on ? "Pause" : "Play";
 };
-
-// On a narrow screen one view at a time, above the sliders.
-const tabs = [...document.querySelectorAll("[role=tab]")];
-function show(tab) {
-  tabs.forEach((one) => {
-    one.setAttribute("aria-selected", String(one === tab));
-    one.tabIndex = one === tab ? 0 : -1;
-  });
-  document.body.dataset.view = tab.dataset.view;
-}
-tabs.forEach((tab, k) => {
-  tab.addEventListener("click", () => show(tab));
-  tab.addEventListener("keydown", ({key: name}) => {
-    const next = {ArrowRight: k + 1, ArrowLeft: k - 1}[name];
-    if (next === undefined) return;
-    const to = tabs[(next + tabs.length) % tabs.length];
-    show(to);
-    to.focus();
-  });
-});
-show(tabs[0]);
 
 function open() {
   const {now, pinned, faults} = fromLink(location.hash.slice(1));
