@@ -35,7 +35,7 @@ def make(config: Config, html: Path, name: str | None = None) -> tuple[Playgroun
     FpidError
         It can hold none of them.
     """
-    from fpid_pin.view.playground_engine import Law
+    from fpid_pin.view.playground_law import Law
 
     kept: list[Law] = []
     left: list[str] = []

@@ -24,7 +24,8 @@ from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
 from fpid_pin.view.document import as_text, asset, closed, document
 from fpid_pin.view.page import licences, meshcat_file
-from fpid_pin.view.playground_engine import Engine, Law, supervisor_of
+from fpid_pin.view.playground_engine import Engine
+from fpid_pin.view.playground_law import Law, supervisor_of
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.scene import still_scene, to_script_json
 

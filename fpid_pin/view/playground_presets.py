@@ -10,7 +10,7 @@ import numpy as np
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS, of_paper
-from fpid_pin.view.playground_engine import Law, supervisor_of
+from fpid_pin.view.playground_law import Law, supervisor_of
 
 
 def presets(

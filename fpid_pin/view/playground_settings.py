@@ -18,7 +18,8 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import plant_of
-from fpid_pin.view.playground_engine import MOST_DELAY, Law, encoded, supervisor_of
+from fpid_pin.view.playground_engine import MOST_DELAY, encoded
+from fpid_pin.view.playground_law import Law, supervisor_of
 
 #: Steps that a page offers [s].
 STEPS = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2)

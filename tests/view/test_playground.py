@@ -14,7 +14,7 @@ import fpid_pin as fp
 from fpid_pin.cli.config import load, parse
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError, DesignError, ExportError
-from fpid_pin.view.playground_engine import Law
+from fpid_pin.view.playground_law import Law
 from fpid_pin.view.playground_page import playground_html
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.playground_settings import start_settings, steps_of
