@@ -11,7 +11,7 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ExportError, FileFormatError
-from fpid_pin.export import c_extras, vectors
+from fpid_pin.export import vectors
 from fpid_pin.export.c_source import CSource
 from fpid_pin.export.law import start
 from fpid_pin.export.readme import readme
@@ -117,16 +117,7 @@ def export_c(
 
 def write_sources(source: CSource, folder: Path) -> None:
     """Write all that is compiled, and how, into a folder that exists."""
-    tolerance = "0.0" if source.exact else "1e-12"
-    texts = {
-        "fpid.h": source.header,
-        "fpid.c": source.source,
-        "fpid_parameters.c": source.parameters,
-        "example.c": c_extras.EXAMPLE,
-        "fpid_check.c": c_extras.CHECK.format(tolerance=tolerance),
-        "CMakeLists.txt": c_extras.CMAKE,
-    }
-    for name, text in texts.items():
+    for name, text in source.files.items():
         (folder / name).write_text(text, encoding="utf-8")
 
 
