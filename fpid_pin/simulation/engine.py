@@ -17,6 +17,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.start import start_all
 from fpid_pin.control.state import State
+from fpid_pin.costs import SETTLING_BAND, Rows
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import plant as plant_kernels
 from fpid_pin.kernels import records
@@ -24,10 +25,10 @@ from fpid_pin.kernels.metrics import measure_joints
 from fpid_pin.kernels.records import FRAME, MEASURE, PLANT
 from fpid_pin.kernels.rollout import keep_signals, load_reference, rollout
 from fpid_pin.kernels.sensors import measure
-from fpid_pin.simulation.blocks import BLOCK_ROWS, Block, Outcome
-from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.blocks import BLOCK_ROWS, Outcome
+from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.simulation.pinocchio_dynamics import PinocchioDynamics
-from fpid_pin.simulation.plant import ResolvedPlant, plant_of, refuse_stiff
+from fpid_pin.simulation.plant import ResolvedPlant, refuse_stiff
 from fpid_pin.simulation.sensors import SensorState
 
 #: Fractional operators are fitted to the first of these that a run fits in [s]: runs of different
@@ -84,8 +85,6 @@ class Robot:
         Names of the controller's signals that blocks hold.
     limit
         Of the torque [N m], (n,), to measure figures of merit against; None: they are not wanted.
-    band
-        Within which the error counts as settled [rad].
 
     Attributes
     ----------
@@ -107,7 +106,6 @@ class Robot:
         dynamics: str,
         keep: Sequence[str] = (),
         limit: FloatArray | None = None,
-        band: float = 0.01,
     ) -> None:
         n, h = experiment.arm.n, experiment.step
         self.experiment, self.state = experiment, state
@@ -138,7 +136,8 @@ class Robot:
         self._columns = state.columns(self._keep)
         self.sums = np.zeros(n if limit is not None else 0, MEASURE)
         if limit is not None:
-            self.sums["limit"], self.sums["band"] = limit, band
+            self.sums["limit"], self.sums["band"] = limit, SETTLING_BAND
+        self._limit = experiment.torque_limit if limit is None else limit
         self._pinocchio = PinocchioDynamics(plant, experiment) if dynamics == "pinocchio" else None
         self._push_ends = np.zeros(n, dtype=np.int64)
 
@@ -149,8 +148,10 @@ class Robot:
 
     def advance(
         self, samples: Samples, buffer: tuple[FloatArray, FloatArray], count: int, start: int = 0
-    ) -> Block:
+    ) -> Rows:
         """Make ticks, `count` of them at most, and return their rows: views of `buffer`.
+
+        The last row of a completed run has a torque that is not applied.
 
         Parameters
         ----------
@@ -190,7 +191,11 @@ class Robot:
         if "lyapunov" in signals:
             signals["lyapunov"] = signals["lyapunov"][:, 0]
         signals |= {name: np.array(values[: len(q)]) for name, values in own.items()}
-        return Block(first, q_ref, v_ref, q, v, torque, signals)
+        e = self.experiment
+        t = e.step * np.arange(first, first + len(q), dtype=np.float64)
+        return Rows(
+            first, e.step, t, q, v, q_ref, v_ref, torque, signals, self._limit, e.arm
+        )  # fmt: skip
 
     def _tick_by_tick(
         self, rows: Any, sensing: Any, count: int, start: int, last: int, own: Any
