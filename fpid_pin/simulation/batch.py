@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,9 +17,6 @@ from fpid_pin.simulation.engine import Robot, Samples, horizon_of
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.metrics import RowCosts, metrics_from
 from fpid_pin.simulation.run import Run, describe_run
-
-#: Robots that are started together: their operators are fitted at once.
-MOST_RUNS = 240
 
 
 def start_robots(
@@ -99,44 +96,24 @@ def advance_all(
     return ends
 
 
-def _chunks(
-    experiments: Sequence[Experiment],
-    controllers: Sequence[Controller],
-    progress: ProgressCallback | None,
-) -> Iterator[tuple[int, Sequence[Experiment], Sequence[Controller], ProgressCallback | None]]:
-    """Yield so many runs at a time: the first one's number, the runs, and progress within all."""
-    runs = len(experiments)
-    for start in range(0, runs, MOST_RUNS):
-        es, cs = experiments[start : start + MOST_RUNS], controllers[start : start + MOST_RUNS]
-
-        def inner(of_chunk: Progress, start: int = start, size: int = len(es)) -> None:
-            if progress is not None:
-                progress(Progress((start + of_chunk.part * size) / runs))
-
-        yield start, es, cs, inner
-
-
 def record_runs(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
     progress: ProgressCallback | None,
 ) -> list[Run]:
     """Simulate runs and record everything: see `entry.simulate`."""
-    runs: list[Run] = []
-    for _, es, cs, inner in _chunks(experiments, controllers, progress):
-        robots = start_robots(es, cs, dynamics="pinocchio", keep=None)
-        records: list[dict[str, FloatArray]] = [{} for _ in robots]
+    robots = start_robots(experiments, controllers, dynamics="pinocchio", keep=None)
+    records: list[dict[str, FloatArray]] = [{} for _ in robots]
 
-        def take(i: int, rows: Rows, es: Any = es, records: Any = records) -> None:
-            arrays = {name: getattr(rows, name) for name in MOTION} | dict(rows.signals)
-            for name, values in arrays.items():
-                if name not in records[i]:
-                    records[i][name] = np.zeros((es[i].rows, *values.shape[1:]))
-                records[i][name][rows.first : rows.first + len(values)] = values
+    def take(i: int, rows: Rows) -> None:
+        arrays = {name: getattr(rows, name) for name in MOTION} | dict(rows.signals)
+        for name, values in arrays.items():
+            if name not in records[i]:
+                records[i][name] = np.zeros((experiments[i].rows, *values.shape[1:]))
+            records[i][name][rows.first : rows.first + len(values)] = values
 
-        outcomes = advance_all(robots, take, inner)
-        runs += map(_run, es, cs, records, outcomes)
-    return runs
+    outcomes = advance_all(robots, take, progress)
+    return list(map(_run, experiments, controllers, records, outcomes))
 
 
 def _run(
@@ -161,24 +138,23 @@ def costs_of(
     progress: ProgressCallback | None,
 ) -> FloatArray:
     """Return the costs of some runs, (runs, costs): one chunk of work, wherever it is done."""
-    table = np.full((len(experiments), len(costs)), np.inf)
     streams = [cost.streamed() for cost in costs]
     streamed = [stream for stream in streams if stream is not None]
     wanted = sorted({name for stream in streamed for name in stream.signals})
-    for start, es, cs, inner in _chunks(experiments, controllers, progress):
-        robots = start_robots(es, cs, dynamics="compiled", keep=wanted, measures=True)
-        sinks = [RowCosts(streamed, e.rows - 1) for e in es]
+    robots = start_robots(experiments, controllers, dynamics="compiled", keep=wanted, measures=True)
+    sinks = [RowCosts(streamed, e.rows - 1) for e in experiments]
 
-        def take(i: int, rows: Rows, sinks: Any = sinks) -> None:
-            sinks[i].take(rows)
+    def take(i: int, rows: Rows) -> None:
+        sinks[i].take(rows)
 
-        for i, outcome in enumerate(advance_all(robots, take if streamed else None, inner)):
-            if not outcome.completed:
-                continue
-            others = iter(sinks[i].results())
-            found = metrics_from(robots[i].sums, es[i].rows - 1, es[i].step)
-            table[start + i] = [
-                cost.of(found) if stream is None else next(others)
-                for cost, stream in zip(costs, streams, strict=True)
-            ]
+    table = np.full((len(experiments), len(costs)), np.inf)
+    for i, outcome in enumerate(advance_all(robots, take if streamed else None, progress)):
+        if not outcome.completed:
+            continue
+        e, others = experiments[i], iter(sinks[i].results())
+        found = metrics_from(robots[i].sums, e.rows - 1, e.step)
+        table[i] = [
+            cost.of(found) if stream is None else next(others)
+            for cost, stream in zip(costs, streams, strict=True)
+        ]
     return table

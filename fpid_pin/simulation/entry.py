@@ -26,7 +26,7 @@ from fpid_pin.simulation.workers import WorkerPool, check_workers
 #: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
 _NUMBERS = 11
 
-#: Runs of a part that is dealt out to an executor.
+#: Runs that are started together, and of a part that is dealt out to an executor.
 PART = 64
 
 
@@ -171,16 +171,32 @@ def evaluate(
     costs: list[Cost] = (
         [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
     )
-    # Imported late: it loads numba.
-    from fpid_pin.simulation.batch import costs_of
-
     with executor_of(executor, workers, es, cs) as pool:
         if pool is None:
-            table = costs_of(es, cs, costs, progress)
+            table = _one_by_one(es, cs, costs, progress)
         else:
             warm(es, cs)
             table = _dealt_out(es, cs, costs, pool, shards, progress)
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
+
+
+def _one_by_one(
+    es: list[Experiment], cs: list[Controller], costs: list[Cost], progress: ProgressCallback | None
+) -> FloatArray:
+    """Return the costs of runs, (runs, costs), simulated in this process part by part."""
+    # Imported late: it loads numba.
+    from fpid_pin.simulation.batch import costs_of
+
+    pieces = []
+    for start in range(0, len(es), PART):
+        part = slice(start, start + PART)
+
+        def told(inner: Progress, start: int = start, size: int = len(es[part])) -> None:
+            if progress is not None:
+                progress(Progress((start + inner.part * size) / len(es)))
+
+        pieces.append(costs_of(es[part], cs[part], costs, told))
+    return np.concatenate(pieces)
 
 
 def _dealt_out(

@@ -41,7 +41,7 @@ def metrics_from(sums: Any, planned: int, step: float) -> Metrics:
             peak_error=sums["worst"].copy(),
             settling_time=np.where(stayed, h * sums["settled"], np.inf),
             overshoot=np.where(np.abs(sums["start"]) > sums["band"], sums["beyond"], 0.0),
-            saturated=np.where(np.isnan(sums["limit"]), np.nan, sums["at_limit"] / sums["rows"]),
+            saturated=sums["at_limit"] / sums["rows"],
             torque_rate=np.sqrt(sums["jumps"] / (sums["rows"] - 1)) / h,
         )
 
