@@ -191,11 +191,11 @@ def _one_by_one(
     for start in range(0, len(es), PART):
         part = slice(start, start + PART)
 
-        def told(inner: Progress, start: int = start, size: int = len(es[part])) -> None:
+        def overall(inner: Progress, start: int = start, size: int = len(es[part])) -> None:
             if progress is not None:
                 progress(Progress((start + inner.part * size) / len(es)))
 
-        pieces.append(costs_of(es[part], cs[part], costs, told))
+        pieces.append(costs_of(es[part], cs[part], costs, overall))
     return np.concatenate(pieces)
 
 
@@ -225,8 +225,8 @@ def _dealt_out(
     except BrokenExecutor:
         raise WorkersDied(
             "workers: expected processes that live, got some that died twice over the same task: "
-            "out of memory, a class or function that only this session knows, or a script that "
-            'starts its work outside `if __name__ == "__main__":`'
+            "out of memory, or a script that starts its work outside "
+            '`if __name__ == "__main__":`'
         ) from None
     return np.concatenate(pieces)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import pickle
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
@@ -13,7 +15,7 @@ from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from fpid_pin import checks, own_code
-from fpid_pin.exceptions import ArgumentError
+from fpid_pin.exceptions import ArgumentError, TuningError
 
 T = TypeVar("T")
 
@@ -68,6 +70,7 @@ class WorkerPool(Executor):
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """See `concurrent.futures.Executor.submit`."""
+        _require_importable((fn, args, kwargs))
         with _fit_for_workers():
             try:
                 return self._pool.submit(fn, *args, **kwargs)
@@ -85,6 +88,18 @@ class WorkerPool(Executor):
             for process in self._workers():
                 process.terminate()
         self.shutdown(wait=True, cancel_futures=fault[0] is not None)
+
+
+def _require_importable(task: Any) -> None:
+    """Refuse what workers, which begin by importing the main script, would die over."""
+    script = getattr(sys.modules["__main__"], "__file__", None)
+    if script is None and b"__main__" in pickle.dumps(task):
+        raise TuningError(
+            "workers: expected classes and functions of a module, got one that this session "
+            "defines: write it into a file and import that, or use no workers"
+        )
+    if script is not None and not os.path.isfile(script):
+        raise TuningError(f"workers: expected a script in a file, got {script}")
 
 
 @contextmanager

@@ -1,5 +1,6 @@
 """A file that is damaged is read as what it was or refused in one line with its name."""
 
+import contextlib
 import dataclasses
 import os
 import random
@@ -73,10 +74,13 @@ def files(tmp_path_factory):
 class Judge:
     """Reads a file and says what is wrong with how it was read; "" where nothing is."""
 
-    def __init__(self, kind, honest, path):
-        self.path, self.read = path, READERS[kind]
-        path.write_bytes(honest)
-        self.honest = self.read(path)
+    def __init__(self, kind, path, *honest):
+        self.path, self.read, self.known = path, READERS[kind], []
+        for data in honest:
+            path.write_bytes(data)
+            with contextlib.suppress(FpidError):  # a search that is longer than what reads it
+                self.known.append(self.read(path))
+        assert self.known
 
     def __call__(self):
         try:
@@ -88,13 +92,13 @@ class Judge:
             return "" if told else f"several lines, or none of this file: {error!r}"
         except Exception as error:
             return f"{type(error).__name__}: {error}"
-        return "" if found == self.honest else "read as another"
+        return "" if found in self.known else "read as another"
 
 
 @pytest.mark.parametrize("kind", READERS)
 def test_a_flipped_bit_anywhere(kind, files, tmp_path, tally, full):
     honest, path = files[kind, 0], tmp_path / "file.npz"
-    judge, chance = Judge(kind, honest, path), random.Random(1)
+    judge, chance = Judge(kind, path, honest), random.Random(1)
     for place in chance.sample(range(8 * len(honest)), 3000 if full else 100):
         flipped = bytearray(honest)
         flipped[place // 8] ^= 1 << place % 8
@@ -105,12 +109,12 @@ def test_a_flipped_bit_anywhere(kind, files, tmp_path, tally, full):
 
 @pytest.mark.parametrize("kind", READERS)
 def test_structured_mutations(kind, files, tmp_path, tally, full):
+    """The most that becomes of two files is one of them, never a mixture."""
     path = tmp_path / "file.npz"
-    judge, chance = Judge(kind, files[kind, 0], path), random.Random(2)
+    both = files[kind, 0], files[kind, 1]
+    judge, chance = Judge(kind, path, *both), random.Random(2)
     for k in range(500 if full else 60):
-        what, data = structured(files[kind, 0], files[kind, 1], chance)
-        if data == files[kind, 1]:
-            continue  # cut where both were alike still
+        what, data = structured(*both, chance)
         path.write_bytes(data)
         fault = judge()
         tally(f"{kind}: structured mutation", fault and f"{k}, {what}: {fault}")
@@ -122,7 +126,7 @@ def test_structured_mutations(kind, files, tmp_path, tally, full):
 def test_any_edits(kind, files, tmp_path, edits):
     path = tmp_path / "file.npz"
     data = files[kind, 0]
-    judge = Judge(kind, data, path)
+    judge = Judge(kind, path, data)
     for part, lost, put in edits:
         at = round(part * len(data))
         data = data[:at] + put + data[at + lost :]
