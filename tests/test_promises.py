@@ -98,7 +98,9 @@ on[0] = False
 
 
 def test_nothing_in_a_file_is_executed(folder):
-    assert watched(READ, folder) == []
+    # NumPy has headers of arrays parsed into a syntax tree, a literal; nothing of it is run.
+    parsed = "compile (b\"{'descr': "
+    assert [line for line in watched(READ, folder) if not line.startswith(parsed)] == []
 
 
 def test_the_hook_sees_what_it_is_there_for(folder):

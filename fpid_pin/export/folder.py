@@ -15,7 +15,7 @@ from fpid_pin.export import vectors
 from fpid_pin.export.c_source import CSource
 from fpid_pin.export.law import start
 from fpid_pin.export.readme import readme
-from fpid_pin.files import discard, hidden_beside, kind_of, make_folder, sweep, sync, sync_tree
+from fpid_pin.files import hidden_folder, kind_of, sync, sync_tree
 from fpid_pin.references import Hold
 
 if TYPE_CHECKING:
@@ -95,23 +95,20 @@ def export_c(
             "effect: give an experiment to record vectors in"
         )
     made_by = toml if toml is not None else _toml(controller, arm, step, horizon)
-    temporary = hidden_beside(path)
     try:
-        make_folder(path.parent)
-        sweep(path.parent)
-        temporary.mkdir()
-        write_sources(source, temporary)
-        proof.write(temporary / "vectors.bin")
-        (temporary / "controller.toml").write_text(made_by, encoding="utf-8")
-        text = readme(state, temporary, source.exact)
-        (temporary / "README.md").write_text(text, encoding="utf-8")
-        sync_tree(temporary)
-        os.rename(temporary, path)
+        with hidden_folder(path) as hidden:
+            temporary = hidden / "new"
+            temporary.mkdir()
+            write_sources(source, temporary)
+            proof.write(temporary / "vectors.bin")
+            (temporary / "controller.toml").write_text(made_by, encoding="utf-8")
+            text = readme(state, temporary, source.exact)
+            (temporary / "README.md").write_text(text, encoding="utf-8")
+            sync_tree(temporary)
+            os.rename(temporary, path)
         sync(path.parent)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        discard(temporary)
     return path
 
 

@@ -24,8 +24,7 @@ from fpid_pin.kernels.records import GIVEN, Rows, Sensing
 from fpid_pin.kernels.rollout import rollout
 from fpid_pin.simulation.blocks import BLOCK_ROWS
 from fpid_pin.simulation.engine import Robot, horizon_of
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.plant import plant_of
+from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.simulation.sensors import Sensors, SensorState
 from fpid_pin.view.playground_law import OWN_SIGNALS, SIGNALS, Law
 

@@ -18,8 +18,7 @@ from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.plant import plant_of
+from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
 from fpid_pin.view.document import as_text, asset, closed, document

@@ -16,8 +16,7 @@ from fpid_pin.descriptions import to_dict
 from fpid_pin.disturbances import Cosine, Pulse, Sum
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.plant import plant_of
+from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.view.playground_engine import MOST_DELAY, encoded
 from fpid_pin.view.playground_law import Law, supervisor_of
 

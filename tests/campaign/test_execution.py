@@ -26,7 +26,7 @@ def alone(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def pool():
-    with fp.tuning.WorkerPool(2, retries=0) as made:
+    with fp.tuning.WorkerPool(2) as made:
         yield made
 
 
@@ -124,7 +124,7 @@ def test_the_run_that_kills_its_workers_is_found_and_no_other_is_blamed(tmp_path
     monkeypatch.setenv("DEADLY", str(np.sort(amplitudes)[-2]))
     monkeypatch.setenv("DEATHS", str(deaths))
     made = dataclasses.replace(made, controllers={"one": fp.PdGravity(kp=50.0, kd=10.0)})
-    with fp.tuning.WorkerPool(2, retries=0) as processes:
+    with fp.tuning.WorkerPool(2) as processes:
         data = run(made, tmp_path / "l.sqlite", 16, executor=processes, chunk=8)
     assert np.flatnonzero(data.outcome[:, 0] == "failed").tolist() == [worst]
     assert (data.outcome == "completed").sum() == 15
