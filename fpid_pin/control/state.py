@@ -85,8 +85,9 @@ class State(OrdersByHand):
         self.step = checks.number("step", step, above=0.0)
         self.horizon = horizon
         n = arm.n
+        controller.check_fields()
         given = controller.numbers(arm, step, horizon)
-        check_declared(controller.operators, controller.memory, [*given, *controller.memory])
+        check_declared(controller.operators, controller.memory, list(given))
         operators = controller.operators
         outputs = [
             name
