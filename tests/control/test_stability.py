@@ -9,7 +9,7 @@ from test_linear_law import FractionalSurface
 
 import fpid_pin as fp
 from fpid_pin.control import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
-from fpid_pin.control.linear import crossings, frequencies, gravity_stiffness, linear_arm
+from fpid_pin.control.linear import gravity_stiffness, linear_arm
 from fpid_pin.control.linear_law import linearised
 from fpid_pin.control.stability import stability_report
 from fpid_pin.exceptions import ArgumentError
@@ -212,13 +212,6 @@ def test_an_integral_may_be_raised_to_routh_s_bound(law):
     report = stability_report(ONE, dataclasses.replace(law, ki=500.0))
     assert report.phase_margin == pytest.approx(same.phase_margin, abs=1e-6)
     assert report.dominant_pole == pytest.approx(same.dominant_pole, rel=1e-6)
-
-
-def test_crossings_are_interpolated():
-    omega = frequencies(1e-3)
-    at, value = crossings(omega, 100.0 / (1j * omega), lambda x: np.log(np.abs(x)))
-    assert at == pytest.approx([100.0], rel=1e-4)
-    assert np.abs(value) == pytest.approx([1.0], rel=1e-3)
 
 
 def test_adapted_gains_can_be_asked_about():
