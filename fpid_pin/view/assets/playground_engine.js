@@ -37,7 +37,7 @@ function weightsAt({weights}, order) {
   return out.map((x) => x / total);
 }
 
-// Operators as `control.state` and `fractional.modes` make them, for this step and these orders.
+// Operators as `control.state` and `fractional.design` make them, for this step and these orders.
 function setOperators(S, law, step) {
   const count = law.operators.length, moves = (S.order_learning_rate ?? 1) > 0;
   if (!count) return;
