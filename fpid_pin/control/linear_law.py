@@ -163,7 +163,7 @@ def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
             now = np.stack([total, sources[k]])
         last[2 * k : 2 * k + 2] = now
         measured = bool(tick.summed[j, i] or tick.ops["rate"][j, i] >= 0)
-        rule = tick.modes.recursion(j * tick.ops.shape[1] + i, measured=measured)
+        rule = tick.modes.at(j, i).recursion(measured=measured)
         now, before = now[: rule.now.size], before[: rule.now.size]
         direct[k] = rule.now @ now + rule.before @ before
         drive.append(rule.drive_now @ now + rule.drive_before @ before)

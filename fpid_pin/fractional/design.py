@@ -203,6 +203,15 @@ class Modes:
         """Return c1, c0, c2 and the modes' weights of each order, (3 + modes, orders)."""
         return np.vstack([self.now, self.before, self.mean, self.weights])
 
+    def at(self, *index: int) -> Modes:
+        """Return the modes of one of the orders."""
+        place: Any = (slice(None), *index)
+        newest = (self.now, self.before, self.mean, self.initial_output)
+        return Modes(
+            np.asarray(self.order)[index], self.step, self.poles if self.shared_poles else self.poles[place],
+            self.weights[place], *(np.asarray(weight)[index] for weight in newest),
+        )  # fmt: skip
+
     def recursion(self, *, measured: bool = True) -> Recursion:
         """Return the difference equation of a single order.
 
