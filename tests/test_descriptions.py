@@ -39,8 +39,8 @@ def test_a_description_survives_its_table(thing, family):
     assert flat(descriptions.to_dict(back)) == flat(table)
 
 
-@pytest.mark.parametrize(("thing", "family"), THINGS, ids=lambda x: type(x).__name__)
-def test_descriptions_are_frozen(thing, family):
+@pytest.mark.parametrize("thing", [thing for thing, _ in THINGS[:2]])
+def test_descriptions_are_frozen(thing):
     field = dataclasses.fields(thing)[0].name
     with pytest.raises(dataclasses.FrozenInstanceError):
         setattr(thing, field, 1.0)

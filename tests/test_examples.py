@@ -7,14 +7,10 @@ import pytest
 from bounded import finished
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
-# These search or simulate for minutes; their own rooms test what they use.
-SLOW: set[str] = set()
 
 
 @pytest.mark.parametrize("path", sorted(EXAMPLES.glob("*.py")), ids=lambda p: p.name)
 def test_it_runs_and_says_something(path, tmp_path):
-    if path.name in SLOW:
-        pytest.skip("takes minutes")
     done = finished([sys.executable, path], cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip()

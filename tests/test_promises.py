@@ -3,6 +3,7 @@
 import ast
 import hashlib
 import json
+import os
 import re
 import sys
 from pathlib import Path
@@ -12,10 +13,13 @@ from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.main import main
 
 ROOT = Path(__file__).parents[1]
+LAW = "[[controller]]"
 PAGE = (ROOT / "docs" / "promises.md").read_text(encoding="utf-8")
-SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.05")
+HEAD, *LAWS = demo_config().text.replace("duration = 20.0", "duration = 0.05").split(LAW)
+SHORT = LAW.join([HEAD, LAWS[0], LAWS[-1]])
 
 TUNE = """
 [tune]
@@ -67,13 +71,14 @@ def watched(code, folder):
     return json.loads(done.stderr.splitlines()[-1])
 
 
-@pytest.fixture
-def folder(tmp_path):
-    (tmp_path / "short.toml").write_text(SHORT)
-    (tmp_path / "tune.toml").write_text(SHORT + TUNE)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("watched")
+    (place / "short.toml").write_text(SHORT)
+    (place / "tune.toml").write_text(SHORT + TUNE)
     run = fp.simulate(fp.paper_experiment(duration=0.05), fp.paper_controller())
-    run.save(tmp_path / "run.npz")
-    return tmp_path
+    run.save(place / "run.npz")
+    return place
 
 
 READ = """
@@ -98,16 +103,13 @@ on[0] = False
 
 
 def test_nothing_in_a_file_is_executed(folder):
+    # The last line, which is no file's, shows that the hook sees what it is there for.
+    told = watched(READ + "on[0] = True\neval('1')\n", folder)
+    of_the_line = ("compile (b'1',)", "exec (<code object <module> at 0x")
     # NumPy has headers of arrays parsed into a syntax tree, a literal; nothing of it is run.
-    parsed = "compile (b\"{'descr': "
-    assert [line for line in watched(READ, folder) if not line.startswith(parsed)] == []
-
-
-def test_the_hook_sees_what_it_is_there_for(folder):
-    code = "on[0] = True\neval('1')\nimport socket\nsocket.socket().close()\non[0] = False"
-    told = watched(code, folder)
-    assert any(line.startswith("compile") for line in told)
-    assert any(line.startswith("socket") for line in told)
+    others = [x for x in told if not x.startswith((*of_the_line, "compile (b\"{'descr': "))]
+    assert others == []
+    assert all(any(x.startswith(start) for x in told) for start in of_the_line)
 
 
 NETWORK = """
@@ -123,6 +125,8 @@ for words in (
     ["arms"],
 ):
     assert main(words) == 0
+import socket
+socket.socket().close()
 on[0] = False
 """
 
@@ -130,20 +134,23 @@ on[0] = False
 def test_no_command_reaches_for_the_network(folder):
     told = [line for line in watched(NETWORK, folder) if line.startswith(("socket", "urllib"))]
     # Modules that could are imported by others; asking for the machine's own name goes nowhere.
-    assert [line for line in told if not line.startswith("socket.gethostname")] == []
+    told = [line for line in told if not line.startswith("socket.gethostname")]
+    # The last line of all, which shows that the hook sees what it is there for.
+    assert [line.split()[0] for line in told] == ["socket.__new__"]
     page = (folder / "page.html").read_text()
     assert "default-src 'none'" in page
 
 
 def test_a_command_gives_the_same_bytes_in_any_process(folder):
+    """Here, and in another process with other hashes."""
+    assert main(["compare", str(folder / "short.toml"), "--out", str(folder / "first")]) == 0
+    finished(
+        [sys.executable, "-m", "fpid_pin_start", "compare", "short.toml", "--out", "second"],
+        cwd=folder, check=True, env=os.environ | {"PYTHONHASHSEED": "7"},
+    )  # fmt: skip
     told = []
     for out in ("first", "second"):
-        finished(
-            [sys.executable, "-m", "fpid_pin_start", "compare", "short.toml", "--out", out],
-            cwd=folder,
-            check=True,
-        )
         files = sorted((folder / out).iterdir())
         told.append({f.name: hashlib.sha256(f.read_bytes()).hexdigest() for f in files})
-    assert len(told[0]) > 10
+    assert len(told[0]) > 8
     assert told[0] == told[1]

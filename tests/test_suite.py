@@ -2,13 +2,11 @@
 
 import ast
 import os
-import shutil
 import signal
 import sys
 from pathlib import Path
 
 import psutil
-import pytest
 from bounded import finished
 
 HERE = Path(__file__).parent
@@ -42,53 +40,37 @@ def test_hypothesis_draws_the_same_examples_whatever_else_is_loaded():
     assert len(told.pop()) > 1000
 
 
-@pytest.fixture
-def suite_of(tmp_path):
-    """Return a function that runs a test file under our conftest, as a shell in the background.
-
-    A shell starts it with Ctrl-C ignored.
-    """
-
-    def ignore():
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def run(text):
-        shutil.copyfile(HERE / "conftest.py", tmp_path / "conftest.py")
-        (tmp_path / "test_it.py").write_text(text)
-        command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_it.py"]
-        return finished(command, cwd=tmp_path, preexec_fn=ignore)
-
-    return run
-
-
-HEARD = """
+INNER = """
 import signal, subprocess, sys
 
-def test_it():
+def test_ctrl_c_is_heard():
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     code = "import signal; assert signal.getsignal(signal.SIGINT) is signal.default_int_handler"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
-"""
 
-
-def test_ctrl_c_is_heard_by_tests_that_were_started_without(suite_of):
-    done = suite_of(HEARD)
-    assert done.returncode == 0, done.stdout
-
-
-LEFT = """
-import subprocess, sys
-
-def test_it(tmp_path):
+def test_it():
     # Through another that is gone, so that it is nobody's child.
     code = "import subprocess; subprocess.Popen(['sleep', '654']); subprocess.Popen(['true'])"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 """
 
 
-def test_a_process_that_a_test_leaves_behind_is_told_of_and_killed(suite_of):
-    done = suite_of(LEFT)
+def test_in_the_background_ctrl_c_is_heard_and_a_process_left_behind_is_told_of_and_killed(
+    tmp_path,
+):
+    """A shell starts what runs in the background with Ctrl-C ignored."""
+
+    def ignore():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+    own = (HERE / "conftest.py").read_text(encoding="utf-8")
+    assert "timeout=10.0" in own
+    (tmp_path / "conftest.py").write_text(own.replace("timeout=10.0", "timeout=0.5"))
+    (tmp_path / "test_it.py").write_text(INNER)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_it.py"]
+    done = finished(command, cwd=tmp_path, preexec_fn=ignore)
     assert done.returncode == 1
+    assert "2 passed, 1 error" in done.stdout
     assert "sleep 654 (started by test_it.py::test_it (call))" in done.stdout
     commands = [process.info["cmdline"] for process in psutil.process_iter(["cmdline"])]
     assert ["sleep", "654"] not in commands

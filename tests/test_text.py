@@ -41,10 +41,6 @@ def test_what_cannot_is_written_out(text, seen):
     assert visible(text) == seen
 
 
-def test_what_is_to_be_kept_is_kept():
-    assert visible("a\n\x1bb", keep="\n") == "a\n\\x1bb"
-
-
 @given(ANY, st.integers(40, 300), st.integers(40, 300))
 def test_a_cut_text_is_short_and_says_how_long_it_was(text, most, less):
     text = text * 40
@@ -88,11 +84,6 @@ def test_a_line_is_cut_at_200_characters_and_gives_the_lengths_of_key_and_value(
     with pytest.raises(ArgumentError) as caught:
         checks.choice(LONG, LONG, [f"option{k}" for k in range(20_000)])
     assert len(str(caught.value)) < 400
-
-
-def test_the_nearest_choice_is_read_after_a_long_list():
-    with pytest.raises(ArgumentError, match=r"got 'opton7' \(did you mean option7\?\)$"):
-        checks.choice("name", "opton7", [f"option{k}" for k in range(100)])
 
 
 @given(ANY, ANY, ANY)

@@ -207,9 +207,10 @@ class Modes:
         """Return the modes of one of the orders."""
         place: Any = (slice(None), *index)
         newest = (self.now, self.before, self.mean, self.initial_output)
+        poles = self.poles if self.shared_poles else self.poles[place]
         return Modes(
-            np.asarray(self.order)[index], self.step, self.poles if self.shared_poles else self.poles[place],
-            self.weights[place], *(np.asarray(weight)[index] for weight in newest),
+            np.asarray(self.order)[index], self.step, poles, self.weights[place],
+            *(np.asarray(weight)[index] for weight in newest),
         )  # fmt: skip
 
     def recursion(self, *, measured: bool = True) -> Recursion:

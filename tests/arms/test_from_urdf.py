@@ -1,12 +1,10 @@
 """Reading URDFs: what works, and one clear line for everything that does not."""
 
-import sys
 import warnings
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from bounded import finished
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
@@ -80,11 +78,6 @@ def test_continuous_joints_become_angles(tmp_path):
         np.testing.assert_allclose(arm.inverse_dynamics(q, v, a), tau, atol=1e-13)
 
 
-def test_continuous_joint_without_a_limit_element(tmp_path):
-    text = robot(link("base"), link("a"), joint("one", "base", "a", "continuous", ""))
-    assert np.isinf(Arm.from_urdf(write(tmp_path, text)).upper).all()
-
-
 def test_limits_left_out_or_infinite_are_none(tmp_path):
     limits = ('<limit lower="-1" upper="2"/>', '<limit lower="-inf" upper="inf" effort="inf"/>')
     parts = [link("base"), link("a"), link("b")]
@@ -134,52 +127,25 @@ def test_links_may_share_their_names_with_joints(tmp_path):
     assert arm.with_payload(1.0).mass_matrix(arm.home)[0, 0] > arm.mass_matrix(arm.home)[0, 0]
 
 
-def test_rotor_inertia_is_part_of_the_mass_matrix(tmp_path):
-    arm = Arm.from_urdf(write(tmp_path, robot(*TWO)))
-    geared = arm.with_armature((0.3, 0.7))
-    np.testing.assert_allclose(
-        geared.mass_matrix((0.1, 0.2)) - arm.mass_matrix((0.1, 0.2)),
-        np.diag((0.3, 0.7)),
-        atol=1e-12,
-    )
-
-
 REFUSED = {
     "floating base": (
         robot(link("w"), *TWO, joint("root", "w", "base", "floating", "")),
         "joint 'root': expected revolute, continuous or prismatic, got floating",
     ),
-    "planar joint": (
-        robot(link("w"), *TWO, joint("root", "w", "base", "planar", "")),
-        "joint 'root': .*got planar",
-    ),
-    "no type": (robot(link("base"), link("a"), joint("j", "base", "a", "")), "got no type"),
     "no limits": (
         robot(link("base"), link("a"), joint("j", "base", "a", extra="")),
         r"joint 'j' \(revolute\): expected a <limit> element",
-    ),
-    "unknown link": (
-        robot(link("base"), joint("j", "base", "nowhere")),
-        "joint 'j': expected a child link of the file, got 'nowhere'",
     ),
     "two parents": (
         robot(link("x"), link("y"), link("z"), joint("j", "x", "z"), joint("k", "y", "z")),
         "expected one joint above link 'z', got several",
     ),
-    "two bases": (robot(link("x"), link("y")), "expected one base link, got 2: x, y"),
-    "same name twice": (
-        robot(link("x"), link("x")),
-        r"expected links with a name of their own, got 'x' 2 time",
-    ),
-    "no links": (robot(), "expected links, got none"),
     "no joints": (robot(link("x")), "expected at least one joint that is free"),
     "mimic": (
         robot(*TWO, link("c"), joint("m", "b", "c", extra=LIMIT + '<mimic joint="one"/>')),
         r"joint 'm': .*got one that mimics 'one' \(lock it: lock=\{'m': 0.0\}\)",
     ),
     "broken XML": ("<robot name='x'><link></robot>", "expected well-formed XML, got mismatched"),
-    "empty": ("", "expected well-formed XML, got no element found"),
-    "not a robot": ("<sdf/>", "expected a <robot> element, got <sdf>"),
     "massless tip": (
         robot(
             link("base"),
@@ -190,33 +156,17 @@ REFUSED = {
         ),
         "positive definite mass matrix.*link 'tip' .*joint 'k'",
     ),
-    "massless all": (
-        robot(link("base"), link("a", 0, 0), joint("j", "base", "a")),
-        "link 'a' .*joint 'j'",
-    ),
     "not a number": (
         robot(link("base"), link("a", "heavy"), joint("j", "base", "a")),
         "link 'a': <mass>: expected a number in value, got 'heavy'",
-    ),
-    "NaN": (
-        robot(link("base"), link("a", "nan"), joint("j", "base", "a")),
-        "link 'a': <mass>: expected a number in value, got 'nan'",
     ),
     "half an inertia": (
         robot(link("base"), link("a").replace('izz="0.1"', ""), joint("j", "base", "a")),
         "link 'a': <inertia>: expected the attribute izz, got none",
     ),
-    "no mass": (
-        robot(link("base"), link("a").replace('<mass value="1.0"/>', ""), joint("j", "base", "a")),
-        "link 'a': <mass>: expected the attribute value, got none",
-    ),
     "flat axis": (
         robot(link("base"), link("a"), joint("j", "base", "a", axis="0 1")),
         "joint 'j': <axis>: expected 3 numbers in xyz, got '0 1'",
-    ),
-    "limit in words": (
-        robot(link("base"), link("a"), joint("j", "base", "a").replace('"-2"', '"low"')),
-        "joint 'j': <limit>: expected a number in lower, got 'low'",
     ),
 }
 
@@ -267,18 +217,11 @@ def test_missing_files_and_folders(tmp_path):
     [
         ({"oen": 0.0}, r"lock: .*did you mean one\?"),
         ({"one": np.nan}, r"lock\.one: .*got nan"),
-        ({"one": "x"}, r"lock\.one: expected numbers"),
-        (["one"], "lock: expected a table"),
     ],
 )
 def test_bad_locks_are_named(lock, message, tmp_path):
     with pytest.raises(ArgumentError, match=message):
         Arm.from_urdf(write(tmp_path, robot(*TWO)), lock=lock)
-
-
-def test_all_joints_locked_leaves_no_arm(tmp_path):
-    with pytest.raises(ArmError, match="expected at least one joint"):
-        Arm.from_urdf(write(tmp_path, robot(*TWO)), lock={"one": 0, "two": 0})
 
 
 MESH = '<visual><geometry><mesh filename="{}"/></geometry></visual>'
@@ -370,12 +313,3 @@ def test_visuals_of_the_two_link_arm_are_in_place():
     assert len(at) == 7
     geometry.geometryObjects[0].meshPath = "spoilt"
     assert arm.visual()[1].geometryObjects[0].meshPath != "spoilt"
-
-
-def test_importing_arms_does_not_load_what_only_some_need():
-    code = (
-        "import sys, fpid_pin.arms; heavy = {'example_robot_data', 'matplotlib', 'meshcat',"
-        " 'pymoo', 'coal'}; print(sorted(heavy & set(sys.modules)))"
-    )
-    done = finished([sys.executable, "-c", code], check=True)
-    assert set(eval(done.stdout)) <= {"coal"}  # Pinocchio may load its own shapes

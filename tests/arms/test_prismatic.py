@@ -10,8 +10,6 @@ from fpid_pin.kernels.records import FRAME
 from fpid_pin.kernels.rigid_body import forward_dynamics
 from fpid_pin.simulation import limit_report
 from fpid_pin.view.camera import reach_of, stage
-from fpid_pin.view.scene import replay_scene
-from fpid_pin.view.shapes import shapes_of
 
 M, INERTIA, CARRIER, G = 1.5, 0.02, 0.3, 9.81
 #: A carrier turns about -y (x towards z), with its inertia about the joint; a mass slides along it.
@@ -67,7 +65,7 @@ def test_it_says_metres_and_newtons(crane):
 @pytest.mark.parametrize("dynamics", ["pinocchio", "compiled"])
 def test_laws_follow_with_it_and_its_run_can_be_rebuilt(crane, tmp_path, dynamics):
     reference = fp.references.Sinusoid(amplitude=[0.3, 0.1], offset=crane.home)
-    experiment = fp.Experiment(crane, reference, duration=4.0, dynamics=dynamics)
+    experiment = fp.Experiment(crane, reference, duration=2.0, dynamics=dynamics)
     laws = [fp.ComputedTorque(k0=100.0, k1=20.0), fp.suggest_gains(crane)]
     exact, adaptive = fp.simulate(experiment, laws)
     assert exact.metrics.rms_tail.max() < 2e-3
@@ -85,28 +83,15 @@ def test_limits_that_are_passed_are_told_in_its_units(crane):
     assert not any("rad" in line for line in lines)
 
 
-def test_the_replay_slides_it(crane):
-    experiment = fp.Experiment(crane, fp.references.Hold(crane.home), duration=0.1)
-    scene = replay_scene([fp.simulate(experiment, fp.suggest_gains(crane))])
-    assert [joint["slides"] for joint in scene["arms"][0]["joints"]] == [False, True]
-    assert scene["arms"][0]["joints"][1]["axis"] == [1.0, 0.0, 0.0]
-
-
 def test_the_camera_makes_room_for_the_way_it_slides(crane):
     assert reach_of(crane) == pytest.approx(0.4)
     near, far = (stage([crane], [np.array([[0.0, x], [1.0, x]])]) for x in (0.2, 1.0))
     assert far.extent[0] > 2.0 * near.extent[0]
 
 
-def test_its_hub_is_no_cylinder(crane):
-    hubs = {shape.joint: shape.kind for shape in reversed(shapes_of(crane))}
-    assert hubs == {0: "cylinder", 1: "box"}
-
-
 @pytest.mark.parametrize(
     ("axes", "planar"),
-    [(("1 0 0", "0 0 1"), True), (("1 0 0", "0 1 0"), True), (("1 0 0", "1 1 1"), True),
-     (("1 0 0", "0 1 0", "0 0 1"), False), (("0 0 1",), True)],
+    [(("1 0 0", "1 1 1"), True), (("1 0 0", "0 1 0", "0 0 1"), False), (("0 0 1",), True)],
 )  # fmt: skip
 def test_gantries_are_looked_at_across_their_plane(tmp_path, axes, planar):
     parts = ['<robot name="gantry"><link name="l0"/>']

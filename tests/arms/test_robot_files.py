@@ -29,7 +29,7 @@ def write(tmp_path, text, name):
     return path
 
 
-@pytest.mark.parametrize("name", ["arm.urdf", "arm.xml", "arm"])
+@pytest.mark.parametrize("name", ["arm.urdf", "arm"])
 def test_the_root_element_says_what_a_file_is(tmp_path, name):
     path = write(tmp_path, two_link_urdf(), name)
     assert Arm.from_file(path, gravity=9.8) == Arm.from_urdf(path, gravity=9.8)
@@ -54,7 +54,6 @@ def test_a_urdf_that_xacro_has_written_is_read(tmp_path):
     ("read", "text", "message"),
     [
         (Arm.from_urdf, MJCF, r"expected a <robot> element, got <mujoco> \(Arm.from_mjcf reads it"),
-        (Arm.from_sdf, MJCF, r"expected a <sdf> element, got <mujoco> \(Arm.from_mjcf reads it"),
         (Arm.from_file, "<html/>", "expected one of <robot>, <mujoco>, <sdf>, got <html>"),
         (Arm.from_file, "links", "expected well-formed XML"),
         (Arm.from_file, "<a>" * 200 + "</a>" * 200, "expected at most 100 elements within one"),
@@ -111,14 +110,12 @@ def package(tmp_path, monkeypatch):
         "lifter_mj_description": f"MJCF_PATH = {str(mjcf)!r}\n",
         "far_description": "raise OSError('no network\\nat all')\n",
         "empty_description": "",
-        "_private_description": "",
         "macro_description": f"XACRO_PATH = 'x'\nPACKAGE_PATH = {str(tmp_path)!r}\n",
         "bad_macro_description": "XACRO_PATH = ''\n",
         "_xacro": (
             f"def get_urdf_path(module):\n    if module.XACRO_PATH:\n        return {str(urdf)!r}\n"
             "    raise ModuleNotFoundError('Install it with `pip install xacrodoc`.')\n"
         ),
-        "loaders": "raise AssertionError\n",
     }
     for name, code in modules.items():
         (folder / f"{name}.py").write_text(code, encoding="utf-8")
@@ -150,12 +147,9 @@ def test_what_is_saved_needs_neither_package_nor_network(package, tmp_path, monk
     ("name", "message"),
     [
         ("too_description", "description: expected one of .*did you mean two_description"),
-        ("_private_description", "description: expected one of"),
         ("bad_macro_description", "xacro cannot write it out: Install it with `pip install xacro"),
-        ("loaders", "description: expected one of"),
         ("far_description", "far_description: cannot be downloaded: no network at all"),
         ("empty_description", "expected a description with a URDF or an MJCF file, got neither"),
-        (3, "description: expected one of .* got 3"),
     ],
 )
 def test_what_is_no_description_is_refused_on_one_line(package, name, message):

@@ -10,7 +10,7 @@ from fpid_pin import descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.exceptions import ArgumentError, ArmError, FpidWarning
 
-MANY = 20_000
+MANY = 8_000
 
 
 def body(name, diagonal, off=(0, 0, 0), mass=1.0):
@@ -30,30 +30,13 @@ REFUSED = {
         one_joint(body("tip", (-0.1, 0.2, 0.2))),
         r"link 'tip': expected principal moments of inertia >= 0 .*got -0\.1, 0\.2, 0\.2",
     ),
-    "hidden negative moment": (
-        one_joint(body("tip", (1.0, 1.0, 1.0), (1.5, 0, 0))),
-        r"link 'tip': expected principal moments .*got -0\.5, 1, 2\.5",
-    ),
     "triangle inequality": (
         one_joint(body("tip", (0.1, 0.1, 0.3))),
         r"none above the sum of the others, got 0\.1, 0\.1, 0\.3",
     ),
-    "huge moments": (one_joint(body("tip", (1e308, 1e308, 0), (1e308, 1e308, 0))), "principal"),
-    "of the base, too": (
-        robot(body("base", (1, 1, 3)), link("tip"), joint("j", "base", "tip")),
-        "link 'base': expected principal moments",
-    ),
     "negative damping": (
         one_joint(link("tip"), LIMIT + '<dynamics damping="-0.5"/>'),
         "joint 'j': <dynamics>: expected damping >= 0, got -0.5",
-    ),
-    "negative friction": (
-        one_joint(link("tip"), LIMIT + '<dynamics friction="-1"/>'),
-        "joint 'j': <dynamics>: expected friction >= 0, got -1",
-    ),
-    "negative effort": (
-        one_joint(link("tip"), LIMIT.replace('"10"', '"-10"')),
-        "joint 'j': <limit>: expected effort >= 0, got -10",
     ),
     "detached cycle": (
         robot(
@@ -62,20 +45,10 @@ REFUSED = {
         ),
         "expected every link below the base 'base', got 2 in a cycle: 'x', 'y'",
     ),
-    "its own parent": (
-        robot(*map(link, ("base", "tip", "x")), joint("j", "base", "tip"), joint("k", "x", "x")),
-        "got 1 in a cycle: 'x'",
-    ),
-    "all in a cycle": (
-        robot(*map(link, "xy"), joint("k", "x", "y"), joint("l", "y", "x")),
-        "expected one base link, got 0, each link has a joint above it",
-    ),
     "two inertias": (
         one_joint(link("tip").replace("</inertial>", "</inertial><inertial/>")),
         "link 'tip': expected one <inertial>, got 2",
     ),
-    "two limits": (one_joint(link("tip"), LIMIT + LIMIT), "joint 'j': expected one <limit>, got 2"),
-    "another script's digits": (one_joint(link("tip", "１")), "expected a number in value"),
     "elements within elements": (
         f"<robot>{'<a>' * 101}{'</a>' * 101}</robot>",
         "expected at most 100 elements within one another, got more around <a>",
@@ -90,7 +63,6 @@ REFUSED = {
         '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/hostname">]><robot>&a;</robot>',
         "expected well-formed XML, got undefined entity",
     ),
-    "half a character": ("<robot>\ud800</robot>", "expected well-formed XML"),
 }  # fmt: skip
 
 
@@ -102,9 +74,7 @@ def test_what_cannot_be_is_refused_on_one_line(text, message, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-@pytest.mark.parametrize(
-    "diagonal", [(0, 0.1, 0.1), (0.1, 0.2, 0.3), (0.1, 0.2, 0.302), (1e-9, 1e-9, 1e-9), (0, 0, 0)]
-)
+@pytest.mark.parametrize("diagonal", [(0, 0.1, 0.1), (0.1, 0.2, 0.302), (0, 0, 0)])
 def test_rods_plates_points_and_rounded_numbers_are_bodies(diagonal):
     tip = body("tip", diagonal).replace("<mass", '<origin xyz="0.1 0 0"/><mass')
     table = {"kind": "urdf", "urdf": one_joint(tip)}
@@ -117,29 +87,17 @@ def chain(n, kind="revolute", extra=LIMIT):
     return links + joints
 
 
-def star(n):
-    links = [link(f"x{k}") for k in range(n)]
-    return links + [joint(f"f{k}", "l0", f"x{k}", "fixed", "") for k in range(n)]
-
-
 def cycle(n):
     links = [link(f"x{k}") for k in range(n)]
     return links + [joint(f"f{k}", f"x{k}", f"x{(k + 1) % n}") for k in range(n)]
 
 
 LARGE = {
-    "loose": (lambda n: [link(f"l{k}") for k in range(n)], "expected one base link, got 20000"),
+    "loose": (lambda n: [link(f"l{k}") for k in range(n)], "expected one base link, got 8000"),
     "chain": (chain, "expected at most 500 joints from the base to a tip"),
-    "fixed": (lambda n: chain(n, "fixed", ""), "expected at most 500 joints from the base"),
-    "one name": (lambda n: [link("l")] * n, r"names? of their own, got 'l' 20000 time"),
-    "cycle": (lambda n: chain(1) + cycle(n), "got 20000 in a cycle: 'x0', 'x1', 'x2', ..."),
-    "star": (lambda n: chain(1) + star(n), "expected at most 5000 links, got 20002"),
+    "one name": (lambda n: [link("l")] * n, r"names? of their own, got 'l' 8000 time"),
+    "cycle": (lambda n: chain(1) + cycle(n), "got 8000 in a cycle: 'x0', 'x1', 'x2', ..."),
     "deep": (lambda n: chain(501, "fixed", ""), "at most 500 joints .* above link 'l501'"),
-    "moving": (lambda n: chain(201), "expected at most 200 joints that are not fixed, got 201"),
-    "nested": (lambda n: ["<a>" * n, "</a>" * n], "elements within one another"),
-    "long name": (
-        lambda n: [link("x" * 10**6)] * 2, r"got 'x+\.\.\. \(1000000 characters\) 2 time"
-    ),
 }  # fmt: skip
 
 
@@ -185,7 +143,7 @@ def test_a_path_that_the_system_cannot_hold_is_one_line(tmp_path):
         Arm.from_urdf(5)
 
 
-@pytest.mark.parametrize("address", [LONG, f"package://{LONG}/{LONG}", f"/{LONG * 20}", "a\x7fb"])
+@pytest.mark.parametrize("address", [f"package://{LONG}/{LONG}", "a\x7fb"])
 def test_a_mesh_of_such_a_path_is_a_missing_one(address, tmp_path):
     parts = [link("base"), link("tip", visual=MESH.format(address)), joint("j", "base", "tip")]
     arm = Arm.from_urdf(write(tmp_path, robot(*parts)))
@@ -202,7 +160,6 @@ def test_a_mesh_of_such_a_path_is_a_missing_one(address, tmp_path):
         ({"path": 5}, "path: expected the path of a URDF file, got 5"),
         ({"path": "a\0b"}, r"path: expected the path of a URDF file, got 'a\\x00b'"),
         ({"package_dirs": 5}, "package_dirs: expected a list of folders, got int"),
-        ({"package_dirs": {"a": 1}}, "package_dirs: expected a list of folders, got dict"),
     ],
 )
 def test_odd_paths_in_a_table_are_refused(entry, message):
@@ -210,10 +167,3 @@ def test_odd_paths_in_a_table_are_refused(entry, message):
     table = {"kind": "urdf", "urdf": one_joint(link("tip"))}
     with pytest.raises(ArgumentError, match=message):
         descriptions.from_dict(table | entry, Arm)
-
-
-@pytest.mark.parametrize("entry", [{"path": LONG}, {"package_dirs": [LONG, "a\0b"]}])
-def test_folders_that_cannot_be_are_empty(entry):
-    table = {"kind": "urdf", "urdf": one_joint(link("tip", visual=MESH.format("a.stl")))}
-    with pytest.warns(FpidWarning, match="1 mesh file.* not found"):
-        descriptions.from_dict(table | entry, Arm).visual()

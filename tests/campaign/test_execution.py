@@ -15,7 +15,7 @@ from fpid_pin.campaign.chunk import Job, run_chunk
 from fpid_pin.campaign.execution import carry_out, pieces
 from fpid_pin.exceptions import ArgumentError, FpidError
 
-RUNS = 50
+RUNS = 24
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def pushed(disturbance):
 def test_a_run_is_what_simulate_says(alone):
     made = study()
     bound = made.bound
-    for number in (0, 17, 49):
+    for number in (0, 23):
         experiment = bound.experiment(number, bound.samples(number, number + 1)[0])
         for column, law in enumerate(made.controllers.values()):
             metrics = fp.simulate(experiment, law).metrics
@@ -55,7 +55,7 @@ def test_a_run_is_what_simulate_says(alone):
             assert figures["total_variation"] == pytest.approx(variation, rel=1e-14)
 
 
-@pytest.mark.parametrize("chunk", [1, 7, 1000])
+@pytest.mark.parametrize("chunk", [1, 7])
 def test_chunks_change_no_bit(alone, tmp_path, chunk):
     assert bits(run(study(), tmp_path / "l.sqlite", RUNS, chunk=chunk)) == bits(alone)
 
@@ -65,8 +65,6 @@ def test_threads_and_processes_change_no_bit(alone, pool, tmp_path):
         data = run(study(), tmp_path / "threads.sqlite", RUNS, executor=threads, chunk=5)
     assert bits(data) == bits(alone)
     data = run(study(), tmp_path / "processes.sqlite", RUNS, executor=pool, chunk=11)
-    assert bits(data) == bits(alone)
-    data = run(study(), tmp_path / "own.sqlite", RUNS, workers=2, chunk=9)
     assert bits(data) == bits(alone)
 
 
@@ -93,7 +91,7 @@ def test_the_window_is_bounded_and_no_result_is_kept():
             return future
 
     executor = Counting()
-    for _ in carry_out(Job(study()), pieces(range(40), 2), executor, 3):
+    for _ in carry_out(Job(study()), pieces(range(12), 2), executor, 3):
         executor.under_way -= 1
     assert executor.most == 3
 
@@ -117,24 +115,26 @@ def test_a_worker_killed_in_mid_run_costs_nothing(alone, pool, tmp_path):
 
 def test_the_run_that_kills_its_workers_is_found_and_no_other_is_blamed(tmp_path, monkeypatch):
     made = pushed(Deadly(amplitude=0.5))
-    amplitudes = made.bound.samples(0, 16)[:, 0]
+    amplitudes = made.bound.samples(0, 4)[:, 0]
     worst = int(np.argmax(amplitudes))
     deaths = tmp_path / "deaths"
     deaths.mkdir()
     monkeypatch.setenv("DEADLY", str(np.sort(amplitudes)[-2]))
     monkeypatch.setenv("DEATHS", str(deaths))
     made = dataclasses.replace(made, controllers={"one": fp.PdGravity(kp=50.0, kd=10.0)})
-    with fp.tuning.WorkerPool(2) as processes:
-        data = run(made, tmp_path / "l.sqlite", 16, executor=processes, chunk=8)
+    # Each death costs a new worker, which takes seconds to begin.
+    monkeypatch.setattr("fpid_pin.campaign.execution.MOST_DEATHS", 2)
+    with fp.tuning.WorkerPool(1) as processes:
+        data = run(made, tmp_path / "l.sqlite", 4, executor=processes, chunk=2)
     assert np.flatnonzero(data.outcome[:, 0] == "failed").tolist() == [worst]
-    assert (data.outcome == "completed").sum() == 15
-    assert "3 workers died" in data.cause[worst, 0]
+    assert (data.outcome == "completed").sum() == 3
+    assert "2 workers died" in data.cause[worst, 0]
     assert np.isnan(data.metrics["rms"][worst, 0])
-    # Once in company, three times as a chunk, once a half: 4 and 2, three times by itself.
-    assert len(list(deaths.iterdir())) == 1 + 3 + 2 + 3
+    # Once in company, twice as a chunk, twice by itself.
+    assert len(list(deaths.iterdir())) == 1 + 2 + 2
     monkeypatch.setenv("DEADLY", "inf")
-    sound = run(made, tmp_path / "sound.sqlite", 16)
-    others = np.arange(16) != worst
+    sound = run(made, tmp_path / "sound.sqlite", 4)
+    others = np.arange(4) != worst
     assert np.array_equal(sound.metrics["rms"][others], data.metrics["rms"][others])
 
 
@@ -161,16 +161,16 @@ class Fragile(fp.Controller):
         return 50.0 * (q_ref - q) - 10.0 * v
 
 
-def test_a_law_that_fails_leaves_other_laws_and_runs_alone(tmp_path):
+def test_a_law_that_fails_leaves_other_laws_and_runs_alone(pool, tmp_path):
     uncertain = {"q0": Uniform(low=0.0, high=0.2, shared=True)}
     made = study(uncertain=uncertain)
-    alone = run(made, tmp_path / "alone.sqlite", 16)
+    alone = run(made, tmp_path / "alone.sqlite", 6)
     laws = {"fragile": Fragile()} | made.controllers
-    for options in ({}, {"workers": 2}):
+    for options in ({}, {"executor": pool}):
         ledger = tmp_path / f"{len(options)}.sqlite"
-        data = run(dataclasses.replace(made, controllers=laws), ledger, 16, chunk=5, **options)
+        data = run(dataclasses.replace(made, controllers=laws), ledger, 6, chunk=5, **options)
         bad = data.samples[:, 0] > 0.1
-        assert 0 < bad.sum() < 16
+        assert 0 < bad.sum() < 6
         assert (data.outcome[bad, 0] == "failed").all()
         assert "ZeroDivisionError: a fault of its own" in data.cause[bad, 0][0]
         assert (data.outcome[~bad, 0] == "completed").all()
@@ -204,15 +204,15 @@ def test_a_rule_ends_a_campaign_at_the_same_run_whatever_was_under_way(pool, tmp
 
     def enough(data):
         seen.append(data.runs)
-        return data.runs >= 512
+        return data.runs >= 256
 
-    first = run(made, tmp_path / "a.sqlite", 2000, until=enough, chunk=100)
-    assert seen == [256, 512]
-    other = run(made, tmp_path / "b.sqlite", 2000, until=enough, executor=pool, chunk=30)
-    assert first.runs == other.runs == 512
+    first = run(made, tmp_path / "a.sqlite", 300, until=enough, chunk=100)
+    assert seen == [256]
+    other = run(made, tmp_path / "b.sqlite", 300, until=enough, executor=pool, chunk=50)
+    assert first.runs == other.runs == 256
     assert bits(first) == bits(other)
     # It has ended: asked again it looks at what it has.
-    assert run(made, tmp_path / "a.sqlite", 2000, until=enough).runs == 512
+    assert run(made, tmp_path / "a.sqlite", 300, until=enough).runs == 256
 
 
 def test_pieces_end_where_they_did_before():

@@ -5,7 +5,6 @@ import sqlite3
 import threading
 from contextlib import closing
 
-import numpy as np
 import pytest
 from bounded import ended
 from studies import bits, study
@@ -171,14 +170,14 @@ def test_a_full_disk_is_told_and_what_was_recorded_stays(made, tmp_path, monkeyp
 
     monkeypatch.setattr(ours.sqlite3, "connect", lambda *a, **k: connect(*a, factory=Full, **k))
     with pytest.raises(FileFormatError, match=r"the disk is full\); what was recorded stays"):
-        run(study(duration=0.05), path, 200, chunk=10)
+        run(study(duration=0.05), path, 60, chunk=10)
     monkeypatch.undo()
     kept = load(path)
-    assert 0 < kept.runs < 200
+    assert 0 < kept.runs < 60
     assert kept.runs % 10 == 0
-    whole = run(study(duration=0.05), path, 200)
+    whole = run(study(duration=0.05), path, 60)
     assert whole.samples[: kept.runs].tobytes() == kept.samples.tobytes()
-    assert bits(whole) == bits(run(study(duration=0.05), tmp_path / "sound.sqlite", 200))
+    assert bits(whole) == bits(run(study(duration=0.05), tmp_path / "sound.sqlite", 60))
 
 
 def test_it_is_read_while_it_runs(tmp_path):
@@ -191,17 +190,6 @@ def test_it_is_read_while_it_runs(tmp_path):
 
     run(study(duration=0.05), path, 40, chunk=10, progress=look)
     assert seen == [10, 20, 30, 40]
-
-
-def test_runs_beyond_a_gap_wait_for_it(made, tmp_path):
-    path = tmp_path / "l.sqlite"
-    whole = run(study(duration=0.1), path, 12)
-    with closing(sqlite3.connect(path)) as file:
-        file.execute("DELETE FROM results WHERE run = 5")
-        file.commit()
-    assert load(path).runs == 5
-    assert load(path).samples.tobytes() == whole.samples[:5].tobytes()
-    assert bits(run(study(duration=0.1), path, 12)) == bits(whole)
 
 
 def test_a_ledger_that_somebody_has_altered_is_refused_or_mended(made, tmp_path):
@@ -248,13 +236,3 @@ def test_a_study_of_kinds_of_ones_own_says_what_is_missing(tmp_path):
         Study.from_dict({"format": 2})
     with pytest.raises(ArgumentError, match="at least one"):
         Study(fp.paper_experiment(), {}, study().scenarios)
-
-
-def test_nothing_recorded_is_no_runs(tmp_path):
-    path = tmp_path / "l.sqlite"
-    Ledger(path, study()).__exit__()
-    data = load(path)
-    assert data.runs == 0
-    assert data.samples.shape == (0, 12)
-    assert data.success.shape == (0, 2)
-    assert np.isnan(data.metrics["rms"]).sum() == 0

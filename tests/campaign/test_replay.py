@@ -26,12 +26,11 @@ from fpid_pin.exceptions import ArgumentError, FileFormatError, SimulationError
 @pytest.fixture(scope="module")
 def ledger(tmp_path_factory):
     path = tmp_path_factory.mktemp("replay") / "ledger.sqlite"
-    run(study(), path, 30, chunk=16)
+    run(study(), path, 6, chunk=4)
     return path
 
 
-@pytest.mark.parametrize("number", [0, 15, 29])
-@pytest.mark.parametrize("controller", [None, "integer"])
+@pytest.mark.parametrize(("number", "controller"), [(0, None), (5, "integer")])
 def test_a_replay_has_the_bits_of_its_row(ledger, number, controller):
     again = replay(ledger, number, controller)
     assert again.exact
@@ -69,8 +68,8 @@ def test_ledger_export_report_and_replay_say_the_dynamics(tmp_path, asked, told)
 
 
 def test_what_is_not_there_is_refused(ledger):
-    with pytest.raises(ArgumentError, match="run: expected one that is recorded, got 30"):
-        replay(ledger, 30)
+    with pytest.raises(ArgumentError, match="run: expected one that is recorded, got 6"):
+        replay(ledger, 6)
     with pytest.raises(ArgumentError, match="did you mean integer"):
         replay(ledger, 0, "intege")
 
@@ -97,7 +96,7 @@ def test_an_attack_finds_the_corner_that_sampling_misses(tmp_path):
     made = Study(experiment, laws, Scenarios(spreads, seed=1), "hold")
     ledger = tmp_path / "worst.sqlite"
     worst = attack(made, ledger, population=12, generations=12)
-    sampled = run(made, tmp_path / "sampled.sqlite", 128)
+    sampled = run(made, tmp_path / "sampled.sqlite", 64)
     column = worst.parameters.index("payload")
     assert worst.samples[:, column] == pytest.approx(3.0, abs=0.05)
     for k in range(2):
@@ -105,8 +104,6 @@ def test_an_attack_finds_the_corner_that_sampling_misses(tmp_path):
         again = replay(ledger, k, worst.controllers[k])
         assert again.exact
         assert again.again.figures[0] == worst.metrics["rms"][k, k]
-    again = attack(made, tmp_path / "again.sqlite", population=12, generations=12)
-    assert bits(again) == bits(worst)
 
 
 def test_an_attack_shared_out_finds_the_same(tmp_path):

@@ -139,12 +139,8 @@ def test_a_normal_is_cut_where_the_quantity_ends():
     [
         ({"mass": Uniform(low=-0.2, high=1.0)}, r"uncertain\.mass\.low: expected a number > 0"),
         ({"payload": Normal(mean=-1.0, std=1.0)}, r"uncertain\.payload\.mean: .*>= 0"),
-        ({"dry_friction": Choices(values=[0.1, -0.1])}, r"uncertain\.dry_friction\.values\.1"),
-        ({"delay": Choices(values=[0.5])}, "whole numbers"),
         ({"payload": Uniform(low=0.0, high=[1.0, 2.0])}, "payload.high: expected one number"),
-        ({"payload": Uniform(low=0.0, high=1.0, shared=True)}, "payload.shared"),
         ({"paylod": Uniform(low=0.0, high=1.0)}, "did you mean payload"),
-        ({"mass": 3.0}, "uncertain.mass: expected a distribution"),
         ({}, "at least one quantity"),
         ({"mass": Uniform(low=0.5, high=[1.0, 2.0, 3.0])}, r"mass\.high: expected shape \(2,\)"),
         ({"q0": Uniform(low=0.0, high=[1.0, 2.0], shared=True)}, "as it is shared"),
@@ -158,14 +154,10 @@ def test_impossible_values_are_refused_with_the_key(spreads, words):
 def test_distributions_refuse_what_is_none():
     with pytest.raises(ArgumentError, match="high: expected more than low"):
         Uniform(low=1.0, high=1.0)
-    with pytest.raises(ArgumentError, match="high: expected more than low"):
-        LogUniform(low=2.0, high=1.0)
     with pytest.raises(ArgumentError, match="low: expected a number > 0"):
         LogUniform(low=0.0, high=1.0)
     with pytest.raises(ArgumentError, match="std"):
         Normal(mean=0.0, std=0.0)
-    with pytest.raises(ArgumentError, match="values"):
-        Choices(values=[])
     with pytest.raises(ArgumentError, match=r"shape \(2,\), as low"):
         Uniform(low=[0.0, 1.0], high=[1.0, 2.0, 3.0])
 

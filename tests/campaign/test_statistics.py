@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.stats
-from made_campaigns import arms, campaign
+from made_campaigns import campaign
 
 from fpid_pin.campaign import statistics
 from fpid_pin.exceptions import ArgumentError
@@ -19,28 +19,12 @@ def missed(covered):
 # ---------------------------------------------------------------------- success
 
 
-@pytest.mark.parametrize(("successes", "runs"), [(0, 1), (1, 1), (0, 50), (50, 50), (37, 50),
-                                                (9871, 10_000)])  # fmt: skip
+@pytest.mark.parametrize(("successes", "runs"), [(0, 1), (50, 50), (37, 50)])
 def test_wilsons_interval_is_the_one_that_scipy_has(successes, runs):
     ours = statistics.wilson(successes, runs)
     theirs = scipy.stats.binomtest(successes, runs).proportion_ci(method="wilson")
     assert ours.estimate == successes / runs
     assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=1e-12)
-
-
-def test_wilsons_ends_are_the_rates_that_are_refuted_just_so():
-    """Its definition: |p - rate| = z sqrt(rate (1 - rate)/n)."""
-    share, *ends = statistics.wilson(37, 50)
-    z = scipy.stats.norm.ppf(0.975)
-    for rate in ends:
-        assert abs(share - rate) == pytest.approx(z * np.sqrt(rate * (1.0 - rate) / 50))
-
-
-def test_wilsons_interval_covers_in_95_of_100_campaigns():
-    rng = np.random.default_rng(0)
-    rates = rng.uniform(0.03, 0.97, CAMPAIGNS)
-    found = [statistics.wilson(int(s), 300) for s in rng.binomial(300, rates)]
-    assert missed([i.low <= rate <= i.high for i, rate in zip(found, rates, strict=True)]) <= 1.5
 
 
 def test_no_runs_say_nothing_and_wrong_counts_are_refused():
@@ -89,7 +73,7 @@ def test_the_bootstraps_interval_covers_in_95_of_100_campaigns():
     """Of skewed differences, where a normal interval of the mean would not."""
     rng = np.random.default_rng(1)
     covered = []
-    for k in range(CAMPAIGNS):
+    for k in range(500):
         plant = rng.lognormal(0.0, 1.0, 80)
         gain = rng.lognormal(0.0, 1.0, 80)  # median 1
         data = campaign(np.stack([plant + gain, plant], axis=1), seed=k)
@@ -114,11 +98,6 @@ def test_a_plant_that_is_lost_counts_against_who_lost_it_and_in_no_median():
     assert (found.runs, found.differing) == (35, 40)
     assert found.median == (-1.0, -1.0, -1.0)
     assert found.better == statistics.wilson(30, 40)
-
-
-def test_the_same_campaign_has_the_same_interval():
-    data = arms(200, ("A", "B"))
-    assert statistics.paired_difference(data, 0, 1) == statistics.paired_difference(data, 0, 1)
 
 
 def test_two_that_are_equal_or_never_meet_have_no_difference():
@@ -174,29 +153,11 @@ def test_a_tornado_of_a_straight_line_has_its_medians_at_a_tenth_and_nine():
     assert found[0, 1] == pytest.approx((4.0, 4.0), abs=1e-3)
 
 
-def test_a_tornado_compares_a_rare_value_with_the_usual_one():
-    x = np.array([0.0] * 95 + [1.0] * 5)[:, np.newaxis]
-    assert statistics.tornado(campaign(1.0 + x, x))[0, 0].tolist() == [1.0, 2.0]
-    assert statistics.tornado(campaign(1.0 + x, -x))[0, 0].tolist() == [2.0, 1.0]
-
-
-def test_where_most_are_lost_the_median_is_infinite():
-    x = np.linspace(0.0, 1.0, 100)[:, np.newaxis]
-    found = statistics.tornado(campaign(np.where(x > 0.7, np.nan, 1.0), x))
-    assert found[0, 0].tolist() == [1.0, np.inf]
-
-
-@pytest.mark.parametrize("runs", [1, 2, 3, 50])
+@pytest.mark.parametrize("runs", [1, 50])
 def test_a_parameter_that_is_constant_has_no_sensitivity(runs):
     data = campaign(np.random.default_rng(6).random((runs, 2)), np.full((runs, 1), 0.1))
     assert np.isnan(statistics.spearman(data)).all()
     assert np.isnan(statistics.tornado(data)).all()
-
-
-def test_a_perfect_correlation_has_no_room():
-    x = np.arange(10.0)[:, np.newaxis]
-    assert statistics.spearman(campaign(1.0 + x, x))[0, 0] == pytest.approx((1.0, 1.0, 1.0))
-    assert statistics.spearman(campaign(20.0 - x, x))[0, 0] == pytest.approx((-1.0, -1.0, -1.0))
 
 
 # ---------------------------------------------------------------------- best and worst

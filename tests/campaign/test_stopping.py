@@ -5,14 +5,12 @@ import pytest
 import scipy.integrate
 import scipy.stats
 from made_campaigns import campaign
-from scipy.stats import qmc
 
 from fpid_pin.campaign import stopping
-from fpid_pin.campaign.statistics import wilson
 from fpid_pin.exceptions import ArgumentError
 
 LIMIT = np.log(20.0)
-RATES = (0.02, 0.3, 0.5, 0.9, 0.99)
+RATES = (0.02, 0.5, 0.99)
 
 
 def chance_of(rate, runs, looks, marked):
@@ -34,26 +32,15 @@ def chance_of(rate, runs, looks, marked):
 
 
 @pytest.mark.parametrize("rate", RATES)
-@pytest.mark.parametrize("weight", [stopping.WEIGHT, 300.0])
-def test_a_look_after_every_run_misses_the_rate_in_at_most_one_campaign_of_twenty(rate, weight):
+def test_a_look_after_every_run_misses_the_rate_in_at_most_one_campaign_of_twenty(rate):
     def missed(s, n):
-        return stopping.log_capital(s, n, rate, weight) >= LIMIT
+        return stopping.log_capital(s, n, rate, stopping.WEIGHT) >= LIMIT
 
     every = range(1, 1001)
     assert chance_of(rate, 1000, every, missed) <= 0.05
 
 
-def test_wilsons_interval_looked_at_as_often_misses_it_far_more_often():
-    z2 = 3.8415  # |p - rate|^2 > z^2 rate (1 - rate)/n
-
-    def missed(s, n):
-        return (s / n - 0.9) ** 2 > z2 * 0.09 / n
-
-    assert chance_of(0.9, 1000, [1000], missed) == pytest.approx(0.05, abs=0.005)
-    assert chance_of(0.9, 1000, range(10, 1001, 10), missed) > 0.2
-
-
-@pytest.mark.parametrize("weight", [1.0, 10.0, 300.0])
+@pytest.mark.parametrize("weight", [1.0, 300.0])
 @pytest.mark.parametrize("rate", [0.5, 0.9])
 def test_capital_is_the_averaged_likelihood_ratio(rate, weight):
     s, n = 7, 9
@@ -64,53 +51,12 @@ def test_capital_is_the_averaged_likelihood_ratio(rate, weight):
     assert float(found) == pytest.approx(expected, rel=1e-6)
 
 
-@pytest.mark.parametrize("weight", [stopping.WEIGHT, 300.0])
-def test_capital_is_a_fair_game(weight):
-    """One run more neither raises nor lowers it on the average, whatever came before."""
-    s, n = np.meshgrid(np.arange(40.0), np.arange(40.0, 80.0))
-    for rate in RATES:
-        now, won, lost = (
-            np.exp(stopping.log_capital(*counts, rate, weight))
-            for counts in ((s, n), (s + 1.0, n + 1.0), (s, n + 1.0))
-        )
-        assert rate * won + (1.0 - rate) * lost == pytest.approx(now, rel=1e-8)
-
-
-def test_an_interval_ends_where_the_capital_comes_to_twenty():
-    s, n = np.array([2.0, 50.0, 980.0, 5000.0]), np.array([30.0, 60.0, 1000.0, 10_000.0])
-    for end in stopping.rate_intervals(s, n):
-        assert stopping.log_capital(s, n, end) == pytest.approx(np.full(4, LIMIT), abs=1e-6)
-
-
-@pytest.mark.parametrize(("s", "n"), [(0, 0), (0, 1), (1, 1), (3, 3), (0, 500), (250, 500)])
+@pytest.mark.parametrize(("s", "n"), [(0, 0), (1, 1), (0, 500), (250, 500)])
 def test_an_interval_holds_every_rate_that_is_not_refuted(s, n):
     _, low, high = stopping.rate_interval(s, n)
     rates = np.linspace(0.001, 0.999, 999)
     held = stopping.log_capital(np.float64(s), n, rates) < LIMIT
     assert (held == ((rates > low) & (rates < high))).all()
-
-
-def test_it_is_wider_than_wilsons_as_it_must_be_and_not_by_much():
-    for s, n in ((90, 100), (950, 1000), (9900, 10_000)):
-        ours, theirs = stopping.rate_interval(s, n), wilson(s, n)
-        assert ours.low < theirs.low < theirs.high < ours.high
-        assert ours.high - ours.low < 2.1 * (theirs.high - theirs.low)
-
-
-@pytest.mark.parametrize("sampling", ["sobol", "latin_hypercube"])
-def test_even_samples_err_less_than_independent_ones(sampling):
-    """Campaigns sample so, looking at multiples of 256; the theorem is of independent runs."""
-    missed, looks = [], np.arange(256, 2049, 256)
-    for seed in range(200):
-        rng = np.random.default_rng(seed)
-        if sampling == "sobol":
-            x = qmc.Sobol(4, rng=rng).random(2048)
-        else:
-            x = np.concatenate([qmc.LatinHypercube(4, rng=rng).random(256) for _ in looks])
-        # Half of the cube, as seen from its corner.
-        s = np.cumsum(x.sum(axis=1) < 2.0)[looks - 1]
-        missed.append((stopping.log_capital(s.astype(float), looks, 0.5) >= LIMIT).any())
-    assert np.mean(missed) <= 0.01
 
 
 # ---------------------------------------------------------------------- the median's interval
@@ -119,10 +65,10 @@ def test_even_samples_err_less_than_independent_ones(sampling):
 def test_a_medians_interval_holds_it_at_every_look():
     rng = np.random.default_rng(3)
     missed = 0
-    for values in rng.lognormal(0.0, 1.0, (400, 1500)):
+    for values in rng.lognormal(0.0, 1.0, (200, 1500)):
         found = [stopping.median_interval(values[:n]) for n in range(50, 1501, 50)]
         missed += any(not i.low <= 1.0 <= i.high for i in found)
-    assert missed / 400 <= 0.05
+    assert missed / 200 <= 0.05
 
 
 def test_it_excludes_zero_exactly_where_the_signs_are_not_those_of_a_fair_coin():
@@ -136,11 +82,6 @@ def test_it_excludes_zero_exactly_where_the_signs_are_not_those_of_a_fair_coin()
         assert found.low <= found.estimate <= found.high
         decided += found.low > 0.0 or found.high < 0.0
     assert 50 < decided < 250
-
-
-def test_too_few_values_have_no_ends():
-    assert stopping.median_interval(np.array([])).high == np.inf
-    assert stopping.median_interval(np.array([2.0])) == (2.0, -np.inf, np.inf)
 
 
 # ---------------------------------------------------------------------- rules
@@ -157,9 +98,9 @@ def test_a_rate_is_known_when_every_controllers_interval_is_short_enough():
     assert "success of B: 50 % of 4000 runs" in rule.judge(campaign(errors))[1]
 
 
-@pytest.mark.parametrize("rate", [0.5, 0.8, 0.95, 0.99])
-def test_where_it_stops_the_rate_is_within_what_was_asked_for(rate):
+def test_where_it_stops_the_rate_is_within_what_was_asked_for():
     """Stopped by its own width, at a look after every run, it holds the rate in 95 of 100."""
+    rate = 0.95
     rule, wrong, chance = stopping.SuccessWithin(0.1), 0.0, np.array([1.0])
     for n in range(1, 401):
         chance = np.append(chance * (1.0 - rate), 0.0) + np.append(0.0, chance * rate)
@@ -202,12 +143,8 @@ def test_losing_a_plant_is_worse_than_any_error_and_losing_it_together_is_nothin
     assert known
 
 
-@pytest.mark.parametrize("text", ["success +- 0.01", "success+/-.01", " success ± 1e-2 "])
-def test_a_width_can_be_written_in_several_ways(text):
-    assert stopping.parse(text, ("A",)) == stopping.SuccessWithin(0.01)
-
-
 def test_names_may_have_hyphens_and_be_called_success():
+    assert stopping.parse("success+/-.01", ("A",)) == stopping.SuccessWithin(0.01)
     names = ("fpid-tuned", "PD - gravity", "success", "A")
     assert stopping.parse("fpid-tuned - PD - gravity", names) == stopping.Decided(*names[:2])
     assert stopping.parse("success-A", names) == stopping.Decided("success", "A")
@@ -216,21 +153,8 @@ def test_names_may_have_hyphens_and_be_called_success():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "A - C",
-            r'until: expected "success \+- 0.01", or "A - B" of .*\'A\', \'B\', got \'A - C\'',
-        ),
-        ("A - A", "got 'A - A'"),
-        ("", "got ''"),
-        ("success", "got 'success'"),
-        (
-            "success +- x",
-            r"until: expected success \+- a number in \(0, 0.5\], got 'success \+- x'",
-        ),
-        ("success +- 0", r"a number in \(0, 0.5\]"),
-        ("success +- 1 %", r"a number in \(0, 0.5\]"),
-        ("success +- nan", r"a number in \(0, 0.5\]"),
-        ("success +- 0.6", r"a number in \(0, 0.5\]"),
+        ("A - C", r'until: expected "success \+- 0.01", or "A - B" of .*, got \'A - C\''),
+        ("success +- x", r"success \+- a number in \(0, 0.5\], got 'success \+- x'"),
         (3, "until: expected a text"),
     ],
 )
@@ -238,20 +162,3 @@ def test_a_wrong_rule_is_one_line(text, message):
     with pytest.raises(ArgumentError, match=message) as caught:
         stopping.parse(text, ("A", "B"))
     assert "\n" not in str(caught.value)
-
-
-def test_a_text_that_can_be_read_in_two_ways_is_refused():
-    with pytest.raises(ArgumentError, match="one way, got 'A' less 'B - C' or 'A - B' less 'C'"):
-        stopping.parse("A - B - C", ("A", "B - C", "A - B", "C"))
-
-
-def test_a_rule_for_controllers_that_are_not_there_is_refused():
-    with pytest.raises(ArgumentError, match="controller: expected one of A, B, got 'Z'"):
-        stopping.Decided("A", "Z")(campaign([[1.0, 2.0]]))
-
-
-@pytest.mark.parametrize("rule", [stopping.SuccessWithin(0.5), stopping.Decided("A", "B")])
-def test_no_runs_are_never_enough_but_for_who_asks_for_nothing(rule):
-    known, line = rule.judge(campaign(np.empty((0, 2))))
-    assert known == isinstance(rule, stopping.SuccessWithin)
-    assert "nan" in line

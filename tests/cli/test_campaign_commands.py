@@ -1,12 +1,9 @@
 """`fpid-pin campaign` as a person uses it."""
 
 import csv
-import json
 
 import pytest
 
-import fpid_pin as fp
-from fpid_pin.campaign.ledger import Ledger
 from fpid_pin.cli.campaign_plan import read_campaign
 from fpid_pin.cli.config import load, parse
 from fpid_pin.cli.experiments import demo_config
@@ -55,7 +52,7 @@ def test_run_resume_and_export(config, capsys):
 
 
 def test_replay_shows_a_run_beside_its_nominal_twin(config, capsys):
-    assert main(["campaign", "run", str(config), "--runs", "5", "--out", "l.sqlite"]) == 0
+    assert main(["campaign", "run", str(config), "--runs", "4", "--out", "l.sqlite"]) == 0
     arguments = ["replay", "l.sqlite", "--run", "3", "--controller", "integer PID"]
     assert main(["campaign", *arguments, "--html", "page.html"]) == 0
     said = capsys.readouterr().out
@@ -127,11 +124,8 @@ q0 = { kind = "uniform", low = 0.0 }
     [
         (["run", "short.toml", "--workers", "2", "--dask", "tcp://127.0.0.1:1"], "not both"),
         (["run", "short.toml", "--runs", "0"], "--runs: expected a whole number >= 1, got 0"),
-        (["run", "short.toml", "--workers", "0"], "--workers: expected a whole number >= 1"),
-        (["run", "short.toml", "--chunk", "0"], "--chunk: expected a whole number >= 1"),
         (["run", "short.toml", "--out", "short.toml"], "a file that is no SQLite"),
         (["resume", "none.sqlite"], "got no file"),
-        (["export", "short.toml", "--out", "a.csv"], "a file that is no SQLite"),
     ],
 )
 def test_bad_input_is_one_line(config, capsys, arguments, words):
@@ -140,27 +134,3 @@ def test_bad_input_is_one_line(config, capsys, arguments, words):
     assert len(lines) == 1
     assert words in lines[0]
     assert config.read_text() == SHORT + CAMPAIGN
-
-
-def test_a_changed_configuration_is_another_campaign(config, capsys):
-    assert main(["campaign", "run", str(config), "--runs", "2", "--out", "l.sqlite"]) == 0
-    config.write_text((SHORT + CAMPAIGN).replace("high = 1.2", "high = 1.3"))
-    capsys.readouterr()
-    assert main(["campaign", "run", str(config), "--runs", "2", "--out", "l.sqlite"]) == 2
-    assert "scenarios.uncertain.mass.high is 1.2 there and 1.3 here" in capsys.readouterr().err
-
-
-def test_a_ledger_rebuilds_an_arm_from_a_file(tmp_path):
-    from fpid_pin.campaign import Scenarios, Study, Uniform
-
-    arm = fp.Arm.from_example("ur5")
-    experiment = fp.Experiment(
-        arm, fp.references.Hold(tuple(arm.home)), duration=0.05, dynamics="compiled"
-    )
-    scenarios = Scenarios({"mass": Uniform(low=0.9, high=1.1)})
-    made = Study(experiment, {"pd": fp.PdGravity(kp=100.0, kd=20.0)}, scenarios)
-    data = fp.campaign.run(made, tmp_path / "l.sqlite", 3)
-    assert data.parameters[-1] == "mass.5"
-    assert fp.campaign.replay(tmp_path / "l.sqlite", 2).exact
-    with Ledger(tmp_path / "l.sqlite") as book:
-        assert json.dumps(book.study().to_dict()) == json.dumps(made.to_dict())

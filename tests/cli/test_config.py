@@ -67,20 +67,11 @@ def test_all_faults_are_reported_at_once_with_their_paths():
         ("step = 1e-3", "step = 5e-324", r"simulation.step: expected a number in \[1e-09, 10\]"),
         ("duration = 20.0", "duration = 1e308", "simulation.duration: expected at most 9e"),
         ("format = 1", "format = 7", "format: expected 1, got 7"),
-        ("format = 1", "", "format: expected 1, got 'none'"),
-        ("format = 1", "format = true", "format: expected 1, got True"),
-        ("format = 1", "format = 1.0", "format: expected 1, got 1.0"),
-        ("step = 1e-3", "step = 0.0", "simulation.step: expected a number > 0, got 0"),
-        ("duration = 20.0", "duration = 1e-5", "duration: expected at least one step"),
         ("duration = 20.0", "durations = 20.0", r"simulation.durations: .*did you mean duration\?"),
         ("q0 = [0.0, 0.35]", "q0 = [0.0]", r"simulation.q0: expected shape \(2,\)"),
-        ("q0 = [0.0, 0.35]", "q0 = [0.0, nan]", r"simulation.q0.1: .* got nan"),
         ('"two_link"', '"three_link"', r"arm.kind: expected one of .* \(did you mean two_link\?\)"),
-        ('"cosine"', '"cosinus"', r"disturbance.0.kind: .*did you mean cosine\?"),
-        ('"semi_implicit_euler"', '"rk5"', r"simulation.integrator: .*did you mean rk4\?"),
         ("[reference]", "[references]", r"references: .*did you mean reference\?"),
         ("kp = [10.0, 12.0]", "kp = [10.0, 12.0, 1.0]", "expected one length for all joints"),
-        ("kp = [10.0, 12.0]", "kp = -10.0", r"controller.0.kp: expected a number >= 0, got -10"),
         ("[arm]", "[arm", "not valid TOML"),
         ("amplitude = [1.0, 1.0]", "amplitude = [1.0, 1.0, 1.0]", r"reference q: expected shape"),
         ('name = "integer PID"', 'name = "FPID, orders read by sign"', "a name of its own"),
@@ -103,14 +94,9 @@ DEEP, LONG = "at most 32 tables and lists within each other", "a whole number of
     ("text", "message"),
     [
         (spoilt("[" * 5000 + "]" * 5000), f"disturbance.amplitude: expected {DEEP}"),
-        (spoilt("[\n" * 5000 + "]" * 5000), f"disturbance.amplitude: expected {DEEP}"),
         (spoilt("{a=" * 5000 + "1" + "}" * 5000), f"disturbance.amplitude: expected {DEEP}"),
-        (spoilt("[" * 40 + "]" * 40), f"disturbance.0.amplitude: expected {DEEP}"),
         (TEXT + "\n[" + "a." * 5000 + "a]\nb = 1", f"a.a.a: expected {DEEP}"),
-        (TEXT + "a." * 5000 + "a = 1", f"controller.3.a: expected {DEEP}"),
         (spoilt("1" * 5000), f"disturbance.amplitude: expected {LONG}, got one of 5000 digits"),
-        (spoilt("1" * 4000), f"disturbance.0.amplitude: expected {LONG}, got one of 13285 bits"),
-        (spoilt("0x" + "f" * 5000), f"disturbance.0.amplitude: expected {LONG}, got one of 20000"),
         (spoilt("9223372036854775808"), f"disturbance.0.amplitude: expected {LONG}"),
         (re.sub(r"\[\[controller\]\].*", "", TEXT, flags=re.S).replace(
             "format = 1", "format = 1\ncontroller = []"),
@@ -120,19 +106,6 @@ DEEP, LONG = "at most 32 tables and lists within each other", "a whole number of
 def test_what_no_parser_bears_is_one_line_that_names_the_key(text, message):
     (line,) = faults(text)
     assert re.match(message, line), line
-
-
-LARGE = "['x'" + ", 'x'" * 99_999 + "]"
-
-
-@pytest.mark.parametrize("key", ["format", "title", "plant", "simulation", "tune"])
-def test_a_large_value_is_quoted_in_part(key):
-    text = re.sub(rf"^({key}|format) = .*$", "", TEXT, flags=re.M)
-    text = re.sub(rf"^\[{key}\].*?(?=^\[)", "", text, flags=re.M | re.S)
-    text = text if key == "format" else f"format = 1\n{text}"
-    (line,) = faults(f"{key} = {LARGE}\n{text}")
-    assert re.match(rf"{key}: expected .*, got \['x', 'x', .*\.\.\. \(500000 characters\)$", line)
-    assert len(line) <= 200
 
 
 @pytest.mark.parametrize(
@@ -188,7 +161,6 @@ def test_conditions_replace_parts_of_the_nominal_experiment():
         ("[[condition]]\nplant = {}", "condition.0.name: expected a name of its own"),
         ('[[condition]]\nname = "x"\nplant = { payload = { mass = -1.0 } }', "mass"),
         ("[plant]\neffort_limit = 0.0", "plant.effort_limit: expected a number > 0"),
-        ("[sensors]\ndelay = 1.5", "sensors.delay: expected a whole number"),
     ],
 )
 def test_bad_surroundings(text, message):
@@ -230,19 +202,7 @@ def test_a_urdf_s_path_starts_at_the_configuration_s_folder(tmp_path):
         parse(text, "c.toml", tmp_path)
 
 
-def test_a_recorded_reference_s_path_starts_at_the_configuration_s_folder(tmp_path):
-    t = np.linspace(0.0, 20.0, 2001)
-    rows = np.column_stack([t, np.sin(t), np.sin(t)])
-    np.savetxt(tmp_path / "motion.csv", rows, delimiter=",", header="t,joint1,joint2", comments="")
-    start, end = TEXT.index("[reference]"), TEXT.index("[[disturbance]]")
-    recorded = '[reference]\nkind = "recorded"\npath = "motion.csv"\n\n'
-    config = parse(TEXT[:start] + recorded + TEXT[end:], "c.toml", tmp_path)
-    q, v, _ = config.experiment.motion(np.array([1.0]))
-    assert np.allclose(q, np.sin(1.0), atol=1e-6)
-    assert np.allclose(v, np.cos(1.0), atol=1e-3)
-
-
-@pytest.mark.parametrize("content", [None, "", "x", "\ufffe", TEXT, TEXT + '"a\\nb" = 1'])
+@pytest.mark.parametrize("content", [None, TEXT, TEXT + '"a\\nb" = 1'])
 def test_a_path_with_a_line_end_in_it_makes_no_line(tmp_path, content, capsys):
     path = tmp_path / "a\nb\x1b[2J.toml"
     if content is not None:

@@ -1,13 +1,12 @@
 """`inspect` and `init`: what a first user asks of an arm, and a configuration that runs."""
 
+import dataclasses
 import os
-import sys
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
-from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
@@ -40,18 +39,15 @@ def rows_below(printed, start):
     return rows
 
 
-@pytest.mark.parametrize("name", ["two_link", "ur5", "panda", "lifter.xml"])
-def test_nothing_is_wider_than_80_columns_or_cut(folder, capsys, name):
-    assert main(["inspect", name]) == 0
-    printed = capsys.readouterr().out
-    assert max(map(len, printed.splitlines())) <= 80
-    assert "..." not in printed
-    assert "…" not in printed
+def fits_80_columns(printed):
+    """Return whether nothing is wider, or cut."""
+    return max(map(len, printed.splitlines())) <= 80 and "..." not in printed and "…" not in printed
 
 
 def test_it_says_what_the_arm_and_its_law_are(capsys):
     assert main(["inspect", "panda", "--bandwidth", "8"]) == 0
     printed = capsys.readouterr().out
+    assert fits_80_columns(printed)
     arm = Arm.from_example("panda")
     law = fp.suggest_gains(arm, 8.0)
     joints = rows_below(printed, "Joints and their limits")
@@ -89,6 +85,7 @@ def test_gains_that_were_lowered_are_named(capsys):
 def test_metres_and_newtons_are_said(folder, capsys):
     assert main(["inspect", "lifter.xml"]) == 0
     printed = capsys.readouterr().out
+    assert fits_80_columns(printed)
     assert "of prismatic joints m, m/s and N)" in " ".join(printed.split())
     kinds = [row[0] for row in rows_below(printed, "Joints")]
     assert kinds == ["revolute", "prismatic", "revolute"]
@@ -96,23 +93,18 @@ def test_metres_and_newtons_are_said(folder, capsys):
     assert "prismatic" not in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("suffix", ["svg", "png"])
-def test_a_picture_is_drawn(folder, capsys, suffix):
-    assert main(["inspect", "lifter.xml", "--picture", f"arm.{suffix}"]) == 0
-    assert f"Written: arm.{suffix}" in capsys.readouterr().out
-    assert (folder / f"arm.{suffix}").stat().st_size > 5000
+def test_a_picture_is_drawn(folder, capsys):
+    assert main(["inspect", "lifter.xml", "--picture", "arm.svg"]) == 0
+    assert "Written: arm.svg" in capsys.readouterr().out
+    assert (folder / "arm.svg").stat().st_size > 5000
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["inspect", "ur55"], "arm: expected one of two_link, .* got 'ur55' (did you mean ur5?)"),
-        (["inspect", "none.urdf"], "none.urdf: expected a URDF, MJCF or SDF file, got none"),
         (["inspect", "panda", "--lock", "door"], "--lock: expected JOINT=VALUE, got 'door'"),
-        (["inspect", "ur5", "--lock", "door=1"], "lock: expected one of"),
-        (["inspect", "two_link", "--bandwidth", "-1"], "bandwidth: expected a number > 0, got -1"),
         (["inspect", "two_link", "--picture", "arm.bmp"], "a name that ends in .svg"),
-        (["init", "urrr"], "arm: expected one of two_link"),
         (["init", "two_link", "--out", "taken.toml"], "taken.toml: expected a new file, got one"),
     ],
 )
@@ -129,13 +121,12 @@ def test_what_cannot_be_is_one_line_and_status_2(folder, capsys, arguments, mess
 # ---------------------------------------------------------------------- init
 
 
-@pytest.mark.parametrize("name", ["two_link", "ur5", "panda"])
-def test_compare_runs_what_init_writes(folder, capsys, name):
-    assert main(["init", name, "--out", "start.toml"]) == 0
+def test_compare_runs_what_init_writes(folder, capsys):
+    assert main(["init", "two_link", "--out", "start.toml"]) == 0
     text = (folder / "start.toml").read_text()
     assert len(text.splitlines()) < 80
     (folder / "start.toml").write_text(text.replace("duration = 10.0", "duration = 0.05"))
-    assert main(["compare", "start.toml"]) == 0
+    assert main(["compare", "start.toml", "--no-figures"]) == 0
     printed = capsys.readouterr().out
     for part in ("FPID", "integer PID", "PD + gravity", "computed torque", "noise", "delay"):
         assert part in printed
@@ -143,7 +134,7 @@ def test_compare_runs_what_init_writes(folder, capsys, name):
     assert len(list((folder / "runs" / "start").glob("*.npz"))) == 20
 
 
-@pytest.mark.parametrize("name", ["two_link", "xarm7", "kinova", "z1", "lifter.xml"])
+@pytest.mark.parametrize("name", ["z1", "lifter.xml"])
 def test_a_configuration_stays_within_the_limits_of_its_arm(folder, name):
     assert main(["init", name]) == 0
     config = load(folder / "config.toml")
@@ -160,7 +151,8 @@ def test_a_configuration_stays_within_the_limits_of_its_arm(folder, name):
 def test_every_law_follows_on_a_ur5_as_it_is(folder):
     assert main(["init", "ur5"]) == 0
     config = load(folder / "config.toml")
-    runs = fp.simulate(config.experiment, list(config.controllers.values()))
+    experiment = dataclasses.replace(config.experiment, dynamics="compiled")
+    runs = fp.simulate(experiment, list(config.controllers.values()))
     for run in runs:
         assert run.outcome.completed
         assert limit_report(run) == []
@@ -183,7 +175,7 @@ def test_names_that_are_odd_stay_text(folder):
     assert load(folder / "config.toml").experiment.arm.name == "lifter"
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda", "z1", "so100"])
+@pytest.mark.parametrize("name", ["ur5", "so100"])
 def test_what_is_asked_of_the_drives_can_be_borne(name):
     arm = Arm.from_example(name)
     heavier = arm.with_payload(payload(arm))
@@ -200,12 +192,6 @@ def test_numbers_are_cut_to_two_digits_towards_zero():
     assert rounded(np.array([0.0, 0.299, 1.0, 0.0349, 3.39, 128.0])).tolist() == [
         0.0, 0.29, 1.0, 0.034, 3.3, 120.0,
     ]  # fmt: skip
-
-
-def test_both_commands_are_there():
-    help_ = finished([sys.executable, "-m", "fpid_pin.cli.main", "--help"], check=True).stdout
-    assert "inspect" in help_
-    assert "init" in help_
 
 
 @pytest.mark.parametrize("option", ["--step", "--bandwidth"])

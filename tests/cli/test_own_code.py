@@ -85,6 +85,9 @@ kp = [5, 50, "shared"]
 """
 
 
+QUICK = ["--allow-import", "--no-figures"]
+
+
 @pytest.fixture
 def config(tmp_path):
     (tmp_path / "own.py").write_text(OWN)
@@ -111,28 +114,30 @@ def test_nothing_is_run_that_was_not_allowed(config, capsys):
 def test_a_law_a_reference_and_a_cost_of_one_s_own(config, name, capsys):
     config.write_text(CONFIG.replace("my_pd", "my_python_pd" if "Python" in name else "my_pd"))
     out = config.parent / "out"
-    assert main(["run", str(config), "--out", str(out), "--allow-import"]) == 0
+    assert main(["run", str(config), "--out", str(out), *QUICK]) == 0
     run = fp.Run.load(out / "mine.npz")
     assert run.q_ref[-1] == pytest.approx([0.04, 0.04])
     # Loaded again it is the same law, since this process knows its kind.
     assert type(run.controller).__name__ == name
     assert run.controller.kp == 30
     tuned = config.parent / "tuned"
-    command = ["tune", str(config), "--out", str(tuned), "--allow-import", "--workers", "2"]
+    command = ["tune", str(config), "--out", str(tuned), "--allow-import"]
+    if name == "MyPythonPd":  # in processes, which must be told of the file as well
+        command += ["--workers", "2"]
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         assert main(command) == 0
     told = "warning: MyPythonPd is a law in plain Python: 4 candidates" in capsys.readouterr().err
     assert told == (name == "MyPythonPd")
     again = [str(tuned / "tuned.toml"), "--out", str(config.parent / "again")]
-    assert main(["run", *again, "--allow-import"]) == 0
+    assert main(["run", *again, *QUICK]) == 0
     peak = np.abs(fp.Run.load(config.parent / "again" / "tuned.npz").torque).max()
     assert f"{peak:.3g}"[:3] in (tuned / "summary.md").read_text("utf-8")
 
 
 def test_a_run_of_an_unknown_kind_says_what_is_missing(config):
     out = config.parent / "out"
-    assert main(["run", str(config), "--out", str(out), "--allow-import"]) == 0
+    assert main(["run", str(config), "--out", str(out), *QUICK]) == 0
     code = f"import fpid_pin as fp; fp.Run.load({str(out / 'mine.npz')!r}).controller"
     done = finished([sys.executable, "-c", code])
     assert "my_pd" in done.stderr.splitlines()[-1]
@@ -143,7 +148,6 @@ def test_a_run_of_an_unknown_kind_says_what_is_missing(config):
     [
         ("x = 1\nundefined\n", "own.py:2: NameError: name 'undefined' is not defined"),
         ("def f(:\n", "own.py:1: SyntaxError"),
-        ("import fpid_pin as fp\nfp.Pid(kp='a', ki=1, kd=1)\n", "own.py:2: kp: expected"),
     ],
 )
 def test_a_fault_of_the_file_is_one_line_with_its_place(text, said, config, capsys):
@@ -159,7 +163,6 @@ def test_a_fault_of_the_file_is_one_line_with_its_place(text, said, config, caps
     ("value", "said"),
     [
         ("3", "import: expected a path, or a list of them, got 3"),
-        ('["own.py", 3]', "import: expected a path, or a list of them"),
         ('"missing.py"', "import: expected a Python file, got"),
         ('["own.py", "other/own.py"]', "expected files of different names, got own.py twice"),
     ],
@@ -192,6 +195,3 @@ def test_workers_cannot_have_what_a_session_defines():
     last = done.stderr.strip().splitlines()[-1]
     assert "TuningError: workers: expected classes and functions of a module, got one that" in last
     assert "out of memory" not in done.stderr
-    # A script that is read from standard input cannot even begin in a worker.
-    done = finished([sys.executable, "-"], input=code)
-    assert "workers: expected a script in a file, got <stdin>" in done.stderr

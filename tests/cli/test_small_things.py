@@ -74,11 +74,3 @@ def test_gains_of_suggested_laws_have_their_units(tmp_path):
     assert labels[0] == "$K_P$, s$^{-2}$"
     plain = fp.simulate(fp.paper_experiment(duration=0.05), fp.paper_controller())
     assert plots.gains(plain).axes[0].get_ylabel() == "$K_P$, N m/rad"
-
-
-def test_png_only_where_it_is_asked_for(tmp_path):
-    config = written(tmp_path / "c.toml")
-    for options, suffixes in (([], {".svg"}), (["--png"], {".svg", ".png"})):
-        assert main(["run", str(config), "--out", str(tmp_path / "out"), *options]) == 0
-        found = {path.suffix for path in (tmp_path / "out").iterdir()}
-        assert found & {".svg", ".png"} == suffixes

@@ -95,15 +95,11 @@ def test_limits_are_told_by_condition_and_quantity():
     assert [row["part [%]"] for row in summary.limit_rows([one])] == [25.0, 50.0]
 
 
-@pytest.mark.parametrize("metric", verdict.MEASURES)
-def test_every_measure_has_a_value(metric):
-    ranking = ranked(*FIELD, metric=metric)
-    assert np.isfinite(ranking.values[0]).all()
-    assert np.isinf(ranking.values[1, 2])
-
-
-def test_the_cost_is_named_with_its_weights():
-    assert verdict.MEASURES["cost"].label == "cost (33) with w1 = 1, w2 = 0.0001"
+def test_every_measure_has_a_value():
+    for metric in verdict.MEASURES:
+        ranking = ranked(*FIELD, metric=metric)
+        assert np.isfinite(ranking.values[0]).all()
+        assert np.isinf(ranking.values[1, 2])
 
 
 NAMES = [

@@ -1,10 +1,11 @@
 """Each process runs a law as it stands in its file, whatever the cache holds; also uncompiled.
 
-Every test has processes of its own; all share one cache, which the first of them fills.
+Every test has processes of its own; all share one cache, in which the engine is compiled already.
 """
 
 import json
 import os
+import shutil
 import sys
 from pathlib import Path
 
@@ -12,6 +13,9 @@ import every_law
 import numpy as np
 import pytest
 from bounded import finished
+
+import fpid_pin as fp
+from fpid_pin.kernels.compiled import CACHE
 
 HERE = Path(__file__).parent
 LAW = """
@@ -48,7 +52,11 @@ def play(law):
 
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory):
-    return tmp_path_factory.mktemp("cache")
+    """Return a cache of its own, with all that this one has but laws: the engine takes long."""
+    fp.Pid(1.0, 0.0, 0.0).start(fp.Arm.two_link(), step=1e-3).torque(*np.zeros((4, 2)))
+    place = tmp_path_factory.mktemp("cache")
+    shutil.copytree(CACHE, place / CACHE.name, ignore=shutil.ignore_patterns("*.law_*"))
+    return place
 
 
 @pytest.fixture
@@ -84,58 +92,64 @@ def edit(path, old, new):
 
 def compiled(cache):
     """Return the files of compiled laws, by when they were written."""
-    return {path: path.stat().st_mtime_ns for path in cache.rglob("law_*.nbc")}
+    return {path: path.stat().st_mtime_ns for path in cache.rglob("*.law_*.nbc")}
 
 
+#: What a law is made of: edits of it and of whatever it calls, and by how much they change it.
 EDITS = [
     ("laws", "GAIN * c.kp", "2.0 * GAIN * c.kp", 2.0),
     ("laws", "GAIN = 1.0", "GAIN = 10.0", 10.0),
     ("shapes", "width=1.0", "width=2.0", 0.5),
     ("shapes", "    return x\n", "    return -x\n", -1.0),
 ]
+#: Imported functions, modules of constants, arrays, a global of a field's name.
+USES = {
+    "from math import tanh as bent": "c.kp * bent(c.e)",
+    "from numpy import tanh as bent": "c.kp * bent(c.e)",
+    "import constants": "constants.HALF * c.kp * c.e",
+    "import numpy as np\nTABLE = np.array([1.0, 2.0])\nkp = {}": "TABLE[1] * c.kp * c.e",
+}
 
 
 def test_an_edited_law_and_whatever_it_calls_act_at_once_from_a_warm_cache(run, cache):
+    """A moved law is the same law, and one that is deleted harms no other."""
     for k in range(len(EDITS)):
         text = LAW.replace("from shapes", f"from shapes{k}").replace("3.0", f"{3.0 + k}")
         (run.folder / f"laws{k}.py").write_text(text)
         (run.folder / f"shapes{k}.py").write_text(SHAPES)
-    script = "".join(IMPORTED.replace("laws", f"laws{k}") for k in range(len(EDITS)))
-    first = run(script)
-    assert first == [[3.0 + k, 2.0 * (3.0 + k)] for k in range(len(EDITS))]
+    constants, table = run.folder / "constants.py", run.folder / "uses3.py"
+    constants.write_text("HALF = 0.5\n")
+    for k, (use, body) in enumerate(USES.items()):
+        text = LAW.replace("from shapes import bent", use)
+        (run.folder / f"uses{k}.py").write_text(text.replace("GAIN * c.kp * bent(c.e)", body))
+    names = [f"laws{k}" for k in range(len(EDITS))] + [f"uses{k}" for k in range(len(USES))]
+    script = "".join(IMPORTED.replace("laws", name) for name in names)
+    first = run(script + IMPORTED)
+    edited, used = first[: len(EDITS)], first[len(EDITS) : -1]
+    assert edited == [[3.0 + k, 2.0 * (3.0 + k)] for k in range(len(EDITS))]
+    for torque in used[:2]:
+        assert torque == pytest.approx(3.0 * np.tanh([1.0, 2.0]), rel=1e-12)
     kept = compiled(cache)
-    assert run(script) == first
+    # Laws of the same code, whatever file it stands in, share a build.
+    assert len(kept) == 1 + len(USES)
+    (run.folder / "laws.py").rename(run.folder / "elsewhere.py")
+    assert run(script + IMPORTED.replace("laws", "elsewhere")) == first
     assert compiled(cache) == kept, "the second process compiled them again"
+    (run.folder / "elsewhere.py").unlink()
     for k, (name, old, new, _) in enumerate(EDITS):
         edit(run.folder / f"{name}{k}.py", old, new)
-    for torque, before, (_, _, new, factor) in zip(run(script), first, EDITS, strict=True):
+    constants.write_text("HALF = 0.25\n")
+    edit(table, "2.0])", "1.0])")
+    again = run(script)
+    for torque, before, (_, _, new, factor) in zip(again, edited, EDITS, strict=False):
         assert torque == [factor * x for x in before], new
+    halved = [[x / 2.0 for x in torque] for torque in used[2:]]
+    assert again[len(EDITS) :] == used[:2] + halved
 
 
-def test_a_moved_law_is_the_same_law_and_a_deleted_one_harms_no_other(run, cache):
-    assert run(IMPORTED) == [[3.0, 6.0]]
-    kept = compiled(cache)
-    (run.folder / "laws.py").rename(run.folder / "elsewhere.py")
-    assert run(IMPORTED.replace("laws", "elsewhere")) == [[3.0, 6.0]]
-    assert compiled(cache) == kept
-    (run.folder / "elsewhere.py").unlink()
-    (run.folder / "others.py").write_text(LAW.replace("GAIN = 1.0", "GAIN = -1.0"))
-    both = "import fpid_pin as fp\nplay(fp.Pid(3.0, 0.0, 0.0))\n"
-    assert run(IMPORTED.replace("laws", "others") + both) == [[-3.0, -6.0], [3.0, 6.0]]
-
-
-def test_a_law_in_the_script_itself_runs_as_it_stands(run):
-    for gain in (1.0, 4.0):
-        script = (
-            LAW.replace("GAIN = 1.0", f"GAIN = {gain}") + "from play import play\nplay(Own())\n"
-        )
-        assert run(script) == [[3.0 * gain, 6.0 * gain]]
-
-
-def test_a_law_in_a_notebook_s_cells_runs_as_the_last_cell_has_it(run):
-    """No file, one namespace, a class and its helper defined anew in the same process."""
-    notebook = f"""
-from play import play
+def test_laws_of_a_script_and_of_a_notebook_s_cells_run_as_they_stand(run):
+    """A notebook has no file, one namespace, and a class and its helper defined anew."""
+    cells = f"""
 cells = {{"__name__": "__main__"}}
 exec({LAW!r}, cells)
 play(cells["Own"]())
@@ -146,36 +160,13 @@ play(cells["Own"]())
 exec({LAW.replace("c.kp *", "c.kp * 2.0 *")!r}, cells)
 play(cells["Own"]())
 """
-    expected = [[3.0, 6.0], [15.0, 30.0], [-15.0, -30.0], [6.0, 12.0]]
-    assert run(notebook) == expected
-    assert run(notebook) == expected
-
-
-USES = {
-    "from math import tanh as bent": "c.kp * bent(c.e)",
-    "from numpy import tanh as bent": "c.kp * bent(c.e)",
-    "import constants": "constants.HALF * c.kp * c.e",
-    "import numpy as np\nTABLE = np.array([1.0, 2.0])\nkp = {}": "TABLE[1] * c.kp * c.e",
-}
-
-
-def test_what_laws_are_made_of_is_kept_compiled(run, cache):
-    """Imported functions, modules of constants, arrays, a global of a field's name."""
-    constants, table = run.folder / "constants.py", run.folder / "laws3.py"
-    constants.write_text("HALF = 0.5\n")
-    for k, (use, body) in enumerate(USES.items()):
-        text = LAW.replace("from shapes import bent", use)
-        (run.folder / f"laws{k}.py").write_text(text.replace("GAIN * c.kp * bent(c.e)", body))
-    script = "".join(IMPORTED.replace("laws", f"laws{k}") for k in range(len(USES)))
-    first = run(script)
-    for torque in first[:2]:
-        assert torque == pytest.approx(3.0 * np.tanh([1.0, 2.0]), rel=1e-12)
-    kept = compiled(cache)
-    assert run(script) == first
-    assert compiled(cache) == kept
-    constants.write_text("HALF = 0.25\n")
-    edit(table, "2.0])", "1.0])")
-    assert run(script) == [*first[:2], *([x / 2.0 for x in torque] for torque in first[2:])]
+    for gain in (1.0, 4.0):
+        script = (
+            LAW.replace("GAIN = 1.0", f"GAIN = {gain}") + "from play import play\nplay(Own())\n"
+        )
+        found = run(script + cells)
+        assert found[0] == [3.0 * gain, 6.0 * gain]
+        assert found[1:] == [[3.0, 6.0], [15.0, 30.0], [-15.0, -30.0], [6.0, 12.0]]
 
 
 def test_without_compilation_every_law_gives_the_same_torques(cache):

@@ -180,8 +180,8 @@ def test_memory_does_not_depend_on_the_horizon():
         sizes.append(len(rows.t))
         return state
 
-    fp.evaluate(fp.paper_experiment(duration=15.0), LAWS[0], FromRows(0.0, note))
-    assert sum(sizes) == 15000
+    fp.evaluate(fp.paper_experiment(duration=5.0), LAWS[0], FromRows(0.0, note))
+    assert sum(sizes) == 5000
     assert max(sizes) <= 4096
 
 
@@ -196,10 +196,7 @@ def test_a_signal_that_the_law_has_not_is_named():
     ("make", "message"),
     [
         (lambda: FromRows(0.0, 5), "cost.step: expected a function, got 5"),
-        (lambda: FromRows(0.0, weigh, "x"), "cost.value: expected a function, got 'x'"),
         (lambda: ToolCost("mean"), "cost.measure: expected one of rms, peak, got 'mean'"),
-        (lambda: SettlingCost(0.0), "cost.band: expected a number > 0"),
-        (lambda: MetricCost("rms", joints="best"), "cost.joints: expected one of all, worst"),
         (lambda: ISE.of(None), r"cost: expected a run \(simulation.cost_of\) or evaluate"),
         (lambda: cost_of(made(RINGING, RINGING), FromRows("a", longest_text)),
          "cost: expected a number, got str"),

@@ -36,7 +36,8 @@ def afternoon(tmp_path_factory):
     config = folder / "config.toml"
     commands = [["inspect", "ur5"], ["init", "ur5", "--out", str(config)]]
     told = [main(command) for command in commands]
-    text = config.read_text("utf-8").replace("duration = 10.0", "duration = 1.0")
+    short = 'duration = 0.5\ndynamics = "compiled"'
+    text = config.read_text("utf-8").replace("duration = 10.0", short)
     text = re.sub(r"\[\[condition\]\].*", "[[condition]]\nname = 'nominal'\n", text, flags=re.S)
     config.write_text(text + WRITTEN, encoding="utf-8")
     compared, tuned = folder / "compared", folder / "tuned"

@@ -1,6 +1,6 @@
 """The operator's kernels against closed forms, on records short enough to run line by line."""
 
-from functools import partial
+from functools import cache, partial
 from math import factorial
 
 import mpmath as mp
@@ -61,7 +61,7 @@ def of_sin(order, w):
     return np.array([value(t) for t in T[1:]])
 
 
-@pytest.mark.parametrize("order", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("order", [0.1, 0.9])
 def test_smooth_signals_have_their_derivatives(order):
     w = 3.0
     for f, rate, truth, limit in (
@@ -174,13 +174,12 @@ def test_a_held_channel_stands_still_and_forgets_what_passed_meanwhile():
 
 NODES = 201
 GAP = 1.0 / (NODES - 1)
-#: Both ends, nodes, middles between nodes, and beside the ends, where the cubic is not centred.
-ORDERS = [
-    0.0, 0.2 * GAP, GAP, 0.1, 0.1 + GAP / 2, 0.37, 0.5, 0.783, 1.0 - GAP, 1.0 - 0.3 * GAP, 1.0,
-]  # fmt: skip
+#: Both ends, a node, a middle between nodes, and beside the ends, where the cubic is not centred.
+ORDERS = [0.0, 0.2 * GAP, 0.1 + GAP / 2, 0.5, 1.0 - 0.3 * GAP, 1.0]
 W = 3.0  # [rad/s]
 
 
+@cache
 def table():
     orders = np.linspace(0.0, 1.0, NODES)
     return DESIGN.coefficients(orders, step=STEP, horizon=SAMPLES * STEP).table()
@@ -245,10 +244,10 @@ def test_value_and_sensitivity_are_those_of_the_exact_derivative(exact, f, rate,
             assert abs(slope[k] - truth) <= slope_error + 10.0 * modes
 
 
-@pytest.mark.parametrize("initialisation", ["caputo", "riemann_liouville", "grunwald_letnikov"])
+@pytest.mark.parametrize("initialisation", ["caputo", "riemann_liouville"])
 def test_at_a_node_an_order_that_stays_gives_what_the_fixed_operator_gives(initialisation):
     f, rate = np.cos(5.0 * T), -5.0 * np.sin(5.0 * T)
-    for order in (GAP, 0.5, 1.0 - GAP, 1.0):
+    for order in (GAP, 0.5, 1.0):
         y, _ = varied(np.full(SAMPLES, order), f, rate, initialisation)
         want = recorded(order, f, rate, initialisation)[:, 0]
         assert np.abs(y - want).max() < 1e-13 * np.abs(want).max()

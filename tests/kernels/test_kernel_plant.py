@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given
@@ -182,7 +183,9 @@ def test_a_joint_that_runs_away_or_loses_its_numbers_is_found():
 # ---------------------------------------------------------------------- stretches of a run
 
 ARM = fp.Arm.planar((0.5, 0.4, 0.3), (1.0, 0.8, 0.5)).with_friction(viscous=0.1)
-BASE = fp.Experiment(ARM, Sinusoid(0.4, 3.0), q0=0.05, v0=1.1, duration=0.03)
+#: Without compilation (test_line_by_line) a few ticks go through every branch.
+DURATION = 0.012 if numba.config.DISABLE_JIT else 0.03
+BASE = fp.Experiment(ARM, Sinusoid(0.4, 3.0), q0=0.05, v0=1.1, duration=DURATION)
 NOISE = fp.Sensors(position_resolution=1e-3, velocity_noise=0.05, delay=2)
 RUBS = fp.Plant(ARM.with_payload(0.3), dry_friction=(0.5, 0.2, 0.1), effort_limit=(40.0, 20.0, 5.0))
 FPID = fp.AdaptiveFpid(40.0, 20.0, 4.0, 0.8, 0.7, design=fp.fractional.ExponentialSum(8))
@@ -240,7 +243,7 @@ def test_a_stretch_ends_where_a_number_is_lost_or_a_joint_runs_away(torque, spee
     other = fp.simulate(dataclasses.replace(experiment, dynamics="pinocchio"), law)
     assert not run.outcome.completed
     assert run.outcome == other.outcome
-    assert len(run.t) == round(run.outcome.time / run.step) < 31
+    assert len(run.t) == round(run.outcome.time / run.step) <= round(DURATION / run.step)
 
 
 def test_rows_are_loaded_and_kept_by_their_numbers():

@@ -18,7 +18,7 @@ from fpid_pin.kernels.records import FRAME, LINK, PLANT, ROOM
 
 pytestmark = pytest.mark.kernels
 #: Without compilation (test_line_by_line) a few go through every branch.
-EXAMPLES = 12 if numba.config.DISABLE_JIT else 80
+EXAMPLES = 6 if numba.config.DISABLE_JIT else 80
 trees = given(st.integers(1, 9), st.integers(0, 10**6))
 
 

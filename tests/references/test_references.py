@@ -115,12 +115,8 @@ def test_a_recording_is_read_from_csv_with_or_without_names(tmp_path):
     ("text", "message"),
     [
         ("0,1\n0.1,\n0.2,3\n", "line 2, column 2: expected a number, got an empty cell"),
-        ("0,1\n0.1,x\n", "line 2, column 2: expected a number, got 'x'"),
-        ("0,1\n0.1,nan\n", "line 2, column 2: expected a number, got 'nan'"),
         ("0,1,2\n0.1,1\n", "line 2: expected 3 cells, got 2"),
-        ("0,1\n0,2\n", r"times.1: expected a time after the one before \(0 s\), got 0 s"),
         ("0,1\n1,1\n2,1\n3,1\n50,1\n", "a gap of 47 s after t = 3 s"),
-        ("t,q\n", "at least two rows"),
         ("0\n1\n", "fewer than two columns"),
     ],
 )
@@ -162,15 +158,12 @@ def test_a_circle_with_a_ramp_starts_at_rest_and_loses_half_of_it():
     ("build", "message"),
     [
         (lambda: circle(radius=5.0), r"a circle within reach of the tool, got \(.*which it misses"),
-        (lambda: circle(radius=0.0), "reference.radius: expected a number > 0, got 0"),
         (lambda: circle(normal=(0.0, 0.0, 0.0)), "reference.normal: expected a direction"),
-        (lambda: circle(centre=(1.0, 2.0)), r"reference.centre: expected shape \(3,\)"),
         (
             lambda: ToolCircle(fp.Arm.from_example("z1"), radius=0.05, period=5.0),
             r"expected joint joint2 within \[0, 2.97\] rad",
         ),
         (lambda: Quintic((0.0, 1.0), (0.0, 1.0, 2.0), 1.0), "one length"),
-        (lambda: Quintic(0.0, 1.0, 0.0), "reference.duration: expected a number > 0"),
         (
             lambda: Waypoints((0.0, 1.0, 1.0), ((0.0,), (1.0,), (2.0,))),
             r"reference.times.2: expected a time after the one before \(1 s\), got 1 s",
@@ -179,14 +172,10 @@ def test_a_circle_with_a_ramp_starts_at_rest_and_loses_half_of_it():
             lambda: Waypoints((0.0, 1.0), ((0.0, 1.0), (1.0,))),
             "reference.positions.1: expected 2 angles, as in the first row, got 1",
         ),
-        (lambda: Waypoints((0.0, 1.0), ((0.0,),)), "a row for each time"),
-        (lambda: Waypoints((0.0,), ((0.0,),)), "at least two times"),
-        (lambda: Waypoints(TIMES, POSES, method="linear"), "reference.method: expected one of"),
         (
             lambda: RecordedMotion.from_csv("no-such-file.csv"),
             "no-such-file.csv: expected a CSV file",
         ),
-        (lambda: RecordedMotion.from_table({"paths": "x"}), "did you mean path"),
     ],
 )
 def test_bad_references_are_named(build, message):

@@ -1,5 +1,6 @@
 """Killed at any moment and gone on with, a campaign is as never disturbed."""
 
+import os
 import random
 import signal
 import sqlite3
@@ -8,10 +9,13 @@ from contextlib import closing
 
 import pytest
 from bounded import wait_until
-from test_torture_kills import SHORT, end_of, outcome_of, start
+from test_torture_kills import SHORT, end_of, start
+
+from fpid_pin.campaign import export, load
 
 pytestmark = pytest.mark.torture
-RUNS, KILLS = 600, 20
+FULL = os.environ.get("FPID_TORTURE") == "full"
+RUNS, KILLS, DURATION = (600, 20, 2.0) if FULL else (200, 1, 0.5)
 CAMPAIGN = """
 [campaign]
 seed = 2
@@ -21,7 +25,6 @@ mass = { kind = "uniform", low = 0.8, high = 1.2 }
 payload = { kind = "uniform", low = 0.0, high = 1.0 }
 position_noise = { kind = "log_uniform", low = 1e-5, high = 1e-3 }
 """
-TABLE = ("campaign", "export", "l.sqlite", "--out", "table.csv")
 
 
 def campaign(folder, *options):
@@ -34,14 +37,13 @@ def campaign(folder, *options):
 def new_folder(tmp_path, name):
     folder = tmp_path / name
     folder.mkdir()
-    (folder / "study.toml").write_text(SHORT.replace("duration = 0.1", "duration = 2.0") + CAMPAIGN)
+    text = SHORT.replace("duration = 0.1", f"duration = {DURATION}")
+    (folder / "study.toml").write_text(text + CAMPAIGN)
     return folder
 
 
 def table_of(folder):
-    status, said = outcome_of(folder, *TABLE)
-    assert status == 0, said
-    return (folder / "table.csv").read_bytes()
+    return export(load(folder / "l.sqlite"), folder / "table.csv").read_bytes()
 
 
 @pytest.fixture(scope="module")
@@ -79,11 +81,10 @@ def damage_of(ledger):
     return "" if rows % 16 == 0 else f"{rows} rows"
 
 
-def test_a_campaign_killed_at_any_moment_and_resumed(never, tmp_path, tally, full):
+def test_a_campaign_killed_at_any_moment_and_resumed(never, tmp_path, tally):
     table, seconds = never
     chance, kills, round_, midway = random.Random(8), 0, 0, 0
-    most = KILLS if full else 3
-    while kills < most:
+    while kills < KILLS:
         folder = new_folder(tmp_path, str(round_))
         options = ("--workers", "2") if round_ % 2 else ()
         round_ += 1
@@ -92,9 +93,9 @@ def test_a_campaign_killed_at_any_moment_and_resumed(never, tmp_path, tally, ful
             with campaign(folder, *options) as child:
                 if kills == 0:
                     assert wait_until(lambda ledger=folder / "l.sqlite": begun(ledger))
-                elif kills < most:
+                elif kills < KILLS:
                     time.sleep(chance.uniform(0.2, 0.8) * seconds)
-                if kills < most:
+                if kills < KILLS:
                     child.kill()
                 status, said = end_of(child)
             if status == 0:

@@ -4,6 +4,7 @@ Every load is bounded in count and in time. `FPID_TORTURE=full` sends more of it
 """
 
 import contextlib
+import itertools
 import json
 import os
 import random
@@ -136,20 +137,19 @@ def session(duration):
 # ------------------------------------------------------------------ who is heard
 
 
-@pytest.mark.parametrize("token", ["", "x", "{token}x", "%2e%2e/{token}"])
-@pytest.mark.parametrize("origin", ["", "Origin: http://127.0.0.1:{port}\r\n"])
-def test_without_the_token_no_key_is_heard(link, token, origin):
-    with Client(link) as client:
-        path = f"/{token.format(token=client.token)}/frames".replace("//", "/")
-        lines = HANDSHAKE + origin.format(port=link.port)
-        assert client.ask(path, lines) in (403, 404)
-        client.send(frame_of("q") * 10)
-        # A viewer's key comes through, and nothing before it.
-        with Client(link) as viewer:
-            assert viewer.watch() == 101
-            viewer.send(frame_of("+"))
-            assert heard(link, 1) == "+"
-        assert wait_until(lambda: link.keys() == "" and link.viewers == 0)
+def test_without_the_token_no_key_is_heard(link):
+    origins = ("", f"Origin: http://127.0.0.1:{link.port}\r\n")
+    for token, origin in itertools.product(("", "x", "{token}x", "%2e%2e/{token}"), origins):
+        with Client(link) as client:
+            path = f"/{token.format(token=client.token)}/frames".replace("//", "/")
+            assert client.ask(path, HANDSHAKE + origin) in (403, 404)
+            client.send(frame_of("q") * 10)
+            # A viewer's key comes through, and nothing before it.
+            with Client(link) as viewer:
+                assert viewer.watch() == 101
+                viewer.send(frame_of("+"))
+                assert heard(link, 1) == "+"
+            assert wait_until(lambda: link.keys() == "" and link.viewers == 0)
 
 
 def test_a_program_without_an_origin_cannot_end_the_session():
@@ -166,15 +166,6 @@ def test_a_program_without_an_origin_cannot_end_the_session():
             assert wait_until(lambda: any(" N m on " in text for text in link.said))
             viewer.send(frame_of("q"))
     assert len(reports[0].pushes) == 1
-
-
-def test_a_viewer_with_token_and_origin_is_heard(link):
-    """Else the tests above could not fail."""
-    with Client(link) as client:
-        assert client.watch() == 101
-        client.send(frame_of("+") + frame_of("q"))
-        assert heard(link, 2) == "+q"
-        assert link.viewers == 1
 
 
 # ------------------------------------------------------------------ floods
@@ -195,7 +186,7 @@ def flood(client, stop):
 
 def test_a_flood_of_keys_neither_keeps_the_session_nor_floods_the_arm():
     """464,000 of them in nine seconds did."""
-    seconds, stop, sent = (9.0 if FULL else 2.0), threading.Event(), []
+    seconds, stop, sent = (9.0 if FULL else 1.0), threading.Event(), []
 
     def press(link):
         while not stop.is_set():
@@ -278,12 +269,12 @@ BODIES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize("name", BODIES if FULL else ["wrong host", "chunked", "head"])
 def test_what_is_too_large_takes_no_memory(link, name):
     """Eight requests of 150 MB took 1.2 GB, before anyone asked whom they were for."""
     served(link)
     before = resident(link)
-    clients = [Client(link) for _ in range(8)]
+    clients = [Client(link) for _ in range(8 if FULL else 2)]
     head = "".join(BODIES[name]).format(token=clients[0].token, host=f"127.0.0.1:{link.port}")
     poured = [pour(client, head.encode(), 150 if FULL else 10) for client in clients]
     assert resident(link) - before < 20.0
@@ -318,7 +309,7 @@ def connections(link):
 
 
 def test_connections_are_capped_and_the_user_gets_in(link):
-    clients = [Client(link) for _ in range(500 if FULL else 200)]
+    clients = [Client(link) for _ in range(500 if FULL else 150)]
     assert served(link)
     assert connections(link) <= server.CONNECTIONS
     for client in clients:
@@ -433,7 +424,7 @@ def nonsense(rng, token, port):
 def test_nonsense_is_survived_and_says_nothing(link, tally):
     rng, token = random.Random(5), link.url.split("/")[3]
     # Without the token: what is heard would be a way in.
-    for _ in range(3000 if FULL else 150):
+    for _ in range(3000 if FULL else 60):
         with Client(link) as client:
             client.send(nonsense(rng, "guess", link.port))
             client.socket.shutdown(socket.SHUT_WR)
@@ -442,7 +433,7 @@ def test_nonsense_is_survived_and_says_nothing(link, tally):
                 assert b"page" not in client.socket.recv(65536).partition(b"\r\n\r\n")[2]
         tally("requests of nonsense")
     assert link.keys() == ""
-    for _ in range(3000 if FULL else 150):
+    for _ in range(3000 if FULL else 60):
         with Client(link) as client:
             client.send(nonsense(rng, token, link.port))
         tally("and with the token")
@@ -455,6 +446,7 @@ def test_nonsense_is_survived_and_says_nothing(link, tally):
 
 
 @pytest.mark.browser
+@pytest.mark.skipif(not FULL, reason="thirty seconds: FPID_TORTURE=full")
 def test_a_hostile_page_beside_the_live_one_gets_nothing():
     if shutil.which("chromium") is None:
         pytest.skip("no chromium here (apt-get install chromium)")

@@ -106,7 +106,7 @@ def test_a_page_has_the_elements_that_it_has_with_harmless_names(tmp_path, tally
         return path.read_text("utf-8"), replay_html([run], captions=[name], title=name)
 
     expected = [structure(page) for page in pages("x")]
-    for name in few(150 if full else 15):
+    for name in few(150 if full else 6):
         if not name.strip():
             continue
         for kind, page, sound in zip(("report", "replay"), pages(name), expected, strict=True):
@@ -119,13 +119,13 @@ def test_a_playground_has_the_elements_that_it_has_with_harmless_names(tally, fu
         return playground_html(fp.paper_experiment(duration=0.02), law_called(name), title=name)
 
     expected = structure(page("x"))
-    for name in few(50 if full else 4):
+    for name in few(50 if full else 2):
         same = structure(page(name or "x")) == expected
         tally("names in a playground", "" if same else f"{name!r} makes elements")
 
 
 def test_an_svg_is_well_formed_and_has_nothing_but_drawing_in_it(run, tally, full):
-    for name in few(50 if full else 4):
+    for name in few(50 if full else 2):
         figure = plots.comparison([run_called(name), run])
         tree = xml.fromstring(figure_bytes(figure, "svg"))
         fault = ""
@@ -143,7 +143,7 @@ def parsed(text):
 
 
 def test_markdown_takes_a_name_for_text(tally, full):
-    for name in names(3, 2000 if full else 100):
+    for name in names(3, 2000 if full else 40):
         rows = [{"controller": name, "figure": 1.0}, {"controller": "x", "figure": 2.0}]
         shown = visible(name).strip()
         where = {
@@ -165,7 +165,7 @@ def test_markdown_takes_a_name_for_text(tally, full):
 
 
 def test_the_terminal_is_told_a_name_and_nothing_else(tally, full):
-    for name in names(4, 2000 if full else 100):
+    for name in names(4, 2000 if full else 40):
         for coloured in (False, True):
             text = io.StringIO()
             console = screen()

@@ -159,7 +159,7 @@ def test_a_key_of_any_table_may_be_called_as_an_argument_is(tmp_path, tally):
     """``[plant.payload] self = 0`` was a traceback."""
     assert fault_of(TEXT, tmp_path) == ""
     every = {"self", "cls", "args", "kwargs", *names_of_arguments()}
-    names = every if FULL else ("self", "cls", "args", "kind", "arm", "mass")
+    names = every if FULL else ("self", "cls", "kind")
     for path in [(), *PLACES]:
         table = copied(TABLE)
         inner = table

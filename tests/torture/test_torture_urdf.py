@@ -1,6 +1,6 @@
 """URDFs by grammar, and a sound one spoilt: an arm or one line, never a traceback or a crash.
 
-`FPID_TORTURE=full` tries 8,000 in place of 300.
+`FPID_TORTURE=full` tries 8,000 in place of 80.
 """
 
 import contextlib
@@ -18,7 +18,7 @@ from fpid_pin.exceptions import FpidError, FpidWarning
 
 pytestmark = pytest.mark.torture
 FULL = os.environ.get("FPID_TORTURE") == "full"
-SIZES = settings(max_examples=4000 if FULL else 150, suppress_health_check=list(HealthCheck))
+SIZES = settings(max_examples=4000 if FULL else 40, suppress_health_check=list(HealthCheck))
 
 SOUND = """<?xml version="1.0"?>
 <robot name="sound"><material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>

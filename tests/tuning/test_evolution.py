@@ -64,14 +64,3 @@ def test_a_population_of_which_half_diverges_still_improves(costs):
     assert np.isfinite(evolution.costs).all()
     assert (evolution.points[:, 0] <= 0.5).all()
     assert bests[-1] < bests[0] / 2
-
-
-def test_the_best_is_never_lost_and_given_points_take_part():
-    best = np.full((1, 6), 0.3)
-    evolution = made(initial=best)
-    points = evolution.ask()
-    assert np.array_equal(points[:1], best)
-    evolution.tell(bowls(points)[:, :1])
-    for _ in range(3):
-        evolution.tell(bowls(evolution.ask())[:, :1])
-        assert evolution.costs.min() == 0.0

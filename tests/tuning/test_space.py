@@ -39,12 +39,6 @@ def test_every_point_gives_a_controller_within_the_bounds(point):
     assert np.array_equal(law.kd, CONTROLLER.kd)
 
 
-def test_corners_of_the_cube_are_the_bounds_themselves():
-    bound = MIXED.bind(CONTROLLER, 2)
-    assert np.array_equal(bound.values(np.zeros(8)), bound.low)
-    assert np.array_equal(bound.values(np.ones(8)), bound.high)
-
-
 def test_the_middle_of_a_logarithmic_scale_is_the_geometric_mean():
     bound = Space(kp=(1, 100, "log"), ki=(1, 100)).bind(CONTROLLER, 2)
     np.testing.assert_allclose(bound.values(np.full(4, 0.5)), [10, 10, 50.5, 50.5], rtol=1e-14)
@@ -55,13 +49,6 @@ def test_a_controller_is_found_again_where_it_lies(point):
     bound = MIXED.bind(CONTROLLER, 2)
     law = bound.controller(np.array(point))
     np.testing.assert_allclose(bound.point(law, 2), point, atol=1e-12)
-
-
-def test_values_do_not_depend_on_the_company():
-    bound = MIXED.bind(CONTROLLER, 2)
-    points = np.random.default_rng(3).random((37, 8))
-    alone = np.array([bound.values(point) for point in points])
-    assert np.array_equal(bound.values(points), alone)
 
 
 def test_shows_itself_as_it_is_written():
@@ -82,15 +69,10 @@ def test_a_table_says_the_same_as_arguments():
     [
         ({}, "space: expected at least one parameter, got none"),
         ({"kp": (1, 1)}, "space.kp: expected low < high, got (1, 1)"),
-        ({"kp": (2, 1)}, "space.kp: expected low < high, got (2, 1)"),
         ({"kp": (0, 1, "log")}, "space.kp.low: expected a number > 0, got 0"),
-        ({"kp": (0, float("inf"))}, "space.kp.high: expected a number finite, got inf"),
         ({"kp": (0, 1, "logs")}, "did you mean log?"),
-        ({"kp": (0, 1, "log", "log")}, "space.kp: expected bounds (low, high)"),
         ({"kp": 3}, "space.kp: expected bounds (low, high)"),
-        ({"kp": {"low": 1}}, "space.kp.high: expected a number, got none"),
         ({"kp": {"low": 1, "high": 2, "scael": "log"}}, "did you mean scale?"),
-        ({"kp": {"low": 1, "high": 2, "shared": 1}}, "space.kp.shared: expected true or false"),
         ({"kp": ((1, 2), (3, 4, 5))}, "space.kp: expected bounds of one length"),
     ],
 )
@@ -104,9 +86,7 @@ def test_bounds_at_fault_are_named(genes, said):
     ("genes", "said"),
     [
         ({"intgral_order": (0, 1)}, "did you mean integral_order?"),
-        ({"regressors": (0, 1)}, "space.regressors: expected one of"),
         ({"integral_order": (0, 1.5)}, "space.integral_order.high: expected a number in [0, 1]"),
-        ({"kp": (-1, 1)}, "space.kp.low: expected a number >= 0, got -1"),
         ({"kp": ((1, 2, 3), 9)}, "space.kp.low: expected shape (2,)"),
         ({"kp": ((1, 2), 9, "shared")}, "space.kp.low: expected a number (the parameter is"),
     ],

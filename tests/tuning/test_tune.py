@@ -34,6 +34,8 @@ def test_the_result_is_what_it_says(found):
     assert found.cost == fp.evaluate(EXPERIMENT, [found.controller], TRACKING)[0]
     assert found.cost == found.costs.min() == found.history.best[-1].min()
     assert found.evaluations == 2 * 8 * 4
+    assert (np.diff(found.history.best, axis=0) <= 0).all()
+    assert found.cost < fp.evaluate(EXPERIMENT, [CONTROLLER], TRACKING)[0]
     assert found.mean == np.mean(found.costs)
     assert found.spread == pytest.approx(abs(found.costs[0] - found.costs[1]) / np.sqrt(2))
     assert np.array_equal(found.parameters["integral_order"], found.controller.integral_order)
@@ -41,11 +43,6 @@ def test_the_result_is_what_it_says(found):
     for controller, cost in zip(found.controllers, found.costs, strict=True):
         assert cost == fp.evaluate(EXPERIMENT, [controller], TRACKING)[0]
     assert str(found).startswith(f"cost {found.cost:.6g} (2 seeds: ")
-
-
-def test_the_best_never_gets_worse_and_ends_below_the_published_orders(found):
-    assert (np.diff(found.history.best, axis=0) <= 0).all()
-    assert found.cost < fp.evaluate(EXPERIMENT, [CONTROLLER], TRACKING)[0]
 
 
 def test_the_same_seed_gives_the_same_bits_alone_and_in_company(found):
@@ -166,14 +163,6 @@ def test_differential_evolution_finds_nothing_better():
     assert all(progress.rate > 0.0 for progress in told if progress.complete)
 
 
-def test_seeds_of_a_cross_check_are_searches_of_their_own():
-    both = cross_check(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3)))
-    each = [cross_check(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=s)) for s in (0, 3)]
-    assert both.costs.tolist() == [one.cost for one in each]
-    assert both.cost == min(both.costs)
-    assert both.evaluations == sum(one.evaluations for one in each)
-
-
 def test_a_cross_check_cannot_be_resumed(tmp_path):
     with pytest.raises(ArgumentError, match="checkpoint: expected none for a cross-check"):
         cross_check(EXPERIMENT, CONTROLLER, ORDERS, settings=small(checkpoint=tmp_path / "a.npz"))
@@ -204,19 +193,10 @@ def test_history_as_a_table_keeps_every_digit(found):
     ("changes", "said"),
     [
         ({"population": 3}, "population: expected a whole number >= 4, got 3"),
-        ({"generations": 0}, "generations: expected a whole number >= 1, got 0"),
-        ({"crossover": 1.5}, "crossover: expected a number in [0, 1], got 1.5"),
         ({"mutation": -0.1}, "mutation: expected a number in [0, 1], got -0.1"),
-        ({"seeds": ()}, "seeds: expected at least one, got none"),
         ({"seeds": (1, 1)}, "seeds: expected each seed once"),
-        ({"seeds": (-1,)}, "seeds.0: expected a whole number >= 0, got -1"),
-        ({"seeds": "zero"}, "seeds.0: expected a whole number, got 'zero'"),
-        ({"reuse": "no"}, "reuse: expected True or False, got str"),
-        ({"workers": 0}, "workers: expected a whole number >= 1, got 0"),
         ({"executor": 2}, "executor: expected an Executor, got int"),
-        ({"checkpoint": 3}, "checkpoint: expected a path, got int"),
         ({"resume": True}, "resume: expected a checkpoint to resume from, got none"),
-        ({"initial": [CONTROLLER] * 61}, "initial: expected at most 60 (population), got 61"),
         ({"initial": [CONTROLLER, 1]}, "initial.1: expected a Controller, got int"),
     ],
 )
@@ -237,11 +217,8 @@ def test_what_is_one_of_several_may_stand_alone():
     ("changes", "said"),
     [
         ({"settings": {"population": 8}}, "settings: expected SearchSettings, got dict"),
-        ({"space": "kp"}, "space: expected a Space, got str"),
-        ({"cost": 3}, "cost: expected a Cost, got int"),
         ({"cost": [TRACKING]}, "cost: expected one cost (several: use pareto)"),
         ({"experiment": []}, "experiment: expected at least one, got none"),
-        ({"controller": None}, "controller: expected a Controller, got NoneType"),
     ],
 )
 @pytest.mark.parametrize("search", [tune, cross_check])
@@ -267,15 +244,3 @@ def test_arms_of_different_joints_do_not_share_a_controller():
     other = fp.Experiment(fp.Arm.planar(lengths=(1,) * 3, masses=(1,) * 3), Hold((0.0,) * 3))
     with pytest.raises(ArgumentError, match=r"one number of joints, got \[2, 3\]"):
         tune([EXPERIMENT, other], CONTROLLER, ORDERS)
-
-
-def test_a_cost_map_refuses_what_a_search_refuses():
-    with pytest.raises(ArgumentError, match="cost: expected a Cost, got int"):
-        cost_map(EXPERIMENT, CONTROLLER, 3)
-    with pytest.raises(ArgumentError, match="workers: expected a whole number >= 1, got 0"):
-        cost_map(EXPERIMENT, CONTROLLER, workers=0)
-
-
-def test_a_front_needs_two_costs():
-    with pytest.raises(ArgumentError, match="at least two costs"):
-        pareto(EXPERIMENT, CONTROLLER, ORDERS, [TRACKING])

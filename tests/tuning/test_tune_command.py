@@ -92,18 +92,11 @@ plant = { payload = { mass = 0.5 } }
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("kp = [1", "kpp = [1"), "space.kpp: expected one of"),
         (("kp = [1, 100", "kp = [100, 1"), "tune.space.kp: expected low < high, got (100, 1)"),
-        (("population = 6", "population = 3"), "tune.population: expected a whole number >= 4"),
         (("population = 6", "populatoin = 6"), "did you mean population?"),
-        (("[0, 1]\nmap", '"zero"\nmap'), "tune.seeds.0: expected a whole number, got 'zero'"),
-        (("map_points = 3", "map_points = 1000"), "tune.map_points: expected a whole number in"),
         (("map_points = 3", 'controller = "PID"'), "tune.controller: expected one of"),
-        (("quadratic_cost", "cubic_cost"), "tune.cost.kind: expected one of"),
         (("w2 = 0.0", "w2 = -1.0"), "tune.cost.w2: expected a number >= 0, got -1"),
-        (("map_points = 3", 'reduce = "median"'), "tune.reduce: expected one of mean, worst"),
         (("kp = [1", "self = [1"), "tune.space.self: expected one of kp, ki,"),
-        (("high = 1,", "high = 1.5,"), "tune.space.derivative_order.high: expected a number in"),
         (("[tune.space]", "[tune.spice]"), "tune.space: expected a table of parameters"),
     ],
 )
@@ -134,13 +127,8 @@ def test_a_stopped_search_is_not_overwritten(tmp_path):
     assert (tmp_path / "out.checkpoint.npz").read_bytes() == b"hours of work"
 
 
-@pytest.mark.parametrize(
-    ("cost", "expected"),
-    [('kind = "tool_cost"\nmeasure = "peak"', fp.costs.ToolCost("peak")),
-     ('kind = "metric_cost"\nmetric = "peak_error"\njoints = "worst"',
-      fp.costs.MetricCost("peak_error", joints="worst"))],
-)  # fmt: skip
-def test_costs_of_the_path_are_named_in_the_file(tmp_path, cost, expected):
+def test_costs_of_the_path_are_named_in_the_file(tmp_path):
+    cost, expected = 'kind = "tool_cost"\nmeasure = "peak"', fp.costs.ToolCost("peak")
     tune = TUNE.replace('kind = "quadratic_cost"\nw2 = 0.0', cost).replace("= 3", "= 0")
     path, out = written(tmp_path, tune.replace("[0, 1]\nmap", "[0]\nmap")), tmp_path / "out"
     result = run_tuning(path, out)

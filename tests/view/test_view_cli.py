@@ -71,11 +71,13 @@ def test_live_names_a_controller_that_is_not_there(tmp_path, console):
         run_live(file, controller="two", console=console)
 
 
-def test_the_script_of_the_pictures_runs(tmp_path, monkeypatch):
+def test_the_script_of_the_pictures_runs(tmp_path, monkeypatch, make_run, two_link):
     spec = importlib.util.spec_from_file_location("pictures", ROOT / "docs" / "pictures.py")
     pictures = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(pictures)
+    runs = [make_run(two_link)] * 4
     monkeypatch.setattr(pictures, "photograph", lambda pages, folder: [])
     monkeypatch.setattr(pictures, "figures", lambda runs: {})
-    monkeypatch.setattr(pictures, "arm_run", lambda name: pictures.paper_runs()[0])
+    monkeypatch.setattr(pictures, "paper_runs", lambda: runs)
+    monkeypatch.setattr(pictures, "arm_run", lambda name: runs[0])
     assert pictures.main(tmp_path / "pictures") == []

@@ -1,30 +1,8 @@
-import sys
-from html.parser import HTMLParser
-
 import pytest
-from bounded import finished
 
 from fpid_pin import Arm, Run
 from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.view import export_html
-
-LAZY = """
-import sys, fpid_pin.view
-heavy = {"matplotlib", "meshcat", "tornado", "IPython", "pyngrok", "pymoo", "example_robot_data"}
-print(sorted(heavy & set(sys.modules)))
-"""
-
-
-class Addresses(HTMLParser):
-    """Everything that a browser might fetch, and whether the page parses at all."""
-
-    def __init__(self):
-        super().__init__()
-        self.found, self.tags = [], []
-
-    def handle_starttag(self, tag, attributes):
-        self.tags.append(tag)
-        self.found += [v for k, v in attributes if k in ("src", "href", "data", "action")]
 
 
 @pytest.mark.parametrize(("name", "megabytes"), [("two_link", 1.5), ("ur5", 6.0)])
@@ -33,26 +11,6 @@ def test_twenty_seconds_make_a_page_within_the_budget(make_run, tmp_path, name, 
     make_run(make(), duration=20.0).save(tmp_path / "run.npz")
     path = export_html(Run.load(tmp_path / "run.npz"), tmp_path / "run.html")
     assert path.stat().st_size < megabytes * 1e6
-
-
-def test_the_page_asks_for_nothing_and_forbids_it(wave, tmp_path):
-    text = export_html(wave, tmp_path / "run.html").read_text()
-    page = Addresses()
-    page.feed(text)
-    assert page.found == ["data:,"]
-    assert "default-src 'none'" in text
-    assert "connect-src" not in text
-    assert "Three.js Authors" in text
-
-
-def test_a_name_from_a_file_stays_text(make_run, two_link, tmp_path):
-    nasty = "<img src=x onerror=alert(1)></script><script>alert(2)</script>"
-    text = export_html(make_run(two_link, name=nasty), tmp_path / "run.html").read_text()
-    page = Addresses()
-    page.feed(text)
-    assert "img" not in page.tags
-    # Data, meshcat, and three of ours.
-    assert page.tags.count("script") == 5
 
 
 def test_credits_of_embedded_meshes_are_in_the_page(make_run, tmp_path):
@@ -75,8 +33,4 @@ def test_a_failed_export_leaves_what_was_there(wave, tmp_path):
 def test_the_same_run_gives_the_same_page(wave, tmp_path):
     one, two = (export_html(wave, tmp_path / f"{k}.html").read_bytes() for k in "ab")
     assert one == two
-
-
-def test_importing_the_package_imports_nothing_heavy():
-    done = finished([sys.executable, "-c", LAZY], check=True)
-    assert done.stdout.strip() == "[]"
+    assert b"Three.js Authors" in one

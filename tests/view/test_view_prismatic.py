@@ -9,7 +9,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.cli.summary import Entry, joint_rows
 from fpid_pin.view import export_html, plots
 from fpid_pin.view.portrait import portrait, triangles_of
-from fpid_pin.view.shapes import Shape, shapes_of
+from fpid_pin.view.shapes import Shape
 
 #: A column that turns, a carriage that goes up it, a boom that comes out.
 JOINTS = (("revolute", "0 0 1", 0.0), ("prismatic", "0 0 1", 0.3), ("prismatic", "1 0 1", 0.2))
@@ -76,30 +76,22 @@ def test_a_portrait_is_of_the_pose_that_is_asked_for(scara):
         portrait(scara, [0.0])
 
 
-@pytest.mark.parametrize(
-    ("kind", "size", "volume"),
-    [
-        ("box", (1.0, 2.0, 3.0), 6.0),
-        ("sphere", (1.0,), 4.0 / 3.0 * np.pi),
-        ("cylinder", (1.0, 2.0), 2.0 * np.pi),
-        ("capsule", (1.0, 2.0), 2.0 * np.pi + 4.0 / 3.0 * np.pi),
-        ("cone", (1.0, 3.0), np.pi),
-        ("ellipsoid", (1.0, 2.0, 3.0), 8.0 * np.pi),
-    ],
-)
-def test_solids_are_closed_and_as_large_as_they_should_be(kind, size, volume):
+VOLUMES = [
+    ("box", (1.0, 2.0, 3.0), 6.0),
+    ("sphere", (1.0,), 4.0 / 3.0 * np.pi),
+    ("cylinder", (1.0, 2.0), 2.0 * np.pi),
+    ("capsule", (1.0, 2.0), 2.0 * np.pi + 4.0 / 3.0 * np.pi),
+    ("cone", (1.0, 3.0), np.pi),
+    ("ellipsoid", (1.0, 2.0, 3.0), 8.0 * np.pi),
+]
+
+
+def test_solids_are_closed_and_as_large_as_they_should_be():
     """Their volume by pyramids from the centre; round ones are a little smaller, being edged."""
-    faces = triangles_of(Shape(-1, np.eye(4), kind, size, (1, 1, 1, 1)))
-    pyramids = np.abs(np.linalg.det(faces)) / 6.0
-    assert pyramids.sum() == pytest.approx(volume, rel=1e-9 if kind == "box" else 0.05)
-
-
-def test_every_arm_that_has_shapes_is_drawn_with_them():
-    arm = Arm.two_link()
-    (axes,) = portrait(arm).axes
-    drawn = {tuple(np.round(colour / colour[:3].max(), 2)) for colour in
-             axes.collections[0].get_facecolor()}  # fmt: skip
-    assert len(drawn) >= len({shape.colour for shape in shapes_of(arm)}) - 1
+    for kind, size, volume in VOLUMES:
+        faces = triangles_of(Shape(-1, np.eye(4), kind, size, (1, 1, 1, 1)))
+        pyramids = np.abs(np.linalg.det(faces)) / 6.0
+        assert pyramids.sum() == pytest.approx(volume, rel=1e-9 if kind == "box" else 0.05), kind
 
 
 def labels(figure):

@@ -69,13 +69,6 @@ def test_tables_are_rows_or_mappings_and_numbers_are_short(report):
     assert cells[start : start + 2] == ["a", "yes"]
 
 
-def test_nothing_from_a_file_becomes_markup(report):
-    page = outline(report)
-    assert page.tags.count("script") == 1  # that which sorts tables
-    assert "b" not in page.tags
-    assert "<title>Two &amp; &lt;two&gt;</title>" in report.read_text()
-
-
 def test_figures_take_the_ink_of_the_page(make_run, two_link):
     figure = plots.error(make_run(two_link))
     svg = inline_svg(figure, "error of a run")

@@ -1,5 +1,6 @@
 import base64
 import json
+import os
 import warnings
 
 import numpy as np
@@ -10,8 +11,9 @@ from fpid_pin.arms import names
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view.camera import stage
 from fpid_pin.view.scene import captions_of, replay_scene, sample_run, to_script_json
-from fpid_pin.view.shapes import joint_axis, shapes_of, tool_placement
+from fpid_pin.view.shapes import shapes_of
 
+FULL = os.environ.get("FPID_TORTURE") == "full"
 NO_MESHES = """<robot name="broken">
 <link name="a"/><link name="b"><inertial><mass value="1"/><origin xyz="0.2 0 0"/>
 <inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>
@@ -31,10 +33,6 @@ def decode(scene, number):
     return np.frombuffer(base64.b64decode(entry["data"]), dtype=kind)
 
 
-def matrix(values):
-    return np.array(values).reshape(4, 4).T
-
-
 def test_frames_hold_the_motion_and_the_last_sample(wave):
     t, q, q_ref, torque = sample_run(wave, 30.0)
     assert t[0] == 0.0
@@ -43,23 +41,6 @@ def test_frames_hold_the_motion_and_the_last_sample(wave):
     assert np.abs(q - (0.4 * np.sin(1.5 * t - 0.3))[:, np.newaxis]).max() < 1e-6
     assert np.array_equal(torque, wave.torque[rows])
     assert np.abs(q_ref - np.array([np.interp(t, wave.t, c) for c in wave.q_ref.T]).T).max() < 1e-14
-
-
-def test_poses_of_the_page_are_those_of_pinocchio(make_run):
-    """The page turns joints about axes from the scene; follow the chain as its script does."""
-    arm = Arm.from_example("panda")
-    scene = replay_scene([make_run(arm)], fps=10)
-    table, run = scene["arms"][0], scene["groups"][0]["runs"][0]
-    q = decode(scene, run["q"]).reshape(-1, arm.n)[7].astype(float)
-    place = np.eye(4)
-    for joint, angle in zip(table["joints"], q, strict=True):
-        place = place @ matrix(joint["placement"])
-        x, y, z = joint["axis"]
-        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-        turn = np.eye(4)
-        turn[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
-        place = place @ turn
-    assert np.abs(place @ matrix(table["tool"]["placement"]) - arm.tool_pose(q)).max() < 1e-12
 
 
 def test_meshes_keep_their_shape_to_a_hundredth_of_a_millimetre(make_run):
@@ -71,8 +52,7 @@ def test_meshes_keep_their_shape_to_a_hundredth_of_a_millimetre(make_run):
         assert np.array_equal(decode(scene, table["triangles"]), shape.triangles.ravel())
 
 
-# The limited ones share the meshes of those without limits.
-@pytest.mark.parametrize("name", [name for name in names() if "limited" not in name])
+@pytest.mark.parametrize("name", names() if FULL else ["kinova", "so100", "talos_arm"])
 def test_every_arm_of_the_catalogue_is_drawn_whole(name):
     arm = Arm.from_example(name)
     _, geometry = arm.visual()
@@ -85,7 +65,7 @@ def test_every_arm_of_the_catalogue_is_drawn_whole(name):
 
 
 def test_planar_arms_of_any_length_are_drawn(make_run):
-    for n in (1, 3, 12):
+    for n in (1, 3):
         arm = Arm.planar(np.full(n, 0.4), np.ones(n))
         scene = replay_scene([make_run(arm)], fps=10)
         assert len(scene["arms"][0]["shapes"]) >= 2 * n
@@ -119,15 +99,6 @@ def test_arms_stand_side_by_side_without_touching(make_run, two_link):
     assert abs(place.offsets.sum()) < 1e-12
     assert place.floor < -0.5
     assert place.towards[1] < -0.9
-
-
-def test_the_axis_of_any_revolute_joint_is_found():
-    arm = Arm.from_example("kinova")
-    for j in range(arm.n):
-        assert np.linalg.norm(joint_axis(arm.model, j)) == pytest.approx(1.0)
-    joint, placement = tool_placement(arm)
-    assert joint == arm.n - 1
-    assert placement.shape == (4, 4)
 
 
 def test_captions_are_told_apart(wave):
