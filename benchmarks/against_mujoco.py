@@ -10,13 +10,14 @@ Processor time, best of some repeats, of a longer run less a shorter one.
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
+from functools import partial
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 from mujoco import rollout
-from speed import LONG, SHORT, best, experiment_of, laws, step_seconds
+from speed import STEPS, experiment_of, laws, marginal, steps_of, turn_by_turn
 
 import fpid_pin as fp
 
@@ -53,8 +54,8 @@ def mjcf(arm: fp.Arm) -> str:
     return f"{text}{ends}</worldbody></mujoco>"
 
 
-def mujoco_seconds(arm: fp.Arm, repeats: int) -> float:
-    """Return the time of a bare step, and check that both have the same mass matrix."""
+def mujoco_steps(arm: fp.Arm) -> list[Callable[[], object]]:
+    """Return a shorter and a longer run of bare steps; both have the same mass matrix as ours."""
     model = mujoco.MjModel.from_xml_string(mjcf(arm))
     data = mujoco.MjData(model)
     data.qpos[:] = arm.home
@@ -65,11 +66,7 @@ def mujoco_seconds(arm: fp.Arm, repeats: int) -> float:
     size = mujoco.mj_stateSize(model, mujoco.mjtState.mjSTATE_FULLPHYSICS)
     state = np.zeros((1, size))
     mujoco.mj_getState(model, data, state[0], mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    times = [
-        best(lambda n=n: rollout.rollout(model, data, state, nstep=n), repeats, time.process_time)
-        for n in (SHORT, LONG)
-    ]
-    return (times[1] - times[0]) / (LONG - SHORT)
+    return [partial(rollout.rollout, model, data, state, nstep=steps) for steps in STEPS[1]]
 
 
 def main() -> None:
@@ -79,8 +76,9 @@ def main() -> None:
     for name in ("ur5", "panda"):
         arm = fp.Arm.from_example(name)
         fp.evaluate(experiment_of(arm, 2), law)
-        bare = mujoco_seconds(arm, 9)
-        ours = [step_seconds(arm, law, runs, 9 if runs == 1 else 3) for runs in (1, 60)]
+        works = [*mujoco_steps(arm), *steps_of(arm, law, 1), *steps_of(arm, law, 60)]
+        times = turn_by_turn(works, 25)
+        bare, *ours = (marginal(times[k : k + 2], runs) for k, runs in ((0, 1), (2, 1), (4, 60)))
         cells = " / ".join(f"{1e6 * x:.2f}" for x in ours)
         parts = " / ".join(f"{x / bare:.2f}" for x in ours)
         print(f"| {name} | {1e6 * bare:.2f} | {cells} | {parts} |")

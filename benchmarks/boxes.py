@@ -24,11 +24,9 @@ import fpid_pin as fp
 from fpid_pin.arms import names
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import explain_gains, gain_ceilings
-from fpid_pin.control.box import GainBox
-from fpid_pin.control.damping import damping_ratios
-from fpid_pin.control.frozen import terms_of
-from fpid_pin.control.poses import seeded_poses
-from fpid_pin.control.sampled import linear_arm
+from fpid_pin.control.ceilings import seeded_poses
+from fpid_pin.control.damping import GainBox, damping_ratios
+from fpid_pin.control.linear_law import feedback, terms_of
 
 SEED, DURATION, CHUNK = 20, 12.0, 100
 
@@ -77,12 +75,10 @@ def row_of(name: str, step: float, draws: int) -> str:
     poses = seeded_poses(arm, draws, SEED)
     poses[::10] = gain_ceilings(arm, law, step=step, poses=1000, seed=SEED).pose
     twelve = fp.fractional.ExponentialSum(modes=12)
-    terms = terms_of(law, arm.n, step=step, horizon=200.0, design=twelve)
-    rule = "semi_implicit_euler"
-    plants = [linear_arm(arm, q, step=step, method=rule) for q in poses]
+    loops = terms_of(law, arm, poses, step=step, horizon=200.0, design=twelve)
     ratios = np.array([
-        damping_ratios(np.linalg.eigvals(plant.closed(terms.weighed(k))) + 0j, step).min()
-        for plant, k in zip(plants, gains, strict=True)
+        damping_ratios(np.linalg.eigvals(loop.closed(feedback(k))) + 0j, step).min()
+        for loop, k in zip(loops, gains, strict=True)
     ])  # fmt: skip
     # Dry friction would only help, and torque limits have no place in a kick of 1e-6 rad/s.
     free = arm.with_friction(dry=0.0).with_limits(effort=0.0)

@@ -21,9 +21,9 @@ import numpy as np
 import fpid_pin as fp
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Safeguards, suggest_gains
+from fpid_pin.costs import Rows
 from fpid_pin.references import Hold
 from fpid_pin.simulation.batch import advance_all, start_robots
-from fpid_pin.simulation.blocks import Block
 
 GAINS = ("kp", "ki", "kd")
 PERIODS = 10
@@ -71,21 +71,21 @@ class Windows:
         self.count = np.zeros((windows, runs))
         self.gains = np.full((windows, len(GAINS), runs, n), np.nan)
 
-    def take(self, run: int, block: Block) -> None:
+    def take(self, run: int, rows: Rows) -> None:
         """Take some rows of a run."""
-        e = block.q_ref - block.q
-        rows = block.first + np.arange(len(e))
-        for window in np.unique(rows // self._per):
+        e = rows.error
+        numbers = rows.first + np.arange(len(e))
+        for window in np.unique(numbers // self._per):
             if window >= len(self.square):
                 break
-            part = rows // self._per == window
+            part = numbers // self._per == window
             self.square[window, run] += (e[part] ** 2).sum(axis=0)
             self.worst[window, run] = np.maximum(
                 self.worst[window, run], np.abs(e[part]).max(axis=0)
             )
             self.count[window, run] += part.sum()
             for term, name in enumerate(GAINS):
-                self.gains[window, term, run] = block.signals[name][part][-1]
+                self.gains[window, term, run] = rows.signals[name][part][-1]
 
     @property
     def rms(self) -> FloatArray:

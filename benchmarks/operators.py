@@ -81,7 +81,6 @@ def ours(quick: bool) -> dict[str, Callable[..., Result]]:
         ("32 modes, rate unknown", fr.ExponentialSum(32), False),
         ("CRONE N = 5", fr.Crone(1e-2, 1e3, 5), True),
         ("CRONE N = 10, 2 decades wider", fr.Crone(1e-2, 1e3, 10, 2.0), True),
-        ("refined Oustaloup N = 10, 2 wider", fr.RefinedOustaloup(1e-2, 1e3, 10, 2.0), True),
     ]
     if not quick:
         designs += [

@@ -2,7 +2,7 @@
 
     python benchmarks/speed.py [--search] [--quick]
 
-All figures are ratios in one process; times are processor time, the best of some repeats. What a
+All figures are ratios in one process; times are processor time, the best of some turns. What a
 step costs is the difference between a longer and a shorter run, so that no start is counted. The
 unit is one `pin.aba` call from Python on the same arm. Writes benchmarks/results/speed.md.
 """
@@ -16,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,30 +29,36 @@ from fpid_pin.costs import QuadraticCost
 from fpid_pin.references import Sinusoid
 from fpid_pin.tuning import SearchSettings, Space
 
-#: Steps of the shorter and the longer run; the difference is what counts.
-SHORT, LONG = 1000, 5000
+#: Steps of the shorter and the longer run, of one robot and of each of sixty.
+STEPS = {1: (500, 2500), 60: (100, 500)}
 
 
-def best(work: Callable[[], object], repeats: int, clock: Callable[[], float]) -> float:
-    """Return the least time of some repeats [s]."""
-    times = []
+def turn_by_turn(
+    works: list[Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
+) -> list[float]:
+    """Return the least time of each of some works [s].
+
+    They take turns, so that a machine that is slow for a while is slow for all of them.
+    """
+    times = [np.inf] * len(works)
     for _ in range(repeats):
-        began = clock()
-        work()
-        times.append(clock() - began)
-    return min(times)
+        for k, work in enumerate(works):
+            began = clock()
+            work()
+            times[k] = min(times[k], clock() - began)
+    return times
 
 
-def aba_seconds(arm: fp.Arm, repeats: int) -> float:
-    """Return the time of one `pin.aba` call from Python: the unit of this machine."""
+def aba_calls(arm: fp.Arm, count: int = 1000) -> Callable[[], None]:
+    """Return a work of so many `pin.aba` calls from Python: the unit of this machine."""
     model, data = arm.model, arm.model.createData()
     q, zero = np.array(arm.home), np.zeros(arm.n)
 
     def many() -> None:
-        for _ in range(4000):
+        for _ in range(count):
             pin.aba(model, data, q, zero, zero)
 
-    return best(many, repeats, time.process_time) / 4000
+    return many
 
 
 def arms() -> list[fp.Arm]:
@@ -82,30 +89,34 @@ def experiment_of(arm: fp.Arm, steps: int) -> fp.Experiment:
     return fp.Experiment(arm, reference, q0=arm.home, duration=steps * 1e-3)
 
 
-def step_seconds(arm: fp.Arm, law: fp.Controller, runs: int, repeats: int) -> float:
-    """Return the marginal time of a step of one of `runs` robots, compiled dynamics."""
-    short, long = experiment_of(arm, SHORT), experiment_of(arm, LONG)
-    times = [
-        best(lambda e=e: fp.evaluate(e, [law] * runs), repeats, time.process_time)
-        for e in (short, long)
-    ]
-    return (times[1] - times[0]) / (LONG - SHORT) / runs
+def steps_of(arm: fp.Arm, law: fp.Controller, runs: int) -> list[Callable[[], object]]:
+    """Return a shorter and a longer run of so many robots, compiled dynamics."""
+    return [partial(fp.evaluate, experiment_of(arm, steps), [law] * runs) for steps in STEPS[runs]]
+
+
+def marginal(times: list[float], runs: int) -> float:
+    """Return the time of a step of one robot, by a shorter and a longer run [s]."""
+    short, long = STEPS[runs]
+    return (times[1] - times[0]) / (long - short) / runs
 
 
 def whole_steps(repeats: int) -> list[str]:
     """Return the table of all laws on three arms, in calls of `pin.aba`."""
     lines = ["| law | two_link, one / sixty | ur5 | panda |", "| --- | --- | --- | --- |"]
-    units = {arm.name: aba_seconds(arm, repeats) for arm in arms()}
-    for name, law in laws().items():
-        cells = []
-        for arm in arms():
+    units = dict.fromkeys((arm.name for arm in arms()), np.inf)
+    table: dict[str, list[list[float]]] = {name: [] for name in laws()}
+    for arm in arms():
+        for name, law in laws().items():
             fp.evaluate(experiment_of(arm, 2), law)
-            found = [
-                step_seconds(arm, law, runs, repeats if runs == 1 else max(repeats // 3, 1))
-                / units[arm.name]
-                for runs in (1, 60)
-            ]
-            cells.append(f"{found[0]:.2f} / {found[1]:.2f}")
+            works = [aba_calls(arm), *steps_of(arm, law, 1), *steps_of(arm, law, 60)]
+            unit, *times = turn_by_turn(works, repeats)
+            units[arm.name] = min(units[arm.name], unit / 1000)
+            table[name].append([marginal(times[:2], 1), marginal(times[2:], 60)])
+    for name, rows in table.items():
+        cells = [
+            " / ".join(f"{seconds / unit:.2f}" for seconds in row)
+            for row, unit in zip(rows, units.values(), strict=True)
+        ]
         lines.append(f"| {name} | {' | '.join(cells)} |")
     told = ", ".join(f"{name} {1e6 * unit:.2f}" for name, unit in units.items())
     return [*lines, "", f"one pin.aba call [us]: {told}"]
@@ -116,48 +127,44 @@ def own_law(repeats: int) -> str:
     arm = fp.Arm.from_example("ur5")
     own = NormalisedMit(kp=100.0, ki=100.0, kd=20.0, scale="inertia")
     ours = laws()["adaptive FPID, 24 modes"]
-    both = []
-    for law in (own, ours):
-        fp.evaluate(experiment_of(arm, 2), law)
-        both.append(step_seconds(arm, law, 1, repeats))
-    return f"a fractional law of one's own takes {both[0] / both[1]:.2f} of ours (ur5)"
+    fp.evaluate([experiment_of(arm, 2)] * 2, [own, ours])
+    times = turn_by_turn([*steps_of(arm, own, 1), *steps_of(arm, ours, 1)], repeats)
+    ratio = marginal(times[:2], 1) / marginal(times[2:], 1)
+    return f"a fractional law of one's own takes {ratio:.2f} of ours (ur5)"
 
 
 def against_plain_loop(repeats: int) -> list[str]:
     """Return the ratio to the plain loop, for one robot and sixty."""
     experiment, law = fp.paper_experiment(duration=4.0), fp.paper_controller(supervised=False)
     apart = np.abs(plain_loop(experiment, law, 4001) - fp.simulate(experiment, law).q).max()
-    plain = best(lambda: plain_loop(experiment, law, 2001), repeats, time.process_time) / 2001
     arm = experiment.arm
-    found = []
-    for runs in (1, 60):
-        times = [
-            best(lambda e=e, n=runs: fp.evaluate(e, [law] * n), repeats, time.process_time)
-            for e in (fp.paper_experiment(duration=1.0), experiment)
-        ]
-        found.append((times[1] - times[0]) / 3000 / runs)
-    unit = aba_seconds(arm, repeats)
+    works = [aba_calls(arm), partial(plain_loop, experiment, law, 501)]
+    for runs, steps in STEPS.items():
+        es = [fp.paper_experiment(duration=1e-3 * count) for count in steps]
+        works += [partial(fp.evaluate, e, [law] * runs) for e in es]
+    unit, plain, *times = turn_by_turn(works, repeats)
+    unit, plain = unit / 1000, plain / 501
+    one, sixty = plain / marginal(times[:2], 1), plain / marginal(times[2:], 60)
     return [
         f"the plain loop takes {1e6 * plain:.1f} us a step ({plain / unit:.1f} pin.aba), and "
         f"agrees within {apart:.0e} rad",
-        f"ours is {plain / found[0]:.0f} times as fast for one robot, {plain / found[1]:.0f} times "
-        "for sixty",
+        f"ours is {one:.0f} times as fast for one robot, {sixty:.0f} times for sixty",
     ]
 
 
 def loop_ticks(repeats: int) -> list[str]:
     """Return what a tick of `Loop` costs on the Panda, in calls of `pin.aba`."""
     arm = fp.Arm.from_example("panda")
-    unit, q, zero = aba_seconds(arm, repeats), np.array(arm.home), np.zeros(arm.n)
+    q, zero = np.array(arm.home), np.zeros(arm.n)
     lines = []
     for name in ("adaptive FPID, 24 modes", "and the sampled supervisor"):
         loop = laws()[name].start(arm, step=1e-3)
 
         def many(loop: fp.control.Loop = loop) -> None:
-            for _ in range(4000):
+            for _ in range(1000):
                 loop.torque(q, zero, q, zero, zero)
 
-        taken = best(many, repeats, time.process_time) / 4000
+        unit, taken = turn_by_turn([aba_calls(arm), many], repeats)
         lines.append(f"a tick of Loop, Panda, {name}: {taken / unit:.2f} pin.aba")
     return lines
 
@@ -165,11 +172,9 @@ def loop_ticks(repeats: int) -> list[str]:
 def threads(repeats: int) -> str:
     """Return how much faster two threads are than one, by the clock."""
     arm = fp.Arm.from_example("ur5")
-    law, e = laws()["adaptive FPID, 24 modes"], experiment_of(arm, LONG)
-    one, two = (
-        best(lambda w=w: fp.evaluate(e, [law] * 60, workers=w), repeats, time.perf_counter)
-        for w in (1, 2)
-    )
+    law, e = laws()["adaptive FPID, 24 modes"], experiment_of(arm, 5000)
+    works = [partial(fp.evaluate, e, [law] * 60, workers=workers) for workers in (1, 2)]
+    one, two = turn_by_turn(works, repeats, time.perf_counter)
     return f"two threads over sixty UR5s: {one / two:.2f} times one"
 
 
@@ -208,7 +213,7 @@ def search(generations: int) -> list[str]:
     )  # fmt: skip
     seconds = time.perf_counter() - began
     steps = result.evaluations * (e.rows - 1)
-    unit = aba_seconds(e.arm, 5)
+    unit = turn_by_turn([aba_calls(e.arm)], 25)[0] / 1000
     return [
         f"60 x {generations} candidates of 20 s, two threads: {seconds:.1f} s, "
         f"{1e9 * seconds / steps:.0f} ns a step by the clock, {seconds / steps / unit:.3f} "
@@ -219,12 +224,12 @@ def search(generations: int) -> list[str]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--search", action="store_true", help="also the paper's whole search")
-    parser.add_argument("--quick", action="store_true", help="fewer repeats")
+    parser.add_argument("--quick", action="store_true", help="fewer turns")
     options = parser.parse_args()
-    repeats = 3 if options.quick else 9
+    repeats = 5 if options.quick else 25
     lines = whole_steps(repeats)
     lines += ["", own_law(repeats), *against_plain_loop(repeats), *loop_ticks(repeats)]
-    lines += [threads(repeats), *compiling()]
+    lines += [threads(max(repeats // 5, 2)), *compiling()]
     if options.search:
         lines += search(80)
     text = "\n".join(lines)

@@ -70,4 +70,4 @@ print(run)
 worst, last = 1e3 * np.abs(run.error).max(), 1e3 * np.abs(run.error[-1]).max()
 print(f"largest error {worst:.1f} mrad (the payload is felt first), at the end {last:.2f} mrad")
 print(f"largest error of the tool {1e3 * run.tool_error.max():.1f} mm")
-run.save("robot.npz", compressed=True)  # fpid-pin view robot.npz replays it
+run.save("robot.npz")  # fpid-pin view robot.npz replays it

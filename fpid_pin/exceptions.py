@@ -101,7 +101,7 @@ class TuningError(FpidError):
 
 
 class WorkersDied(TuningError):
-    """Worker processes died over one task, as often as it was tried."""
+    """Worker processes died over one task, each time that it was tried."""
 
 
 class FpidWarning(UserWarning):

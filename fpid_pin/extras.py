@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 from typing import Any
 
 from fpid_pin.exceptions import FpidError
+
+
+def installed(module: str) -> bool:
+    """Return whether a module of an extra can be imported."""
+    return importlib.util.find_spec(module) is not None
 
 
 def needed(module: str, extra: str) -> Any:

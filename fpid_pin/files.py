@@ -1,8 +1,7 @@
-"""Files and folders that appear whole or not at all, power loss included.
+"""Files and folders that appear whole or not at all, and a lock on them.
 
-What is new is written under a hidden name beside its place, brought to the disk, and then takes the
-place in one step; the folder's own entry is brought to the disk last. Hidden names say whose they
-are, so that what a killed process left behind can be told from what a living one is writing.
+What is new is written into a hidden folder beside its place, brought to the disk, and then moved
+into its place in one step. A killed process leaves at most that hidden folder, ``.fpid_pin-*``.
 """
 
 from __future__ import annotations
@@ -10,22 +9,15 @@ from __future__ import annotations
 import errno
 import hashlib
 import os
-import re
-import secrets
 import shutil
-import signal
 import stat
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
 
 from fpid_pin.exceptions import FileFormatError
 
-#: A hidden name older than this [s] whose process is gone has been abandoned.
-OLD = 600.0
 _KINDS = {
     stat.S_IFDIR: "a folder",
     stat.S_IFREG: "a file",
@@ -35,47 +27,88 @@ _KINDS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-# A process id means something on its own machine only.
-_HOST = hashlib.sha256(os.uname().nodename.encode()).hexdigest()[:8]
-_HIDDEN = re.compile(r"\.fpid_pin-[0-9a-f]{12}-([0-9a-f]{8})-([1-9]\d{0,8})-[0-9a-f]{12}\.part")
 
 
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a temporary file that replaces `path` when the block ends without an error.
+    """Give the name of a temporary file that replaces `path` when the block ends without an error.
 
-    Folders on the way are made. After an error what was at `path` is still there, and nothing else.
+    Folders on the way are made. After an error what was at `path` is still there.
 
     Raises
     ------
     FileFormatError
-        `path` is neither absent nor a regular file (told before the block, and looked at again
-        after it), or the system refuses (a full disk, no permission), in the block too.
+        `path` is neither absent nor a regular file (looked at before and after the block), or the
+        system refuses (a full disk, no permission), in the block too.
     """
     path = Path(path)
-    temporary: Path | None = None
     try:
         require_file(path)
-        make_folder(path.parent)
-        sweep(path.parent)
-        with undisturbed():
-            temporary = _reserve(path)
-        yield temporary
-        sync(temporary)
-        require_file(path)
-        with undisturbed():
+        with hidden_folder(path) as folder:
+            temporary = folder / path.name
+            temporary.touch()
+            yield temporary
+            sync(temporary)
+            require_file(path)
             os.replace(temporary, path)
-            temporary = None
         sync(path.parent)
     except OSError as error:
         raise unwritable(path, error) from None
+
+
+@contextmanager
+def hidden_folder(path: Path) -> Iterator[Path]:
+    """Give a new folder beside `path`; it goes when the block ends, with all that is still in it.
+
+    Files within it have the mode of any new file, as `tempfile`'s own do not.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with TemporaryDirectory(
+        prefix=f"{hidden_name(path)}-", dir=path.parent, ignore_cleanup_errors=True
+    ) as name:
+        yield Path(name)
+
+
+@contextmanager
+def locked(path: str | Path) -> Iterator[None]:
+    """Keep other processes away from `path` for this block; however this process ends, it is free.
+
+    What a killed process has left in hidden folders for `path` is removed.
+
+    Raises
+    ------
+    FileFormatError
+        Another block, of this process or another, has it; or its folder cannot be written.
+    """
+    # Imported late: most commands lock nothing.
+    from filelock import FileLock, Timeout
+
+    path = Path(path)
+    place = path.parent / f"{hidden_name(path)}.lock"
+    lock = FileLock(place, timeout=0)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        raise FileFormatError(
+            f"{path}: expected to be alone with it, got another fpid-pin at work there"
+        ) from None
+    except OSError as error:
+        raise unwritable(path, error) from None
+    try:
+        for abandoned in path.parent.glob(f"{hidden_name(path)}-*"):
+            discard(abandoned)
+        yield
     finally:
-        if temporary is not None:
-            with suppress(OSError):
-                temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            # While it is held: who waits for the lock looks whether its file is still there.
+            place.unlink()
+        lock.release()
 
 
-# ---------------------------------------------------------------------- what may be replaced
+def hidden_name(path: Path) -> str:
+    """Return what hidden names that belong to `path` begin with; short, however long its name."""
+    return f".fpid_pin-{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:12]}"
 
 
 def put_text(path: str | Path, text: str) -> Path:
@@ -120,9 +153,6 @@ def unwritable(path: Path, error: OSError) -> FileFormatError:
     return FileFormatError(f"{path}: cannot be written ({error.strerror or error})")
 
 
-# ---------------------------------------------------------------------- onto the disk
-
-
 def sync(path: Path) -> None:
     """Bring a file's contents, or a folder's entries, to the disk."""
     handle = os.open(path, os.O_RDONLY)
@@ -138,72 +168,9 @@ def sync(path: Path) -> None:
 
 def sync_tree(folder: Path) -> None:
     """Bring a folder with all that is in it to the disk."""
-    for place, _, names in os.walk(folder, onerror=_complain):
-        for name in names:
-            sync(Path(place, name))
-        sync(Path(place))
-
-
-def _complain(error: OSError) -> None:
-    raise error
-
-
-def make_folder(folder: Path) -> None:
-    """Make a folder and those above it that are missing, to last."""
-    missing = [folder]
-    while not missing[-1].exists() and missing[-1] != missing[-1].parent:
-        missing.append(missing[-1].parent)
-    folder.mkdir(parents=True, exist_ok=True)
-    for above in missing[1:]:
-        sync(above)
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Let Ctrl-C wait until the block, a short one, has ended."""
-    # Python hears signals in its main thread only. Masking the signal would not do: the system
-    # would then hand it to another thread, and Python to this one all the same.
-    main = threading.current_thread() is threading.main_thread()
-    before = signal.getsignal(signal.SIGINT) if main else None
-    if not callable(before):
-        yield
-        return
-    heard: list[Any] = []
-    signal.signal(signal.SIGINT, lambda *_: heard.append(_))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if heard:
-            signal.raise_signal(signal.SIGINT)
-
-
-# ---------------------------------------------------------------------- hidden names
-
-
-def key_of(path: Path) -> str:
-    """Return twelve letters for a name, however long it is."""
-    return hashlib.sha256(os.fsencode(path.name)).hexdigest()[:12]
-
-
-def hidden_beside(path: Path) -> Path:
-    """Return a name beside `path` that no other process will think of."""
-    # Of a length of its own: a name as long as the system allows has one too.
-    whose = f"{key_of(path)}-{_HOST}-{os.getpid()}-{secrets.token_hex(6)}"
-    return path.parent / f".fpid_pin-{whose}.part"
-
-
-def sweep(folder: Path) -> None:
-    """Remove what processes of this machine that are gone have left under hidden names."""
-    # What cannot be looked at or removed is somebody else's, or gone by now.
-    with suppress(OSError), os.scandir(folder) as entries:
-        for entry in entries:
-            named = _HIDDEN.fullmatch(entry.name)
-            if named is None or named[1] != _HOST or _lives(int(named[2])):
-                continue
-            with suppress(OSError):
-                if time.time() - entry.stat(follow_symlinks=False).st_mtime > OLD:
-                    discard(Path(entry.path))
+    for path in (*folder.rglob("*"), folder):
+        if not path.is_symlink():
+            sync(path)
 
 
 def discard(path: Path) -> None:
@@ -213,22 +180,3 @@ def discard(path: Path) -> None:
     else:
         with suppress(OSError):
             path.unlink(missing_ok=True)
-
-
-def _lives(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True  # another user's
-    return True
-
-
-def _reserve(path: Path) -> Path:
-    temporary = hidden_beside(path)
-    # Opened by hand: `tempfile` makes files that only their owner may read, and a result is as
-    # readable as any other new file. The kernel takes the umask off the mode, so nobody asks for
-    # it (asking means setting it, for all threads).
-    os.close(os.open(temporary, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    return temporary

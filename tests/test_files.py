@@ -1,19 +1,21 @@
-"""Files appear whole or not at all, as readable as any other."""
+"""Files appear whole or not at all, as readable as any other; one process at a time has a lock."""
 
 import errno
+import fcntl
 import os
 import signal
 import socket
+import subprocess
 import sys
-import time
+import threading
 from pathlib import Path
 
 import pytest
-from bounded import started
+from bounded import ended, started
 
 from fpid_pin.cli.output import output_folder
 from fpid_pin.exceptions import FileFormatError
-from fpid_pin.files import OLD, hidden_beside, replacing, undisturbed
+from fpid_pin.files import hidden_folder, locked, replacing
 
 
 def write(path, text):
@@ -82,7 +84,7 @@ def test_what_became_of_the_place_meanwhile_is_looked_at_again(tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["elsewhere", "target"]
 
 
-def test_a_name_of_the_greatest_length_has_a_hidden_one(tmp_path):
+def test_a_name_may_be_as_long_as_the_system_allows(tmp_path):
     write(tmp_path / ("a" * 255), "text")
     with pytest.raises(FileFormatError, match="File name too long"):
         write(tmp_path / ("a" * 256), "text")
@@ -122,54 +124,10 @@ def test_a_file_is_on_the_disk_before_it_takes_the_place_and_its_folder_after(
     with replacing(path) as temporary:
         temporary.write_text("text")
     assert told == [
-        ("sync", str(tmp_path / "new")),
-        ("sync", str(tmp_path)),
         ("sync", str(temporary)),
         ("replace", str(path)),
         ("sync", str(path.parent)),
     ]
-
-
-def test_what_killed_processes_left_is_removed_once_it_is_old(tmp_path):
-    with started([sys.executable, "-c", ""]) as gone:
-        pass
-    mine = hidden_beside(tmp_path / "file")
-    names = {
-        "old": mine.name.replace(f"-{os.getpid()}-", f"-{gone.pid}-"),
-        "young": mine.name.replace(f"-{os.getpid()}-", f"-{gone.pid}-").replace("-", "-", 1),
-        "living": mine.name,
-        "of another machine": mine.name.replace(mine.name.split("-")[2], "0" * 8),
-        "somebody's": ".fpid_pin-notes.part",
-    }
-    names["young"] = names["young"][:-10] + "00000.part"
-    for name in names.values():
-        (tmp_path / name).write_text("")
-    folder = tmp_path / (names["old"][:-10] + "11111.part")
-    (folder / "deep").mkdir(parents=True)
-    assert len(set(names.values())) == 5
-    long_ago = time.time() - 2.0 * OLD
-    for name, file in names.items():
-        if name != "young":
-            os.utime(tmp_path / file, (long_ago, long_ago))
-    os.utime(folder, (long_ago, long_ago))
-    write(tmp_path / "file", "text")
-    left = {p.name for p in tmp_path.iterdir()}
-    assert left == {"file"} | {file for name, file in names.items() if name != "old"}
-
-
-def test_ctrl_c_waits_for_the_end_of_what_must_not_be_disturbed():
-    order = []
-
-    def work():
-        with undisturbed():
-            signal.raise_signal(signal.SIGINT)
-            order.append("inside")
-        order.append("never reached")
-
-    with pytest.raises(KeyboardInterrupt):
-        work()
-    assert order == ["inside"]
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_results_are_as_readable_as_other_files_and_nobody_sets_the_umask(tmp_path, monkeypatch):
@@ -195,3 +153,82 @@ def test_a_private_umask_keeps_results_private(tmp_path):
         os.umask(before)
     assert (tmp_path / "file.txt").stat().st_mode & 0o777 == 0o600
     assert (tmp_path / "folder").stat().st_mode & 0o777 == 0o700
+
+
+# ---------------------------------------------------------------------- locks
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from fpid_pin.files import hidden_folder, locked
+with locked(sys.argv[1]), hidden_folder(Path(sys.argv[1])):
+    print("mine", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_a_second_one_is_refused_and_the_lock_goes_with_the_first(tmp_path):
+    path = tmp_path / "folder" / "file"
+    with locked(path):
+        with pytest.raises(FileFormatError) as caught, locked(path):
+            pass
+        with locked(path.with_name("other")):
+            pass
+    line = f"{path}: expected to be alone with it, got another fpid-pin at work there"
+    assert str(caught.value) == line
+    assert list(path.parent.iterdir()) == []
+    with locked(path):
+        pass
+
+
+def test_a_killed_process_keeps_nobody_out_and_what_it_left_is_removed(tmp_path):
+    path = tmp_path / "file"
+    command = [sys.executable, "-c", HOLD, str(path)]
+    with started(command, stdout=subprocess.PIPE, text=True) as other:
+        assert other.stdout.readline() == "mine\n"
+        with pytest.raises(FileFormatError, match="got another fpid-pin at work"), locked(path):
+            pass
+        other.send_signal(signal.SIGKILL)
+    assert len(list(tmp_path.iterdir())) == 2
+    with hidden_folder(tmp_path / "other") as kept, locked(path):
+        assert kept.exists()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_of_many_at_once_never_two_are_in(tmp_path):
+    inside, most, refused = [], [], []
+
+    def work():
+        for _ in range(100):
+            try:
+                with locked(tmp_path / "file"):
+                    inside.append(1)
+                    most.append(len(inside))
+                    inside.pop()
+            except FileFormatError:
+                refused.append(1)
+
+    threads = [threading.Thread(target=work, daemon=True) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    assert all(ended(thread) for thread in threads)
+    assert set(most) == {1}
+    assert len(most) + len(refused) == 800
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_where_there_are_no_locks_a_warning_says_so(tmp_path, monkeypatch):
+    def none(handle, what):
+        raise OSError(errno.ENOSYS, "Function not implemented")
+
+    monkeypatch.setattr(fcntl, "flock", none)
+    entered = []
+    with pytest.warns(UserWarning, match="flock not supported"), locked(tmp_path / "file"):
+        entered.append(True)
+    assert entered
+
+
+def test_a_lock_that_cannot_be_made_is_one_line(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileFormatError, match="cannot be written"), locked(tmp_path / "file" / "x"):
+        pass

@@ -19,8 +19,8 @@ PACKAGE = Path(fpid_pin.__file__).parent
 TIERS = [
     {"kernels", "text"},
     {"_version", "exceptions", "progress", "shown"},
-    {"archive", "budget", "checks", "extras", "files"},
-    {"descriptions", "locks", "own_code", "packed", "sealed"},
+    {"budget", "checks", "extras", "files"},
+    {"descriptions", "npz", "own_code"},
     {"costs", "disturbances"},
     {"fractional", "arms"},
     {"control", "references"},

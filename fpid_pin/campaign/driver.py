@@ -15,7 +15,7 @@ from fpid_pin.campaign.ledger import Ledger
 from fpid_pin.campaign.scenarios import BLOCK
 from fpid_pin.campaign.study import Study
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.locks import locked
+from fpid_pin.files import locked
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.entry import executor_of, warm
 from fpid_pin.simulation.workers import check_workers
@@ -82,8 +82,7 @@ def run(
     with (
         locked(ledger),
         Ledger(ledger, study) as book,
-        # A chunk whose worker dies is looked after by `carry_out`, not by the pool.
-        executor_of(executor, workers, nominal, laws, retries=0) as pool,
+        executor_of(executor, workers, nominal, laws) as pool,
     ):
         recorded = book.recorded()
         runs = max(runs, max(recorded, default=-1) + 1)

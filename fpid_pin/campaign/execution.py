@@ -15,7 +15,7 @@ from concurrent.futures import (
 from dataclasses import dataclass
 
 from fpid_pin.campaign.chunk import Done, Job, failed, run_chunk
-from fpid_pin.exceptions import FpidError, WorkersDied
+from fpid_pin.exceptions import FpidError
 
 #: Deaths of workers after which a chunk is taken apart, and its single run given up.
 MOST_DEATHS = 3
@@ -127,7 +127,7 @@ def _deaths(future: Future[Done]) -> int:
     except CancelledError:
         # Nobody here cancels what is waited for.
         raise FpidError(_GONE) from None
-    if isinstance(error, (BrokenExecutor, WorkersDied)):
+    if isinstance(error, BrokenExecutor):
         return 1
     # Dask's scheduler tries again by itself before it says so. By name: it need not be there.
     return MOST_DEATHS if type(error).__name__ == "KilledWorker" else 0

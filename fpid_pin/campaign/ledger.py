@@ -19,8 +19,7 @@ from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.sqlite import PATIENCE, quoted, told
 from fpid_pin.campaign.study import Study, difference
 from fpid_pin.exceptions import ArgumentError, FileFormatError
-from fpid_pin.files import kind_of, make_folder, unwritable
-from fpid_pin.simulation.run_table import from_json
+from fpid_pin.files import kind_of, unwritable
 
 #: What SQLite files of ours say of themselves, and the layout of their tables.
 APPLICATION, LAYOUT = 0x46504944, 1
@@ -50,7 +49,7 @@ class Ledger:
         if kind not in (None, "a file", "a symlink") or (kind is None and study is None):
             raise FileFormatError(f"{path}: expected a campaign's ledger, got {kind or 'no file'}")
         try:
-            make_folder(self.path.parent)
+            self.path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise unwritable(self.path, error) from None
         with told(self.path):
@@ -67,11 +66,11 @@ class Ledger:
                     self._file.execute("PRAGMA synchronous = NORMAL")
                     if not self._tables():
                         self._make(study)
-                self.study_table: dict[str, Any] = from_json(self._meta("study"))
+                self.study_table: dict[str, Any] = json.loads(self._meta("study"))
                 if study is not None:
                     self._require_same(study)
-                self.parameters = tuple(from_json(self._meta("parameters")))
-                self.units = tuple(from_json(self._meta("units")))
+                self.parameters = tuple(json.loads(self._meta("parameters")))
+                self.units = tuple(json.loads(self._meta("units")))
             except BaseException:
                 self._file.close()
                 raise
@@ -237,7 +236,7 @@ class Ledger:
 
     def _require_same(self, study: Study) -> None:
         if self._meta("digest") != study.digest:
-            found = difference(from_json(study.text), self.study_table)
+            found = difference(json.loads(study.text), self.study_table)
             raise FileFormatError(
                 f"{self.path}: expected a ledger of this campaign, got another: {found}"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,6 @@ from fpid_pin.campaign.scenarios import BoundScenarios, Scenarios
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.simulation import Experiment
-from fpid_pin.simulation.run_table import to_json
 from fpid_pin.text import shown
 
 #: Of a study's table.
@@ -115,14 +115,14 @@ class Study:
     @property
     def text(self) -> str:
         """The table as JSON, every digit of every number."""
-        return to_json(self.to_dict())
+        return json.dumps(self.to_dict())
 
     @property
     def digest(self) -> str:
         """SHA-256 of what decides the results: two studies of one digest are one campaign."""
         table = self.to_dict()
         del table["title"]
-        return hashlib.sha256(to_json(table).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(table).encode()).hexdigest()
 
 
 def difference(here: Mapping[str, Any], there: Mapping[str, Any], path: str = "") -> str:

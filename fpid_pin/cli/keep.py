@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fpid_pin import checks
+from fpid_pin.extras import installed
 from fpid_pin.simulation import Run
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ class Keep:
     Parameters
     ----------
     runs
-        Whether runs are saved; compressed.
+        Whether runs are saved; compressed where pcodec is installed.
     figures
         Whether figures are drawn.
     png
@@ -46,7 +47,7 @@ class Keep:
     def save(self, run: Run, path: Path) -> None:
         """Save a run, if runs are kept."""
         if self.runs:
-            run.save(path, compressed=True, every=self.every)
+            run.save(path, compressed=installed("pcodec"), every=self.every)
 
     def draw(self, figures: Mapping[str, Figure], folder: Path) -> dict[str, bytes]:
         """Write figures, each drawn once, and return them as SVG: what a report shows."""

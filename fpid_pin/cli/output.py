@@ -2,40 +2,30 @@
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import os
-import re
 import shutil
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import cache
 from pathlib import Path
-from typing import Any
 
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import (
     discard,
-    hidden_beside,
-    key_of,
+    hidden_folder,
+    hidden_name,
     kind_of,
-    make_folder,
-    sweep,
+    locked,
     sync,
     sync_tree,
-    undisturbed,
     unwritable,
 )
-from fpid_pin.locks import locked
 
 #: The file that says that a folder is ours to replace, and lists what in it is ours.
 MARK = ".fpid_pin"
 _HEAD = "made by fpid-pin; what is listed here is replaced, all else is kept\n"
-_OLD = re.compile(r"\.fpid_pin-([0-9a-f]{12})-.*\.old")
 #: What a write is refused with; such an error names no file.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
-_SWAP = 2  # RENAME_EXCHANGE of Linux and RENAME_SWAP of macOS
 
 
 @contextmanager
@@ -56,27 +46,19 @@ def output_folder(path: str | Path) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         _require_ours(path)
-        make_folder(path.parent)
         with locked(path):
-            _mend(path)
-            sweep(path.parent)
-            with undisturbed():
-                temporary = hidden_beside(path)
+            _restore(path)
+            with hidden_folder(path) as hidden:
+                temporary = hidden / "new"
                 temporary.mkdir()
-            yield temporary
-            _sign(temporary)
-            _carry_over(path, temporary)
-            sync_tree(temporary)
-            _require_ours(path)
-            with undisturbed():
+                yield temporary
+                _sign(temporary)
+                _carry_over(path, temporary)
+                sync_tree(temporary)
+                _require_ours(path)
                 _put(temporary, path)
-                temporary = None
     except OSError as error:
         raise _refused(path, error, temporary) from None
-    finally:
-        if temporary is not None:
-            with undisturbed():
-                discard(temporary)
 
 
 def _refused(path: Path, error: OSError, temporary: Path | None) -> Exception:
@@ -133,56 +115,31 @@ def _carry_over(path: Path, temporary: Path) -> None:
             shutil.copy2(entry, place, follow_symlinks=False)
 
 
-# ---------------------------------------------------------------------- the swap
-
-
 def _put(temporary: Path, path: Path) -> None:
-    """Let a folder take the place of another, or of nothing."""
+    """Let a folder take the place of another, or of nothing.
+
+    Killed between the two renames, a process leaves no results at `path`; the next one that works
+    there brings the old ones back.
+    """
+    try:
+        if kind_of(path) is not None:
+            os.rename(path, _old(path))
+        os.rename(temporary, path)
+        sync(path.parent)
+    finally:
+        _restore(path)
+
+
+def _old(path: Path) -> Path:
+    """Return where older results are while new ones take their place."""
+    return path.parent / f"{hidden_name(path)}.old"
+
+
+def _restore(path: Path) -> None:
+    """Bring older results back where there are no new ones, else remove them."""
+    if kind_of(_old(path)) is None:
+        return
     if kind_of(path) is None:
-        os.rename(temporary, path)
-    elif _exchange(temporary, path):
-        discard(temporary)
+        os.rename(_old(path), path)
     else:
-        # A file system that cannot exchange two folders in one step. Killed between these two, a
-        # process leaves no results at `path`; `_mend` brings them back.
-        old = temporary.with_suffix(".old")
-        os.rename(path, old)
-        os.rename(temporary, path)
-        discard(old)
-    sync(path.parent)
-
-
-def _mend(path: Path) -> None:
-    """Bring back the results that a process killed in the middle of `_put` has moved away."""
-    for entry in path.parent.iterdir():
-        named = _OLD.fullmatch(entry.name)
-        if named is None or named[1] != key_of(path):
-            continue
-        if kind_of(path) is None:
-            os.rename(entry, path)
-        else:
-            discard(entry)
-
-
-@cache
-def _system_swap() -> Any:
-    """Return the system's call that exchanges two names; None where there is none."""
-    name, before = ("renamex_np", False) if sys.platform == "darwin" else ("renameat2", True)
-    call = getattr(ctypes.CDLL(None, use_errno=True), name, None)
-    if call is None or not before:
-        return call
-    here = -100  # AT_FDCWD
-    return lambda old, new, flags: call(here, old, here, new, flags)
-
-
-def _exchange(one: Path, other: Path) -> bool:
-    """Exchange two folders in one step; return False where the file system cannot."""
-    call = _system_swap()
-    if call is None:
-        return False
-    if call(os.fsencode(one), os.fsencode(other), ctypes.c_uint(_SWAP)) == 0:
-        return True
-    code = ctypes.get_errno()
-    if code in (errno.EINVAL, errno.ENOSYS, errno.ENOTSUP):
-        return False
-    raise OSError(code, os.strerror(code), str(other))
+        discard(_old(path))

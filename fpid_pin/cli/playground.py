@@ -9,7 +9,6 @@ from fpid_pin.cli.choice import pick
 from fpid_pin.cli.config import load
 from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.screen import say, screen
-from fpid_pin.control import AdaptiveFpid
 from fpid_pin.exceptions import ConfigError, FpidError
 from fpid_pin.files import require_file
 from fpid_pin.text import visible
@@ -36,17 +35,18 @@ def make(config: Config, html: Path, name: str | None = None) -> tuple[Playgroun
     FpidError
         It can hold none of them.
     """
-    from fpid_pin.view.playground_engine import require_playable
+    from fpid_pin.view.playground_law import Law
 
-    kept: list[AdaptiveFpid] = []
+    kept: list[Law] = []
     left: list[str] = []
     for label, controller in config.controllers.items():
         if name not in (None, label):
             continue
         try:
-            kept.append(require_playable(controller, config.experiment, kept))
+            kept.append(Law(controller, config.experiment, kept))
         except FpidError as error:
             left.append(f"{label}: {error}")
     if not kept:
         raise ConfigError.of(config.path, left)
-    return playground(config.experiment, kept, html, title=config.title), left
+    laws = [law.controller for law in kept]
+    return playground(config.experiment, laws, html, title=config.title), left

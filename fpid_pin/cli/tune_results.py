@@ -24,6 +24,7 @@ from fpid_pin.cli.summary import Entry, Row
 from fpid_pin.cli.tune_parameters import parameter_rows, what_mattered
 from fpid_pin.cli.tune_plan import Plan
 from fpid_pin.control import AdaptiveFpid, Controller
+from fpid_pin.extras import installed
 from fpid_pin.simulation import cost_of
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
 from fpid_pin.tuning import Profile, TuningResult, cost_map
@@ -172,7 +173,7 @@ def write(
         figures[name] = plots.comparison(runs)
     drawn = keep.draw(figures, folder)
     for entry in entries:
-        entry.run.save(folder / entry.file, compressed=True)
+        entry.run.save(folder / entry.file, compressed=installed("pcodec"))
     tables = {
         "Parameters": parameter_rows(plan, result, along),
         "Cost tuned for": costs,

@@ -1,6 +1,5 @@
 """Control laws: from reference and measurement to torque."""
 
-from fpid_pin.control.adaptive_orders import adapt_orders
 from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
 from fpid_pin.control.certificate import GainCertificate, certify_gains
 from fpid_pin.control.computed_torque import ComputedTorque
@@ -20,7 +19,7 @@ from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.sliding_mode import SlidingMode
 from fpid_pin.control.slotine_li import SlotineLi
 from fpid_pin.control.stability import StabilityReport, stability_report
-from fpid_pin.control.suggested import SuggestedFpid
+from fpid_pin.control.suggested import SuggestedFpid, adapt_orders
 from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
 
 __all__ = [

@@ -1,7 +1,8 @@
-"""How far the gains of a sampled loop may rise: the bound on Kd, and ceilings for adaptation."""
+"""How far gains may rise in a sampled loop: the bound on Kd over poses, and ceilings."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,15 +11,19 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.poses import seeded_poses, worst_pose
+from fpid_pin.control.linear import critical_gain, frequencies, gravity_stiffness
 from fpid_pin.control.safeguards import Safeguards
-from fpid_pin.control.sampled import critical_derivative
+from fpid_pin.fractional import Design
+from fpid_pin.fractional.design import modes_of
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
-#: Part of the sampled-data bound that gains may be raised to.
+#: Part of the sampled-data bound that Kd may be raised to: a gain margin of 2, the usual least one
+#: (Åström and Murray, *Feedback Systems*, 2008, section 9.3).
 CEILING_PART = 0.5
+#: Factor of Kp at which, Kd as it is, the damping ratio Kd/(2 sqrt(Kp)) falls to a quarter.
+CEILING_KP = 16.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,14 +101,64 @@ class DerivativeBound:
             return 0.0, self.poses[0]
         root = np.sqrt(kd / self.critical)
         loads = np.linalg.eigvalsh(root[:, np.newaxis] * self._mobility * root)[:, -1]
-        starts = self.poses[np.argsort(-loads)[:2]]
         if len(self.poses) == 1:
             return float(loads[0]), self.poses[0]
+        starts = self.poses[np.argsort(-loads)[:2]]
         load, pose = worst_pose(self.arm, lambda q: self.shares(kd, q)[0], starts)
         # Where one Kd is worst another is not far from it.
         self.poses = np.vstack([self.poses, pose])
         self._mobility = np.concatenate([self._mobility, self.mobility(pose)[np.newaxis]])
         return load, pose
+
+    def critical_poses(self, scale: FloatArray) -> FloatArray:
+        """Return poses at which a loop with equal gains over a scale is likeliest to break, (7, n).
+
+        They are home; where the arm is heaviest, most toppling (M and dG/dq over the scale s_j,
+        (n,)), and lightest, searched for; and three seeded ones.
+        """
+        root = 1.0 / np.sqrt(scale)
+
+        def heaviness(q: FloatArray) -> float:
+            mass = root[:, np.newaxis] * self.arm.mass_matrix(q) * root
+            return float(np.linalg.eigvalsh(mass)[-1])
+
+        def gravity_instability(q: FloatArray) -> float:
+            stiffness = root[:, np.newaxis] * gravity_stiffness(self.arm, q) * root
+            return max(1e-9, -float(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))[0]))
+
+        poses = seeded_poses(self.arm, 200, 0)
+        found = [worst_pose(self.arm, f, poses)[1] for f in (heaviness, gravity_instability)]
+        return np.vstack([self.arm.home, *found, self.worst(scale)[1], poses[1:4]])
+
+    def ceilings(self, controller: AdaptiveFpid) -> GainCeilings:
+        """Return how far the gains of a controller may rise."""
+        arm, scale = self.arm, controller.scale_on(self.arm)
+        gains = least = gain_table(controller, arm.n)
+        kp, _, kd = gains
+        load, pose = self.worst(kd * scale)
+        limit = kd / load if load > 0.0 else np.full(arm.n, np.inf)
+        if controller.safeguards is not None:
+            least = np.minimum(gains, Safeguards.bounds_of(controller.safeguards, arm.n)[0])
+        natural = np.sqrt(np.maximum(kp, 1e-12))
+        damping = least[2] + arm.viscous_friction / scale
+        # At the frequency w, D^mu has the size w^mu and I^lambda that of w^-lambda.
+        routh = least[0] * damping * natural ** (controller.orders(arm.n).sum(axis=0) - 2.0)
+        found = (CEILING_KP * kp, 0.5 * routh, CEILING_PART * limit, limit, pose)
+        return GainCeilings(*map(checks.read_only, found))
+
+
+def critical_derivative(design: Design, order: float, *, step: float, horizon: float) -> float:
+    """Return the Kd at which ``Kd D^mu`` alone makes a joint of inertia 1 unstable.
+
+    The joint moves as the simulation has it. With mu = 1 this is 2/h, reached at Nyquist's
+    frequency; a lower order lags, so its loop breaks at a lower frequency, near mu pi/h.
+    """
+    z = np.exp(1j * frequencies(step, lowest=1e-2 / step) * step)
+    operator = modes_of(design, order, step=step, horizon=horizon).recursion().response(1.0 / z)
+    speed = step / (z - 1.0)
+    loop = speed * (operator[:, 0] * step * z / (z - 1.0) + operator[:, 1])
+    found = critical_gain(np.asarray(loop, np.complex128))
+    return float(found.min()) if found.size else np.inf
 
 
 def gain_ceilings(
@@ -130,33 +185,47 @@ def gain_ceilings(
     checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
     poses = checks.integer("poses", poses, low=1)
     bound = DerivativeBound(arm, controller, step=step, horizon=horizon, poses=poses, seed=seed)
-    return ceilings_within(bound, controller)
+    return bound.ceilings(controller)
 
 
-def ceilings_within(bound: DerivativeBound, controller: AdaptiveFpid) -> GainCeilings:
-    """Return the ceilings of a controller on the arm of a bound on its Kd."""
-    arm, scale = bound.arm, controller.scale_on(bound.arm)
-    kp, ki, kd = controller_gains(controller, arm.n)
-    load, pose = bound.worst(kd * scale)
-    limit = kd / load if load > 0.0 else np.full(arm.n, np.inf)
-    least = np.stack([kp, ki, kd])
-    if controller.safeguards is not None:
-        least = np.minimum(least, Safeguards.bounds_of(controller.safeguards, arm.n)[0])
-    orders = controller.orders(arm.n)
-    natural = np.sqrt(np.maximum(kp, 1e-12))
-    damping = least[2] + arm.viscous_friction / scale
-    # At the frequency w, D^mu has the size w^mu and I^lambda that of w^-lambda.
-    routh = least[0] * damping * natural ** (orders[1] + orders[0] - 2.0)
-    return GainCeilings(
-        kp=checks.read_only(16.0 * kp),
-        ki=checks.read_only(0.5 * routh),
-        kd=checks.read_only(CEILING_PART * limit),
-        kd_limit=checks.read_only(limit),
-        pose=checks.read_only(pose),
-    )
+def gain_table(controller: AdaptiveFpid, n: int) -> FloatArray:
+    """Return Kp, Ki and Kd of a controller on n joints, (3, n), its scale left out."""
+    return np.stack([checks.per_joint(k, getattr(controller, k), n) for k in ("kp", "ki", "kd")])
 
 
-def controller_gains(controller: AdaptiveFpid, n: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return Kp, Ki and Kd of a controller on n joints, (n,) each."""
-    kp, ki, kd = (checks.per_joint(k, getattr(controller, k), n) for k in ("kp", "ki", "kd"))
-    return kp, ki, kd
+def seeded_poses(arm: Arm, poses: int, seed: int) -> FloatArray:
+    """Return the home pose and others drawn within the limits, (poses, n)."""
+    rng = np.random.default_rng(seed)
+    return np.vstack([arm.home, rng.uniform(*_limits(arm), (poses - 1, arm.n))])
+
+
+def worst_pose(
+    arm: Arm, measure: Callable[[FloatArray], float], poses: FloatArray
+) -> tuple[float, FloatArray]:
+    """Return the largest value of a positive measure of poses that is found, and where.
+
+    The two worst of the `poses` given, (poses, n), are starts of local searches (L-BFGS-B, within
+    the joints' limits): where an arm is nearly singular samples miss the worst by far.
+    """
+    from scipy.optimize import minimize
+
+    values = np.array([measure(q) for q in poses])
+    order = np.argsort(-values)
+    most, where = float(values[order[0]]), poses[order[0]]
+    low, high = _limits(arm)
+    bounds = list(zip(low, np.maximum(low, high), strict=True))
+    for k in order[:2]:
+        found = minimize(
+            lambda q: -np.log(measure(q)), poses[k], method="L-BFGS-B", bounds=bounds,
+            options={"maxiter": 30},
+        )  # fmt: skip
+        value = measure(found.x)
+        if value > most:
+            most, where = value, found.x
+    return most, where
+
+
+def _limits(arm: Arm) -> tuple[FloatArray, FloatArray]:
+    """Return the joints' lower and upper limits, half a turn either way where there is none."""
+    low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
+    return low, np.where(np.isfinite(arm.upper), arm.upper, np.pi)

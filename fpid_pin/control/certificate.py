@@ -11,15 +11,11 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.ceilings import DerivativeBound, controller_gains
+from fpid_pin.control.ceilings import DerivativeBound, gain_table
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.frozen import terms_of
-from fpid_pin.control.observed import beside, observer_system, under
-from fpid_pin.control.poses import telling_poses
+from fpid_pin.control.linear_law import terms_of
 from fpid_pin.control.safeguards import Safeguards
-from fpid_pin.control.sampled import linear_arm
-from fpid_pin.control.scaling import least_size
-from fpid_pin.control.small_gain import MovingGains
+from fpid_pin.control.small_gain import MovingGains, least_size
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -83,8 +79,9 @@ def certify_gains(
     -------
     GainCertificate
         Proved, for each pose and to rounding: the sampled loop of the arm linearised at rest there
-        and of the law with all its modes and its observer is exponentially stable for every
-        sequence of gains in the box, however fast. So it is whatever the learning rates. Not
+        and of the law with all its modes is exponentially stable for every sequence of gains in the
+        box, however fast. So it is whatever the learning rates. An observer changes nothing: on the
+        exact model no torque excites it, and what it is wrong by at first dies away by itself. Not
         covered: motion between poses, torque limits, dry friction, a wrong model.
 
     Raises
@@ -103,28 +100,21 @@ def certify_gains(
         raise checks.ArgumentError("controller", "orders that stay", "an order_learning_rate")
     step = checks.number("step", step, above=0.0)
     n, scale = arm.n, controller.scale_on(arm)
-    initial = np.stack(controller_gains(controller, n))
+    initial = gain_table(controller, n)
     width = np.broadcast_to(checks.floats("spread", spread, low=0, max_ndim=2), (3, n)) * initial
     if not width.any():
         raise checks.ArgumentError("spread", "a gain above 0 that may move", "none")
     if poses is None:
         bound = DerivativeBound(arm, controller, step=step, horizon=horizon)
-        where = telling_poses(arm, bound, scale)
+        where = bound.critical_poses(scale)
     else:
         where = np.atleast_2d(checks.floats("poses", poses, max_ndim=2))
         if where.shape[1:] != (n,):
             raise checks.ArgumentError("poses", f"shape (poses, {n})", f"shape {where.shape}")
-    terms = terms_of(controller, n, step=step, horizon=horizon)
     reaches = np.zeros(len(where))
-    for k, q in enumerate(where):
-        plant = linear_arm(arm, q, step=step, method="semi_implicit_euler")
-        law = terms.weighed(initial * scale).observed()
-        if controller.observer:
-            observer = observer_system(arm, q, controller.observer, step)
-            law = beside(law, observer)
-        if np.abs(np.linalg.eigvals(plant.closed(law))).max() < 1.0:
-            driven = under(plant, observer) if controller.observer else plant
-            loop = MovingGains(driven, terms, initial * scale, width * scale, step=step)
+    for k, terms in enumerate(terms_of(controller, arm, where, step=step, horizon=horizon)):
+        loop = MovingGains(terms, initial * scale, width * scale, step=step)
+        if loop.stable:
             reaches[k] = PART / least_size(loop)
     reach = float(reaches.min())
     low, high = np.maximum(initial - reach * width, 0.0), initial + reach * width

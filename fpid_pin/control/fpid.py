@@ -12,12 +12,11 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.control.operators import Derivative, Integral, Operator
+from fpid_pin.control.operators import INITIALISATIONS, Derivative, Integral, Operator
 from fpid_pin.control.parameters import check_gains
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.descriptions import described
 from fpid_pin.fractional import Design, ExponentialSum
-from fpid_pin.fractional.modes import INITIALISATIONS
 from fpid_pin.kernels.functions import clip, winds_up
 
 if TYPE_CHECKING:
@@ -53,8 +52,8 @@ class AdaptiveFpid(Controller):
     design
         How the fractional operators are realised: one with modes.
     initialisation
-        What the operators take the error to have been before t = 0: ``"caputo"``,
-        ``"riemann_liouville"`` or ``"grunwald_letnikov"``; see `fpid_pin.fractional.Bank`.
+        What the operators take the error to have been before t = 0: ``"caputo"`` or
+        ``"grunwald_letnikov"``; see `fpid_pin.fractional.Bank`.
     safeguards
         Bounds and leakage for the adapted gains; None: none, as in the paper.
     order_learning_rate

@@ -12,32 +12,32 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.box import GainBox
-from fpid_pin.control.ceilings import DerivativeBound, ceilings_within, controller_gains
-from fpid_pin.control.damping import FrozenLoops
+from fpid_pin.control.ceilings import DerivativeBound, gain_table, seeded_poses
+from fpid_pin.control.damping import FrozenLoops, GainBox
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.lowering import SLACK, nearest_gains
-from fpid_pin.control.observer_bandwidth import with_model
-from fpid_pin.control.poses import seeded_poses, telling_poses
+from fpid_pin.control.observer_bandwidth import SUGGESTED, check_observer, suggest_observer
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.exceptions import FpidWarning
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
-#: Derivative orders that are tried, from the best damping to the least demand on the step.
+#: Derivative orders that are tried, from the best damping to the least demand on the step: below
+#: 0.6 the derivative hardly damps.
 ORDERS = (0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6)
-#: Part of the sampled-data bound that Kd should use up, so that it can rise, and that it may.
+#: Part of the sampled-data bound that Kd should use up, so that it can rise fourfold, and that it
+#: may: a gain margin of 2.5.
 START_PART, MOST_PART = 0.25, 0.4
-#: Least damping ratio at home, and at the other poses that are looked at.
+#: Least damping ratio at home, an overshoot of 25 %, and at the other poses that are looked at, of
+#: 50 %.
 HOME_DAMPING, POSE_DAMPING = 0.4, 0.2
-#: Error that dry friction may cost before the integral answers, rad.
-FRICTION_ERROR = 0.09
-#: Error that the largest weight torque may cost before the integral answers, rad.
-WEIGHT_ERROR = 0.5
-#: Error at which the proportional term alone may ask for the whole effort limit, rad.
-EFFORT_ERROR = 0.05
-#: Error that adaptation takes for large, rad, and the time in which it then doubles a gain, s.
+#: Errors that dry friction and the largest weight torque may cost before the integral answers, at
+#: which the proportional term may ask for the whole effort limit [rad]. Chosen so that all arms of
+#: the catalogue follow (`benchmarks/results/arms.md`).
+FRICTION_ERROR, WEIGHT_ERROR, EFFORT_ERROR = 0.09, 0.5, 0.05
+#: Error that adaptation takes for large [rad], and the time in which it then doubles a gain [s]:
+#: slow beside any loop of a few rad/s.
 LEARNING_ERROR, LEARNING_TIME = 0.05, 5.0
 #: How much adaptation may raise a gain, where the sampled loop allows, and lower it.
 RAISE, LOWER = 4.0, 0.7
@@ -160,6 +160,7 @@ def explain_gains(
     """
     w = checks.number("bandwidth", bandwidth, above=0.0)
     step = checks.number("step", step, above=0.0)
+    check_observer(observer)
     for reason in impossible_joints(arm):
         warnings.warn(reason, FpidWarning, stacklevel=3)
     law, bound = _nominal(arm, w, integral_order, derivative_order, step, horizon, name)
@@ -168,8 +169,8 @@ def explain_gains(
     if derivative_order is None and mu < ORDERS[0]:
         reason = f"at a step of {1e3 * step:g} ms the loop bears too little Kd otherwise"
         notes.append(f"derivative order {mu:g} instead of {ORDERS[0]:g}: {reason}")
-    wanted = scale * np.stack(controller_gains(law, arm.n))
-    poses = telling_poses(arm, bound, scale)
+    wanted = scale * gain_table(law, arm.n)
+    poses = bound.critical_poses(scale)
     loops = FrozenLoops(arm, law, poses, step=step, horizon=200.0 / w)
     least = np.array([HOME_DAMPING] + [POSE_DAMPING] * (len(poses) - 1))
     gains = nearest_gains(loops, bound, wanted, part=MOST_PART, damping=least)
@@ -189,7 +190,9 @@ def explain_gains(
         )  # fmt: skip
     kp, ki, kd = gains / scale
     law = dataclasses.replace(law, kp=kp, ki=ki, kd=kd)
-    law = with_model(law, arm, feedforward=feedforward, observer=observer, step=step)
+    if observer == SUGGESTED:
+        observer = suggest_observer(arm, law, step=step)
+    law = dataclasses.replace(law, feedforward=feedforward, observer=float(observer))
     if law.observer:
         notes.append("damping ratios and projection are those of the law without its observer")
     if adaptive:
@@ -211,16 +214,16 @@ def impossible_joints(arm: Arm) -> list[str]:
     found = []
     weight = np.abs(arm.gravity_vector(arm.home))
     for j, joint in enumerate(arm.joint_names):
-        limit = arm.effort_limit[j]
+        who, limit = f"{arm.name}: joint {joint}", arm.effort_limit[j]
         if weight[j] > limit:
             found.append(
-                f"{arm.name}: joint {joint}: gravity at home is {weight[j]:.3g} N m, beyond its "
-                f"effort limit of {limit:.3g} N m; it cannot hold the arm there"
+                f"{who}: gravity at home is {weight[j]:.3g} N m, beyond its effort limit of "
+                f"{limit:.3g} N m; it cannot hold the arm there"
             )
         if limit <= arm.dry_friction[j]:
             found.append(
-                f"{arm.name}: joint {joint}: dry friction of {arm.dry_friction[j]:.3g} N m is not "
-                f"below its effort limit of {limit:.3g} N m; it cannot be moved"
+                f"{who}: dry friction of {arm.dry_friction[j]:.3g} N m is not below its effort "
+                f"limit of {limit:.3g} N m; it cannot be moved"
             )
     return found
 
@@ -254,9 +257,9 @@ def _adapting(
     arm: Arm, law: AdaptiveFpid, loops: FrozenLoops, bound: DerivativeBound, w: float
 ) -> tuple[AdaptiveFpid, float]:
     """Let the gains of a law adapt within a damped box; also return which part of it that is."""
-    scale, initial = law.scale_on(arm), np.stack(controller_gains(law, arm.n))
+    scale, initial = law.scale_on(arm), gain_table(law, arm.n)
     lowest = dataclasses.replace(law, safeguards=Safeguards(minimum=LOWER * initial))
-    ceilings = ceilings_within(bound, lowest)
+    ceilings = bound.ceilings(lowest)
     ceiling = np.stack([ceilings.kp, ceilings.ki, ceilings.kd])
     highest = np.maximum(np.minimum(RAISE * initial, ceiling), initial)
     box, part = GainBox(LOWER * initial * scale, initial * scale, highest * scale).certified(loops)

@@ -128,6 +128,18 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
             checks.instance("supervisor", self.supervisor, Supervisor, "a Supervisor or None")
         _ = self.bandwidth
 
+    def check_fields(self) -> None:
+        """Check that no field of a law of one's own hides something that all laws have.
+
+        Raises
+        ------
+        ArgumentError
+            One does: a field ``bandwidth`` would be taken for the observer's.
+        """
+        for field in dataclasses.fields(self):
+            if field.name not in _OPTIONS and hasattr(Controller, field.name):
+                raise checks.ArgumentError(field.name, "another name", "one that all laws have")
+
     @property
     def bandwidth(self) -> float:
         """Of the one observer of law and supervisor [rad/s]; 0: none.

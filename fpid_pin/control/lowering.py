@@ -61,8 +61,8 @@ def nearest_gains(
     slower = np.array([2.0, 3.0, 1.0])  # Kp, Ki, Kd go with these powers of the bandwidth
     merit = np.append(-np.ones(3 * n), PENALTY)
     limits = [(-8.0, 0.0)] * (3 * n) + [(0.0, 2.0)]
-    loaded: list[FloatArray] = []
-    shaken: list[int] = []
+    active_bound: list[FloatArray] = []
+    active_damping: list[int] = []
 
     def gains(y: FloatArray) -> FloatArray:
         return np.asarray(wanted * np.exp(y[:-1].reshape(3, n)))
@@ -73,11 +73,11 @@ def nearest_gains(
         y = np.frombuffer(key)
         table = gains(y)
         values, rows = [], []
-        for pose in loaded:
+        for pose in active_bound:
             load, share = bound.shares(table[2], pose)
             values.append(np.log(part / load))
             rows.append([*np.zeros(2 * n), *-share, 0.0])
-        for k in shaken:
+        for k in active_damping:
             for ratio, slope in zip(*loops.slopes(table, k, count=PAIRS), strict=True):
                 values.append(ratio - damping[k] + y[-1])
                 rows.append([*slope.reshape(-1), 1.0])
@@ -93,14 +93,14 @@ def nearest_gains(
         """Return the gains that are found from a start."""
         for turn in range(ROUNDS):
             short = damping - loops.ratios(gains(y)) - y[-1]
-            new = [k for k in np.flatnonzero(short > SLACK).tolist() if k not in shaken]
+            new = [k for k in np.flatnonzero(short > SLACK).tolist() if k not in active_damping]
             load, pose = bound.worst(gains(y)[2])
             heavy = load > (1.0 + SLACK) * part
             # A lowered start may be damped where the first was not, and lower than it need be.
-            if not new and not heavy and (turn or not shaken):
+            if not new and not heavy and (turn or not active_damping):
                 break
-            shaken.extend(new)
-            loaded.extend([pose] * heavy)
+            active_damping.extend(new)
+            active_bound.extend([pose] * heavy)
             constraints.cache_clear()
             y = minimize(
                 lambda y: merit @ y, y, jac=lambda _: merit, method="SLSQP", bounds=limits,

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.frozen import gain_table, terms_of
-from fpid_pin.control.observed import beside, observer_system
+from fpid_pin.control.ceilings import seeded_poses
+from fpid_pin.control.law import Controller
+from fpid_pin.control.linear import linear_arm
+from fpid_pin.control.linear_law import LinearLaw, linearised
 from fpid_pin.control.observer_gains import FASTEST, observer_gains
-from fpid_pin.control.poses import seeded_poses
-from fpid_pin.control.sampled import LinearSystem, gravity_stiffness
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.fractional import ExponentialSum
 
@@ -27,14 +26,18 @@ SUGGESTED = "suggested"
 DELAY_PART = 0.5
 #: Inertia of the true arm over the model's: a load that nobody told of, and one that is not there.
 INERTIA_RATIOS = (0.6, 1.0, 1.8)
-#: Operators of few modes are good enough to tell whether a loop is stable, and quickly.
-_DESIGN, _HORIZON = ExponentialSum(modes=8), 10.0
-_POSES, _HALVINGS, _LATEST = 3, 8, 16
+#: Operators of few modes, over few seconds, tell whether a loop is stable, and quickly.
+DESIGN, HORIZON = ExponentialSum(modes=8), 10.0
+#: Poses that are looked at; samples of delay, of which more than the law alone bears are no use;
+#: halvings of a bandwidth's interval: to 0.4 % of it.
+POSES, LATEST, HALVINGS = 3, 16, 8
+#: How far outside the unit circle rounding may put a pole that is on it.
+ROUNDING = 1e-9
 
 
 def suggest_observer(
     arm: Arm,
-    controller: AdaptiveFpid,
+    controller: Controller,
     *,
     step: float = 1e-3,
     delay: float = 0.0,
@@ -81,13 +84,25 @@ def suggest_observer(
     With a weak law the observer's loop is ``omega^2/(s (s + 2 omega))``, whose delay margin is
     2.74/omega: 27 ms at 100 rad/s. Next to a law of its own bandwidth there is less.
     """
-    checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
+    checks.instance("controller", controller, Controller, "a control law")
     step = checks.number("step", step, above=0.0)
     delay = checks.number("delay", delay, low=0.0)
     noise = checks.number("noise", noise, low=0.0)
     late = int(np.ceil(delay / step - 1e-9))
-    law = _law(arm, controller, step)
-    if not _Loop(arm, law, arm.home, 1.0, step, late).stable(0.0):
+    poses = seeded_poses(arm, POSES, 0)
+    alone = dataclasses.replace(controller.on(arm, step=step), supervisor=None)
+
+    @cache
+    def law(pose: int, omega: float) -> LinearLaw:
+        observed = dataclasses.replace(alone, observer=omega)
+        return linearised(observed, arm, poses[pose], step=step, horizon=HORIZON, design=DESIGN)
+
+    def stable(pose: int, ratio: float, samples: int, omega: float = 0.0) -> bool:
+        plant = linear_arm(arm, poses[pose], step=step, inertia=ratio, late=samples)
+        poles = np.linalg.eigvals(law(pose, omega).closed_loop(plant))
+        return bool(np.abs(poles).max() < 1.0 + ROUNDING)
+
+    if not stable(0, 1.0, late):
         warnings.warn(
             f"{arm.name}: the law alone is not stable with measurements {1e3 * delay:g} ms late: "
             "no observer is suggested",
@@ -95,36 +110,22 @@ def suggest_observer(
             stacklevel=2,
         )
         return 0.0
-    omega = min(_quiet(arm, law, step, noise), FASTEST / step)
-    for pose in seeded_poses(arm, _POSES, 0):
+    omega = min(_quiet(arm, law(0, 0.0), step, noise), FASTEST / step)
+    for pose in range(POSES):
         for ratio in INERTIA_RATIOS:
-            loop = _with_room(arm, law, pose, ratio, step, late)
-            omega = omega if loop is None else _largest(loop, omega)
+            # What the law alone bears, from -1 samples, at which everything is stable.
+            low, high = -1, max(late, LATEST) + 1
+            while high - low > 1:
+                middle = (low + high) // 2
+                low, high = (middle, high) if stable(pose, ratio, middle) else (low, middle)
+            asked = max(late, int(DELAY_PART * low))
+            if low >= late and not stable(pose, ratio, asked, omega):
+                slow, fast = 0.0, omega
+                for _ in range(HALVINGS):
+                    half = 0.5 * (slow + fast)
+                    slow, fast = (half, fast) if stable(pose, ratio, asked, half) else (slow, half)
+                omega = slow
     return omega
-
-
-def with_model(
-    controller: AdaptiveFpid,
-    arm: Arm,
-    *,
-    feedforward: bool,
-    observer: float | str,
-    step: float = 1e-3,
-    delay: float = 0.0,
-) -> AdaptiveFpid:
-    """Return `controller` with the model's feedforward and an observer, ``"suggested"`` or given.
-
-    Parameters
-    ----------
-    controller, arm, step, delay
-        See `suggest_observer`.
-    feedforward, observer
-        See `AdaptiveFpid`; `observer` may be ``"suggested"``.
-    """
-    check_observer(observer)
-    if observer == SUGGESTED:
-        observer = suggest_observer(arm, controller, step=step, delay=delay)
-    return dataclasses.replace(controller, feedforward=feedforward, observer=float(observer))
 
 
 def check_observer(observer: float | str) -> float | str:
@@ -134,22 +135,15 @@ def check_observer(observer: float | str) -> float | str:
     return checks.number("observer", observer, low=0.0)
 
 
-def _law(arm: Arm, controller: AdaptiveFpid, step: float) -> LinearSystem:
-    """Return the law as a system from [e, e'] to its torques, with the states that these see."""
-    terms = terms_of(controller, arm.n, step=step, horizon=_HORIZON, design=_DESIGN)
-    return terms.weighed(gain_table(arm, controller)).observed()
-
-
-def _quiet(arm: Arm, law: LinearSystem, step: float, noise: float) -> float:
+def _quiet(arm: Arm, law: LinearLaw, step: float, noise: float) -> float:
     """Return the bandwidth at which the torque varies by 1 + `noise` times as much."""
-    answer = np.diag(law.d[:, arm.n :])
+    # What is answered at once is the response at z = inf.
+    answer = law.response(np.array([1e300 + 0.0j]))[0, :, arm.n :].real
     felt = arm.mass_matrix(arm.home) + step * np.diag(arm.viscous_friction)
-    own = np.diag(felt)
-    others = np.sum(felt**2, axis=1) - own**2
 
     def size(omega: float) -> float:
-        gain = observer_gains(omega, step)[1]
-        return float(np.sqrt((answer + gain * own) ** 2 + answer**2 + gain**2 * others).sum())
+        both = observer_gains(omega, step)[1] * felt - answer
+        return float(np.sqrt((both**2 + answer**2).sum(axis=1)).sum())
 
     low, high = 0.0, FASTEST / step
     allowed = (1.0 + noise) * size(0.0)
@@ -157,60 +151,3 @@ def _quiet(arm: Arm, law: LinearSystem, step: float, noise: float) -> float:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if size(middle) > allowed else (middle, high)
     return low
-
-
-def _with_room(
-    arm: Arm, law: LinearSystem, pose: FloatArray, ratio: float, step: float, late: int
-) -> _Loop | None:
-    """Return the loop with the delay that it must bear; None where the law alone does not."""
-    low, high = -1, max(late, _LATEST) + 1  # stable, and not asked for
-    while high - low > 1:
-        middle = (low + high) // 2
-        stable = _Loop(arm, law, pose, ratio, step, middle).stable(0.0)
-        low, high = (middle, high) if stable else (low, middle)
-    if low < late:
-        return None
-    return _Loop(arm, law, pose, ratio, step, max(late, int(DELAY_PART * low)))
-
-
-def _largest(loop: _Loop, omega: float) -> float:
-    """Return the largest bandwidth up to `omega` at which a loop is stable."""
-    if loop.stable(omega):
-        return omega
-    low, high = 0.0, omega
-    for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if loop.stable(middle) else (low, middle)
-    return low
-
-
-class _Loop:
-    """The sampled loop at a pose: arm, law, observer, and a line of late measurements."""
-
-    def __init__(
-        self, arm: Arm, law: LinearSystem, pose: FloatArray, ratio: float, step: float, late: int
-    ) -> None:
-        n, size = arm.n, 2 * arm.n * (1 + late)
-        self._law = law
-        self._beside = arm, pose
-        self._step = step
-        inertia, viscous = ratio * arm.mass_matrix(pose), np.diag(arm.viscous_friction)
-        # q, v, then what they were 1 .. late samples ago; they move by the simulation's rule.
-        inverse = step * np.linalg.inv(inertia + step * viscous)
-        a = np.eye(size, k=-2 * n)
-        a[n : 2 * n, :n] = -inverse @ gravity_stiffness(arm, pose)
-        a[n : 2 * n, n : 2 * n] = np.eye(n) - inverse @ viscous
-        a[:n, : 2 * n] = np.eye(n, 2 * n) + step * a[n : 2 * n, : 2 * n]
-        b = np.zeros((size, n))
-        b[: 2 * n] = np.vstack([step * inverse, inverse])
-        self._seen = np.eye(size)[-2 * n :]
-        self._plant = LinearSystem(a, b, self._seen, np.zeros((2 * n, n)))
-
-    def stable(self, omega: float) -> bool:
-        """Return whether what is disturbed comes back."""
-        law = self._law
-        if omega > 0.0:
-            law = beside(law, observer_system(*self._beside, omega, self._step))
-        late = LinearSystem(law.a, law.b @ self._seen, law.c, law.d @ self._seen)
-        poles = np.linalg.eigvals(self._plant.closed(late))
-        return bool(np.abs(poles).max() < 1.0 + 1e-9)

@@ -9,6 +9,9 @@ from typing import Any
 from fpid_pin import checks
 from fpid_pin.kernels.records import GIVEN
 
+#: What a law may take its signals to have been before t = 0: see `fpid_pin.fractional.Bank`.
+INITIALISATIONS = ("caputo", "grunwald_letnikov")
+
 
 @dataclass(frozen=True)
 class Operator:
@@ -44,16 +47,20 @@ class Integral(Operator):
 
 
 def check_declared(operators: Any, memory: Any, numbers: Sequence[str]) -> None:
-    """Check what a law declares; `numbers` are the names of its fields and memory.
+    """Check what a law declares; `numbers` are the names of its numbers.
 
     Raises
     ------
     ArgumentError
-        Operators that are none, that have the name of something else, or whose order is to adapt
-        and is in no field; a memory that is one name.
+        Numbers that have the name of what every law is given; operators that are none, that have
+        the name of something else, or whose order is to adapt and is in no field; a memory that is
+        one name.
     """
-    given = {*GIVEN.names, *numbers}  # type: ignore[misc]
     checks.instance("memory", memory, (tuple, list), "a tuple of names")
+    for name in numbers:
+        if name in GIVEN.names:  # type: ignore[operator]
+            raise checks.ArgumentError(name, "another name", f"{name}, which every law is given")
+    given = {*GIVEN.names, *numbers, *memory}  # type: ignore[misc]
     checks.instance("operators", operators, Mapping, "a dictionary of operators")
     for output, operator in operators.items():
         name = f"operators.{output}"

@@ -2,37 +2,31 @@
 
 Every gain is K = K0 + r delta, |delta| <= 1 any sequence in time. The deltas close a loop about
 
-    G(z) = diag(r) Phi(z) N(z)^-1 B,    N(z) = z I - A - B K0 Phi(z)
+    G(z) = diag(r) Phi(z) N(z)^-1 B,    N(z) = z I - A - B E K0 Phi(z)
 
-from torques to terms. Its states are q and q' of the arm and, of each joint, d = (e_ - e)/h, int e
-and e' of the last sample; the modes of the operators are eliminated, and Phi(z), from these states
-to all terms, holds them. With E each term's torque enters its joint. If some constant diagonal D
-makes ||D G E D^-1|| < 1 on the unit circle, no sequence destabilises the loop: the small gain
-theorem, for deltas commute with D.
+from torques to terms, where Phi(z) are the terms, (3 n), of the states that are no modes of an
+operator, the modes being eliminated, and E K0 the law (10): each term's torque enters its joint. If
+some constant diagonal D makes ||D G E D^-1|| < 1 on the unit circle, no sequence destabilises the
+loop: the small gain theorem, for deltas commute with D (Khalil, *Nonlinear Systems*, 2002, section
+5.4; scalings: Doyle, IEE Proceedings D 129, 1982).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.frozen import Terms
-from fpid_pin.control.sampled import ComplexArray, LinearSystem
+from fpid_pin.control.linear import ComplexArray, LinearSystem
+from fpid_pin.control.linear_law import feedback, modal
 
-
-@dataclass(frozen=True, eq=False)
-class _Operators:
-    """One joint's terms: ``direct + out diag(1/(z - decay)) drive`` from the states `at`."""
-
-    at: list[int]
-    direct: FloatArray
-    out: FloatArray
-    drive: FloatArray
-    decay: FloatArray
+#: Frequencies at first, evenly spread over decades: some 30 a decade, as in a Bode diagram.
+FREQUENCIES = 250
+#: By how much the bound may exceed what is found at frequencies.
+EXCESS = 1.01
+#: How often arcs may be halved: after that they are as short as rounding.
+HALVINGS = 40
+#: Powers of the mean that stands for the largest of the norms, one search after another.
+POWERS = (10.0, 100.0, 1000.0)
 
 
 class MovingGains:
@@ -40,10 +34,8 @@ class MovingGains:
 
     Parameters
     ----------
-    plant
-        From torque to [q, q'], its first states.
     terms
-        Of the law.
+        From the law's torque to its terms, of `terms_of`.
     gains, radius
         K0 and r, (3, n), scale included.
     step
@@ -51,52 +43,53 @@ class MovingGains:
     """
 
     def __init__(
-        self, plant: LinearSystem, terms: Terms, gains: FloatArray, radius: FloatArray,
-        *, step: float,
-    ) -> None:  # fmt: skip
-        n, given = gains.shape[1], len(plant.a)
-        size = given + 3 * n
-        self._gains, self.radius = gains.T, radius.T
-        a, b = np.zeros((size, size)), np.vstack([plant.b, np.zeros((3 * n, n))])
-        a[:given, :given] = plant.a
-        # int e, e, e' of the last sample, e and e' in terms of int e, d, e', q, q'. It is e - e_
-        # that drives modes: bounds by the moduli of both would lose as much as e is larger.
-        change = np.diag([1.0, step, 1.0, -1.0, -1.0])
-        change[1, 3] = -1.0
-        used = np.ones(size, dtype=bool)
-        self._joints = []
-        for j, system in enumerate(terms.joints):
-            own = given + 3 * j
-            at = [own, own + 1, own + 2, j, n + j]
-            whole = np.hstack([system.a[:, :3], system.b]) @ change
-            direct = np.hstack([system.c[:, :3], system.d]) @ change
-            a[own : own + 3, at] = whole[:3]
-            a[own + 1] = (a[j] - np.eye(size)[j]) / step
-            b[own + 1] = b[j] / step
-            decay = np.diag(system.a)[3:]
-            self._joints.append(_Operators(at, direct, system.c[:, 3:], whole[3:], decay))
-            # int e is no state of the loop where nothing depends on it.
-            used[own] = direct[1, 0] != 0.0 and bool(gains[1, j] or radius[1, j])
-        self._used = np.flatnonzero(used)
-        self._a, self._b = a[np.ix_(self._used, self._used)], b[self._used]
+        self, terms: LinearSystem, gains: FloatArray, radius: FloatArray, *, step: float
+    ) -> None:
+        n = gains.shape[1]
+        self.radius = radius.reshape(-1)
+        self._law, self._joint = feedback(gains), feedback(np.ones((3, n)))
+        # A term without any gain is in no loop, nor are the states that it alone shows.
+        c = terms.c * ((self.radius > 0.0) | self._law.any(axis=0))[:, np.newaxis]
+        seen = (c != 0.0).any(axis=0)
+        seen[: 2 * n] = True
+        for _ in seen:
+            seen = seen | (terms.a[seen] != 0.0).any(axis=0)
+        a, b, c = terms.a[np.ix_(seen, seen)], terms.b[seen], c[:, seen]
+        self._closed = LinearSystem(a, b, c).closed(self._law)
+        core = len(a) - int(seen[len(seen) - terms.modes :].sum())
+        # It is e - e_ that drives modes: bounds by the moduli of both would lose as much as e is
+        # larger. So (e_ - e)/h is the state in place of e_, the error of the last sample.
+        change = np.eye(core)
+        for j in range(n):
+            last = (a[:core] == -np.eye(len(a))[j]).all(axis=1)
+            change[last, last], change[last, j] = step, -1.0
+        back = np.linalg.inv(change)
+        self._a, self._b = back @ a[:core, :core] @ change, back @ b[:core]
+        self._direct, self._out = c[:, :core] @ change, c[:, core:]
+        self._drive, self._decay = a[core:, :core] @ change, np.diag(a)[core:]
+
+    @property
+    def stable(self) -> bool:
+        """Whether the loop is, gains standing still."""
+        return bool(np.abs(np.linalg.eigvals(self._closed)).max() < 1.0)
 
     @property
     def slowest(self) -> float:
         """How near to z = 1 the nearest mode is."""
-        return min(float((1.0 - joint.decay).min(initial=1.0)) for joint in self._joints)
+        return float((1.0 - self._decay).min(initial=1.0))
 
     def response(self, z: ComplexArray) -> ComplexArray:
         """Return G at points, (K,), as (K, 3 n, n)."""
         phi, inverse = self._loop(z)
-        return np.asarray(self.radius.reshape(-1, 1) * (phi @ (inverse @ self._b)))
+        return np.asarray(self.radius[:, np.newaxis] * (phi @ (inverse @ self._b)))
 
     def sides(self, scaling: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return D diag(r), (3 n), and one factor a joint, (n), that may stand for E D^-1.
+        """Return D diag(r), (3 n), and one factor a joint, (n,), that may stand for E D^-1.
 
         It is the root of E D^-1 D^-1 E^T, which is diagonal, so norms are the same.
         """
-        inverse = np.where(self.radius > 0.0, 1.0 / scaling.reshape(-1, 3), 0.0)
-        return scaling * self.radius.reshape(-1), np.sqrt((inverse**2).sum(axis=1))
+        inverse = np.where(self.radius > 0.0, 1.0 / scaling, 0.0)
+        return scaling * self.radius, np.sqrt(self._joint @ inverse**2)
 
     def sizes(
         self, angle: FloatArray, width: FloatArray, scaling: FloatArray
@@ -128,10 +121,10 @@ class MovingGains:
         z, rho = np.exp(1j * angle), 2.0 * np.sin(0.25 * width)[:, np.newaxis, np.newaxis]
         left, right = self.sides(scaling)
         phi, inverse = self._loop(z)
-        slope = self._summed(lambda decay: -1.0 / (z[:, np.newaxis] - decay) ** 2)
+        slope = modal(-1.0 / (z[:, np.newaxis] - self._decay) ** 2, self._out, self._drive)
         rest = self._rest(z, rho[:, 0])
-        torque = _weighed(rest, np.abs(self._gains))
-        moved = inverse @ (np.eye(len(self._a)) - self._b @ _weighed(slope, self._gains))
+        torque = np.abs(self._law) @ rest
+        moved = inverse @ (np.eye(len(self._a)) - self._b @ (self._law @ slope))
         seen, slope = left[:, np.newaxis] * phi, left[:, np.newaxis] * slope
         felt = inverse @ self._b
         value = seen @ felt
@@ -153,46 +146,71 @@ class MovingGains:
 
     def _loop(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return Phi and N^-1 at points, (K, 3 n, states) and (K, states, states)."""
-        phi = self._summed(lambda decay: 1.0 / (z[:, np.newaxis] - decay), direct=True)
-        own = self._a + self._b @ _weighed(phi, self._gains)
+        phi = modal(1.0 / (z[:, np.newaxis] - self._decay), self._out, self._drive) + self._direct
+        own = self._a + self._b @ (self._law @ phi)
         inverse = np.linalg.inv(_points(z) * np.eye(len(self._a)) - own)
         return phi, np.asarray(inverse, np.complex128)
-
-    def _summed(
-        self, part: Callable[[FloatArray], ComplexArray], *, direct: bool = False
-    ) -> ComplexArray:
-        """Return all joints' modes with a factor (K, modes) each, as (K, 3 n, states)."""
-        rows = [
-            joint.out @ (part(joint.decay)[:, :, np.newaxis] * joint.drive) + direct * joint.direct
-            for joint in self._joints
-        ]
-        return np.asarray(self._placed(rows))
 
     def _rest(self, z: ComplexArray, rho: FloatArray) -> FloatArray:
         """Return R, (K, 3 n, states), by how much modes can differ from their tangents.
 
         For 1/(z - E) that is rho^2/(|z_c - E|^2 (|z_c - E| - rho)); NaN where the mode is too near.
         """
-        rows = []
-        for joint in self._joints:
-            far = np.abs(z[:, np.newaxis] - joint.decay)
-            near = np.where(far > rho, far - rho, np.nan)
-            part = rho**2 / (far**2 * near)
-            rows.append(np.abs(joint.out) @ (part[:, :, np.newaxis] * np.abs(joint.drive)))
-        return np.asarray(self._placed(rows))
-
-    def _placed(self, rows: list[Any]) -> Any:
-        """Return rows over each joint's own states, (K, 3, 5), as rows over all that are used."""
-        n = len(rows)
-        full = np.zeros((len(rows[0]), 3 * n, self._used[-1] + 1), rows[0].dtype)
-        for j, (joint, row) in enumerate(zip(self._joints, rows, strict=True)):
-            full[:, 3 * j : 3 * j + 3, joint.at] = row
-        return full[:, :, self._used]
+        far = np.abs(z[:, np.newaxis] - self._decay)
+        part = rho**2 / (far**2 * np.where(far > rho, far - rho, np.nan))
+        return np.asarray(modal(part, np.abs(self._out), np.abs(self._drive)))
 
 
-def _weighed(phi: Any, gains: FloatArray) -> Any:
-    """Return the torques of terms, (K, n, states)."""
-    return np.einsum("jt,kjtm->kjm", gains, phi.reshape(len(phi), *gains.shape, -1))
+def best_scaling(loop: MovingGains, response: ComplexArray) -> FloatArray:
+    """Return D, (3 n), that makes the largest scaled norm of responses, (K, 3 n, n), about least.
+
+    The logarithm of the norm is convex in ln D (Sezginer and Overton, IEEE Transactions on
+    Automatic Control 35, 1990); its largest over the points is smoothed by a power mean.
+    """
+    from scipy.optimize import minimize
+
+    def merit(log_d: FloatArray, power: float) -> tuple[float, FloatArray]:
+        d = np.exp(log_d)
+        right = loop.sides(d)[1]
+        scaled = d[:, np.newaxis] * response * right
+        square, v = np.linalg.eigh(np.conj(np.swapaxes(scaled, 1, 2)) @ scaled)
+        square, v = square[:, -1], v[:, :, -1]
+        u = np.abs((scaled @ v[:, :, np.newaxis])[:, :, 0]) ** 2 / (square[:, np.newaxis] + 1e-300)
+        log_size = 0.5 * np.log(square + 1e-300)
+        weights = np.exp(power * (log_size - log_size.max()))
+        total = weights.sum()
+        # What part of a joint's factor is each term's.
+        share = np.where(loop.radius > 0.0, d**-2.0, 0.0)
+        share = share / np.maximum(np.tile(right**2, 3), 1e-300)
+        slope = weights @ (u - np.tile(np.abs(v) ** 2, 3) * share) / total
+        return float(log_size.max() + np.log(total) / power), slope
+
+    log_d = np.zeros(response.shape[1])
+    for power in POWERS:
+        log_d = minimize(merit, log_d, args=(power,), jac=True, method="L-BFGS-B").x
+    return np.asarray(np.exp(log_d))
+
+
+def least_size(loop: MovingGains) -> float:
+    """Return a number that a scaled norm of the loop stays below on the whole unit circle.
+
+    It is at most one per cent above the largest norm that is met. Arcs between frequencies are
+    halved until their bounds say so; inf where they never do.
+    """
+    edges = np.append(0.0, np.geomspace(min(0.1 * loop.slowest, 1e-6), np.pi, FREQUENCIES))
+    angle, width = 0.5 * (edges[1:] + edges[:-1]), np.diff(edges)
+    scaling = best_scaling(loop, loop.response(np.exp(1j * angle[::3])))
+    most = 0.0
+    for _ in range(HALVINGS):
+        middle, upper = loop.sizes(angle, width, scaling)
+        most = max(most, float(middle.max()))
+        left = upper > EXCESS * most
+        if not left.any():
+            return EXCESS * most
+        angle, width = angle[left], 0.5 * width[left]
+        angle = np.concatenate([angle - 0.5 * width, angle + 0.5 * width])
+        width = np.concatenate([width, width])
+    return np.inf
 
 
 def _points(x: ComplexArray) -> ComplexArray:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,18 +13,16 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.ceilings import gain_ceilings
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.frozen import gain_table, linearised, terms_of
 from fpid_pin.control.law import Controller
-from fpid_pin.control.observed import beside, observer_system
-from fpid_pin.control.pid import Pid
-from fpid_pin.control.sampled import (
+from fpid_pin.control.linear import (
     ComplexArray,
     LinearSystem,
+    critical_gain,
     crossings,
     frequencies,
     linear_arm,
 )
-from fpid_pin.control.suggested import SuggestedFpid
+from fpid_pin.control.linear_law import LinearLaw, linearised
 from fpid_pin.shown import Shown
 
 if TYPE_CHECKING:
@@ -135,13 +134,13 @@ def stability_report(
     arm
         The nominal arm, which is also taken for the plant.
     controller
-        Adaptive laws count with fixed parameters: adaptation is slow beside the loop. Torque
-        limits and dry friction are left out, and so is a supervisor: it is silent at rest. A
-        disturbance observer counts, and so does the integral of a law of one's own.
+        Any law, in every form, as its `Loop` runs it: with its observer, its integrals, what it
+        remembers, and what adapts as far as that matters at rest (`linearised` says what does).
+        Torque limits and dry friction are left out, and so is a supervisor: it is silent at rest.
     step, horizon
         [s].
     gains
-        Kp, Ki, Kd to use in place of an FPID's initial ones, (n,) each: what adaptation has made
+        Kp, Ki, Kd to use in place of a law's initial ones, (n,) each: what adaptation has made
         of them, ``(run.kp[-1], run.ki[-1], run.kd[-1])``.
     method
         ``"semi_implicit_euler"``, as simulated, or ``"zero_order_hold"``, a real arm.
@@ -149,8 +148,7 @@ def stability_report(
     Raises
     ------
     ArgumentError
-        A fractional design that keeps the past instead of modes, or a law whose torque jumps at
-        home: sgn without a boundary layer; one whose torque depends on what it remembers.
+        What cannot be linearised: see `linearised`. Gains for a law without Kp, Ki and Kd.
 
     Notes
     -----
@@ -160,62 +158,51 @@ def stability_report(
     Nyquist criterion: MacFarlane and Postlethwaite, International Journal of Control 25, 1977).
     """
     step = checks.number("step", step, above=0.0)
-    if isinstance(controller, SuggestedFpid):
-        controller = controller.on(arm, step=step)
-    n = arm.n
+    controller, n = controller.on(arm, step=step), arm.n
+    if gains is not None:
+        controller = _with_gains(controller, gains, n)
     omega = frequencies(step)
     z = np.exp(1j * omega * step)
     plant = linear_arm(arm, arm.home, step=step, method=method)
-    if isinstance(controller, (AdaptiveFpid, Pid)):
-        table = gain_table(arm, controller, gains)
-        terms = terms_of(controller, n, step=step, horizon=horizon)
-        law = terms.weighed(table)
-        seen = np.einsum("tj,kjti->jki", table, terms.response(z))
-        path = np.zeros((len(z), n, 2 * n), dtype=np.complex128)
-        for j in range(n):
-            path[:, j, [j, n + j]] = seen[j]
-        if controller.observer:
-            observer = observer_system(arm, arm.home, controller.observer, step)
-            direct, asked = np.split(observer.response(z), [2 * n], axis=2)
-            law, path = beside(law, observer), direct + asked @ path
-    else:
-        law = linearised(arm, controller, step)
-        path = law.response(z)
-    radius, dominant = _poles(plant, law.observed(), step)
-    loop = path @ plant.response(z)
+    law = linearised(controller, arm, arm.home, step=step, horizon=horizon)
+    radius, dominant = _poles(plant, law, step)
+    loop = -law.response(z) @ plant.response(z)
     sensitivity = np.linalg.inv(np.eye(n) + loop)
     own = np.asarray(1.0 / np.diagonal(sensitivity, axis1=1, axis2=2) - 1.0, np.complex128)
     alone = np.array([_margins(omega, locus) for locus in own.T]).T
     together = np.array([_margins(omega, locus) for locus in _loci(loop)]).T
     ceiling, limit = np.full(n, np.nan), np.full(n, np.nan)
     if isinstance(controller, AdaptiveFpid):
-        found = gain_ceilings(arm, controller, step=step, horizon=horizon)
-        ceiling, limit = found.kd, found.kd_limit
-    return StabilityReport(
-        joint_names=arm.joint_names,
-        stable=radius < 1.0,
-        pole_radius=radius,
-        dominant_pole=dominant,
-        gain_margin=alone[0],
-        gain_reduction=alone[1],
-        phase_margin=alone[2],
-        delay_margin=alone[3],
-        crossover=alone[4],
-        common_gain_margin=float(together[0].min()),
-        common_gain_reduction=float(together[1].max()),
-        common_delay_margin=float(together[3].min()),
-        kd_ceiling=ceiling,
-        kd_limit=limit,
-        method=method,
-    )
+        ceilings = gain_ceilings(arm, controller, step=step, horizon=horizon)
+        ceiling, limit = ceilings.kd, ceilings.kd_limit
+    common = [float(x) for x in (together[0].min(), together[1].max(), together[3].min())]
+    found: Any = (*alone, *common, ceiling, limit, method)
+    return StabilityReport(arm.joint_names, radius < 1.0, radius, dominant, *found)
 
 
-def _poles(plant: LinearSystem, law: LinearSystem, step: float) -> tuple[float, complex]:
+def _with_gains(controller: Controller, gains: tuple[ArrayLike, ...], n: int) -> Controller:
+    """Return a law with other Kp, Ki and Kd, which no safeguards bound."""
+    names = ("kp", "ki", "kd")
+    if not {*names} <= {field.name for field in dataclasses.fields(controller)}:
+        kind = type(controller).__name__
+        raise checks.ArgumentError("gains", "a law with kp, ki and kd", kind)
+    if len(gains) != len(names):
+        raise checks.ArgumentError("gains", "Kp, Ki and Kd", f"{len(gains)} of them")
+    given: dict[str, Any] = {
+        name: checks.per_joint(f"gains.{k}", x, n, low=0.0)
+        for k, (name, x) in enumerate(zip(names, gains, strict=True))
+    }
+    if isinstance(controller, AdaptiveFpid):
+        given["safeguards"] = None
+    return dataclasses.replace(controller, **given)
+
+
+def _poles(plant: LinearSystem, law: LinearLaw, step: float) -> tuple[float, complex]:
     """Return the largest modulus of the closed loop's poles (z), and the dominant one (s)."""
     n = plant.b.shape[1]
-    poles, right = np.linalg.eig(plant.closed(law))
+    poles, right = np.linalg.eig(law.closed_loop(plant))
     left = np.linalg.inv(right)
-    push = np.vstack([plant.b, np.zeros((len(law.a), n))])
+    push = np.vstack([plant.b, np.zeros((len(poles) - len(plant.b), n))])
     share = np.linalg.norm(right[:n], axis=0) * np.linalg.norm(left @ push, axis=1)
     modulus = np.abs(poles)
     slowest = np.argmax(np.where((share >= SHARE * share.max()) | (modulus >= 1.0), modulus, 0.0))
@@ -238,7 +225,7 @@ def _loci(loop: ComplexArray) -> ComplexArray:
 
 def _margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, ...]:
     """Return gain margin, gain reduction, phase margin, delay margin and crossover of one loop."""
-    up, down = _gain_margins(omega, loop)
+    up, down = _gain_margins(loop)
     at, values = crossings(omega, loop, lambda x: np.log(np.abs(x) + 1e-300))
     phases = np.angle(-values)  # in (-pi, pi]
     if not len(at):
@@ -249,12 +236,7 @@ def _margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, ...]:
     return up, down, float(phases[least]), float(lag.min()), float(at[least])
 
 
-def _gain_margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, float]:
-    _, at = crossings(omega, loop, lambda x: np.asarray(x.imag))
-    real = np.append(at.real, loop[-1].real)
-    factors = 1.0 / np.abs(real[real < 0.0])
+def _gain_margins(loop: ComplexArray) -> tuple[float, float]:
+    factors = critical_gain(loop)
     above, below = factors[factors >= 1.0], factors[factors < 1.0]
-    return (
-        float(above.min()) if above.size else np.inf,
-        float(below.max()) if below.size else 0.0,
-    )
+    return float(above.min(initial=np.inf)), float(below.max(initial=0.0))

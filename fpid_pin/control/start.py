@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fpid_pin import checks
+from fpid_pin.control.operators import INITIALISATIONS
 from fpid_pin.control.state import State
 from fpid_pin.fractional import Design
 from fpid_pin.fractional.design import modes_of
@@ -49,6 +51,7 @@ def start_all(
 
 def _fit(states: Sequence[State], design: Design, initialisation: str) -> None:
     """Give states their operators' modes."""
+    checks.choice("initialisation", initialisation, INITIALISATIONS)
     first = states[0]
     orders = np.array([state.orders for state in states])
     modes = modes_of(design, orders, step=first.step, horizon=first.horizon)

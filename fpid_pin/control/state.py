@@ -85,8 +85,9 @@ class State(OrdersByHand):
         self.step = checks.number("step", step, above=0.0)
         self.horizon = horizon
         n = arm.n
+        controller.check_fields()
         given = controller.numbers(arm, step, horizon)
-        check_declared(controller.operators, controller.memory, [*given, *controller.memory])
+        check_declared(controller.operators, controller.memory, list(given))
         operators = controller.operators
         outputs = [
             name
@@ -240,7 +241,7 @@ class State(OrdersByHand):
         return orders
 
     def use_modes(self, ops: Any, poles: Any, modes: Any) -> None:
-        """Take the operators' records: see `fractional.modes.Records`."""
+        """Take the operators' records: see `fractional.design.Records`."""
         table = np.zeros((3 + modes.shape[-1], 4))
         for i, (output, operator) in enumerate(self._operators):
             column = ops[:, i]

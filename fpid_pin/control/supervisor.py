@@ -198,7 +198,7 @@ class Supervisor:
     def warn(self, arm: Arm, step: float) -> None:
         """Warn where d_u can accelerate the errors by more than `tolerance`, at some pose.
 
-        Compared is ``|M^-1| d_u``, which no ``|D| <= d_u`` exceeds. A supervisor of the other
+        Compared is ``|(M + h F_v)^-1| d_u``, which no ``|D| <= d_u`` exceeds. One of the other
         kind, with an observer (which estimates what it does not know) or without d_u says nothing.
         """
         bound = checks.per_joint("supervisor.disturbance_bound", self.disturbance_bound, arm.n)
@@ -208,13 +208,14 @@ class Supervisor:
         low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
         high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
         poses = [arm.home, *rng.uniform(low, high, (POSES - 1, arm.n))]
-        inverses = np.abs(np.linalg.inv([arm.mass_matrix(q) for q in poses]))
+        implicit = step * np.diag(arm.viscous_friction)
+        inverses = np.abs(np.linalg.inv([arm.mass_matrix(q) + implicit for q in poses]))
         largest, r_min = float(np.linalg.norm(inverses @ bound, axis=1).max()), self.tolerance(step)
         if largest > r_min:
             warnings.warn(
-                f"supervisor.disturbance_bound: expected |M^-1| d_u of at most r_min = {r_min:.4g} "
-                f"rad/s^2 at a step of {step:g} s, got {largest:.4g} rad/s^2: beyond, the set is "
-                "kept but for the excess in docs/supervisor.md",
+                "supervisor.disturbance_bound: expected |M_h^-1| d_u of at most r_min = "
+                f"{r_min:.4g} rad/s^2 at a step of {step:g} s, got {largest:.4g} rad/s^2: beyond, "
+                "the set is kept but for the excess in docs/supervisor.md",
                 FpidWarning,
                 stacklevel=2,
             )

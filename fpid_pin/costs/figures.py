@@ -40,7 +40,7 @@ class Metrics:
         reference the joint went [rad]; 0 where it starts within the band.
     saturated
         Share of the rows whose torque is at its limit, the least of the law's and the drives', in
-        [0, 1]; NaN where a run's file is from before it told the limits.
+        [0, 1].
     torque_rate
         Root mean square of (u_k - u_(k-1))/h [N m/s]: what the arm feels as jerk, which is M^-1
         times the torque's rate, but for smoother terms.

@@ -11,8 +11,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 from fpid_pin.exceptions import ExportError
-from fpid_pin.export.c_extras import FLAGS
 
+#: How the suite and `export_c` compile: what a careful project would ask for.
+FLAGS = (
+    "-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror",
+    "-ffp-contract=off", "-O2",
+)  # fmt: skip
 _SECONDS = 300
 _ANSWER = re.compile(
     r"ticks (\d+) equal (\d+) of (\d+) difference (\S+) peak (\S+) N m state (\d+) bytes"

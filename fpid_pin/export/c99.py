@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import ClassVar
 
-from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Bundle, Kind, Number, Record
-from fpid_pin.export.language import ATOM, COMPARISON, SUM, Language, Parameter, Value, offset
+from fpid_pin.export.kinds import INT, REAL, Array, Bundle, Kind, Number, Record
+from fpid_pin.export.language import ATOM, UNARY, Value, field_kind, offset
 
 #: Functions that printed kernels may call. min and max are Python's, which let NaN through where it
 #: comes first and drop it where it comes second: fmin and fmax would always drop it, and a joint
@@ -53,92 +54,105 @@ _TAKEN = """
 """
 
 
-class C99(Language):
-    """C99.
+class C99:
+    """What depends on the language: numbers, memory, declarations, functions.
 
-    Parameters
+    JavaScript is a subclass: blocks, loops and conditional expressions it writes alike.
+
+    Attributes
     ----------
-    prefix
-        Of the names of structs.
+    functions
+        Names of functions that are called otherwise than in Python.
+    reserved, taken
+        Names that no variable may have; and that no function may have, either.
     """
 
-    equal: Mapping[str, str] = {"==": "==", "!=": "!="}
-    reserved = frozenset(_RESERVED.split())
-    taken = frozenset(_TAKEN.split()) | frozenset(HELPERS)
+    functions: ClassVar[Mapping[str, str]] = {"abs": "fabs", "int": "real_int", "ipow": "real_ipow"}
+    reserved: ClassVar = frozenset(_RESERVED.split())
+    taken: ClassVar = frozenset(_TAKEN.split()) | frozenset(HELPERS)
 
-    def __init__(self, prefix: str = "fpid_") -> None:
-        self.prefix = prefix
-
-    def truth(self, value: bool) -> str:
-        """See `Language`."""
-        return "1" if value else "0"
+    def number(self, value: bool | float) -> Value:
+        """Return a constant."""
+        if isinstance(value, float):
+            return self.real(value)
+        return Value(str(int(value)), INT, ATOM if value >= 0 else UNARY, value)
 
     def real(self, value: float) -> Value:
-        """See `Language`."""
+        """Return a real constant, to the last bit."""
         text = repr(abs(value))
         if not math.isfinite(value):
             text = "NAN" if math.isnan(value) else "INFINITY"
         text = f"(real_t){text}"
         # 0 and -0 are different numbers.
-        return Value(f"(-{text})" if math.copysign(1.0, value) < 0.0 else text, REAL, known=value)
+        negative = math.copysign(1.0, value) < 0.0
+        return Value(f"(-{text})" if negative else text, REAL, ATOM, value)
 
-    def convert(self, value: Value, kind: Number) -> Value:
-        """See `Language`."""
-        if kind == BOOL:
-            zero = self.real(0.0).text if value.kind == REAL else "0"
-            return Value(f"{value.within(SUM)} != {zero}", BOOL, COMPARISON)
-        if kind == INT:
-            # A truth value is an int of 0 or 1.
-            return Value(value.text, INT, value.rank)
+    def to_real(self, value: Value) -> Value:
+        """Return an integer as a real number."""
         return Value(f"(real_t){value.within(ATOM)}", REAL)
+
+    def coerce(self, value: Value, kind: Number) -> Value:
+        """Return a number as one of another kind: an integer as a real one."""
+        if kind == REAL and value.kind == INT:
+            return self.to_real(value) if value.known is None else self.real(float(value.known))
+        return value
+
+    def name(self, name: str) -> str:
+        """Return how a variable or a field is called, where the language has taken its name."""
+        return f"{name}_v" if name in self.reserved else name
 
     def type_of(self, kind: Kind) -> str:
         """Return the name of a type, a pointer's without its star."""
         if isinstance(kind, Array):
             return self.type_of(kind.element)
         if isinstance(kind, (Record, Bundle)):
-            return self.prefix + kind.name
+            return f"fpid_{kind.name}"
         return "real_t" if kind == REAL else "int"
 
-    def field(self, record: Value, name: str, place: int, kind: Number) -> Value:
-        """See `Language`."""
-        name = self.name(name)
-        dot = f"{record.text[1:]}.{name}" if record.text.startswith("&") else ""
-        return Value(dot or f"{record.text}->{name}", kind, ATOM, record.roots)
+    def field(self, record: Value, name: str) -> Value:
+        """Return a field of a record."""
+        text, kind, name = record.text, field_kind(record, name)[1], self.name(name)
+        return Value(f"{text[1:]}.{name}" if text.startswith("&") else f"{text}->{name}", kind)
 
-    def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
-        """See `Language`."""
-        assert isinstance(array.kind, Array)
+    def element(self, array: Value, index: Sequence[Value], part: Array | None = None) -> Value:
+        """Return an element of an array, or a row of it, or a `part` that begins there."""
+        kind = array.kind
+        assert isinstance(kind, Array)
+        rest = kind.shape[len(index) :]
+        row = Array(kind.element, rest, fixed=kind.fixed) if rest else kind.element
+        return self.at(array, kind, index, part or row)
+
+    def at(self, array: Value, kind: Array, index: Sequence[Value], found: Kind) -> Value:
+        """Return what begins at an element of an array: the number there, or its address."""
         base = f"({array.text})" if array.text.startswith("&") else array.text
-        text = f"{base}[{offset(array.kind, index).text}]"
-        return Value(text if isinstance(kind, Number) else f"&{text}", kind, ATOM, array.roots)
+        text = f"{base}[{offset(kind, index).text}]"
+        return Value(text if isinstance(found, Number) else f"&{text}", found)
 
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
-        """See `Language`."""
-        given = ", ".join(argument.text for argument in arguments)
-        if kind == BOOL:
-            return Value(f"{name}({given}) != 0", BOOL, COMPARISON)
+        """Call `min`, `max`, `abs`, `int`, `mod`, `floordiv`, `ipow` or a function of `math`."""
         if name in ("min", "max", "mod", "floordiv"):
-            return Value(f"{'int' if kind == INT else 'real'}_{name}({given})", kind)
-        own = {"abs": "fabs", "int": "real_int", "ipow": "real_ipow"}
-        return Value(f"{own.get(name, name)}({given})", kind)
+            name = f"{'int' if kind == INT else 'real'}_{name}"
+        given = ", ".join(argument.text for argument in arguments)
+        return Value(f"{self.functions.get(name, name)}({given})", kind)
 
-    def declare(self, name: str, kind: Kind, fixed: bool) -> str:
-        """See `Language`."""
+    def declare(self, name: str, kind: Kind) -> str:
+        """Return a declaration up to the name."""
         if isinstance(kind, Number):
             return f"{self.type_of(kind)} {name}"
-        return f"{'const ' * fixed}{self.type_of(kind)} *{name}"
+        constant = "const " if isinstance(kind, (Array, Record)) and kind.fixed else ""
+        return f"{constant}{self.type_of(kind)} *{name}"
 
-    def loop(self, name: str, start: str, stop: str) -> str:
-        """See `Language`."""
-        return f"for (int {name} = {start}; {name} < {stop}; ++{name}) {{"
-
-    def head(self, name: str, parameters: Sequence[Parameter], returns: Kind | None) -> list[str]:
-        """See `Language`."""
-        given = [self.declare(p.name, p.kind, not p.written) for p in parameters]
+    def head(
+        self, name: str, parameters: Sequence[tuple[str, Kind]], returns: Kind | None
+    ) -> list[str]:
+        """Return the lines that open a function."""
+        given = ", ".join(self.declare(*parameter) for parameter in parameters) or "void"
         result = "void" if returns is None else self.type_of(returns)
-        lines = [f"static {result} {name}({', '.join(given) or 'void'})", "{"]
-        return lines + [f"    (void){p.name};" for p in parameters if not p.used]
+        return [f"static {result} {name}({given})", "{"]
+
+    def unused(self, name: str) -> list[str]:
+        """Return what a function says of a number that it is given and does not look at."""
+        return [f"    (void){name};"]
 
     def structs(self, records: Iterable[Record]) -> str:
         """Return the types of records."""

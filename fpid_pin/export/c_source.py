@@ -4,27 +4,37 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 import zlib
+from functools import partial
+from importlib import resources
+from string import Template
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fpid_pin._version import __version__
 from fpid_pin.export.c99 import C99, helpers
-from fpid_pin.export.c_templates import HEADER, PARAMETERS, SOURCE
-from fpid_pin.export.kinds import REAL, Array, Number, Record
-from fpid_pin.export.law import INPUTS, bundle, real, stand_ins
+from fpid_pin.export.kinds import INT, Array, Kind, Number, Record, bundle, real
+from fpid_pin.export.law import INPUTS, stand_ins
 from fpid_pin.export.printer import Program
 
 if TYPE_CHECKING:
     from fpid_pin.control.state import State
 
 _LANGUAGE = C99()
-_WIDTH = 100
 #: Arrays of a controller that no tick writes to.
 _FIXED = ("poles", "table", "bodies", "gravity")
 #: What is rounded in one way here and in another there.
 _INEXACT = re.compile(r"\b(exp|expm1|log|log1p|pow|\w*sin|\w*cos|\w*tan|\w*[sc]?anh|hypot)\w*\(")
+#: Files that are the same for every law.
+_COPIED = ("example.c", "fpid_check.c", "CMakeLists.txt")
+
+
+def template(name: str) -> str:
+    """Return the text of a file in `templates`."""
+    place = resources.files("fpid_pin.export") / "templates" / name
+    return place.read_text(encoding="utf-8")
 
 
 class CSource:
@@ -37,8 +47,8 @@ class CSource:
 
     Attributes
     ----------
-    header, source, parameters
-        Of ``fpid.h``, ``fpid.c`` and ``fpid_parameters.c``.
+    files
+        Texts by the names of files.
     exact
         Whether it has only operations in it whose bits are the same everywhere.
     """
@@ -46,104 +56,91 @@ class CSource:
     def __init__(self, state: State) -> None:
         from fpid_pin.kernels import tick
 
-        n = state.n
-        texts = {name: f"{{}}->{name}" for name in state.c._fields}
+        arrays: dict[str, Any] = {**state.c._asdict(), "joints": state.joints}
+        texts = {name: f"{{}}->{name}" for name in arrays}
         texts |= {name: f"fpid_{name}" for name in _FIXED} | {"numbers": "((real_t *){}->joints)"}
-        arrays = bundle("state", state.c, texts, record=state.record)
+        controller = bundle("state", arrays, texts, fixed=_FIXED)
         program = Program(_LANGUAGE, stand_ins(state.controller))
         given = {"c": "state", "inputs": "inputs", "torque": "output->torque"}
         calls = []
-        for kernel, kinds in (
-            (tick.signals, [real(INPUTS, n)]), (tick.ask_model, [real(INPUTS, n)]),
-            (tick.torques, [real(n)]), (tick.adapt, []),
+        for kernel, names in (
+            (tick.signals, ["c", "inputs"]), (tick.ask_model, ["c", "inputs"]),
+            (tick.torques, ["c", "torque"]), (tick.adapt, ["c"]),
         ):  # fmt: skip
-            part = program.add(kernel, [arrays, *kinds])
-            arguments = ", ".join(given[p.name] for p in part.parameters if p.taken)
-            calls.append(f"    {part.name}({arguments});")
+            kinds: dict[str, Kind] = {
+                "c": controller,
+                "inputs": real(INPUTS, state.n),
+                "torque": real(state.n),
+            }
+            part = program.add(kernel, [kinds[name] for name in names])
+            taken = [given[x] for x, used in zip(names, part.taken, strict=True) if used]
+            calls.append(f"    {part.name}({', '.join(taken)});")
         text = program.text
-        used = set(re.findall(r"(?:->|\bfpid_)(\w+)", text)) | {"robot", "joints"}
-        #: Name, kind and values of the arrays that are used.
-        self._arrays = [
-            (name, kind, state.joints if name == "joints" else getattr(state.c, name))
-            for name, kind, _ in arrays.members
-            if name in used - {"numbers"} and getattr(state.c, name).size
-        ]
         self.exact = _INEXACT.search(text) is None
-        constants = [part for part in self._arrays if part[0] in _FIXED or np.any(_flat(part[2]))]
-        self.parameters = PARAMETERS.format(
-            version=__version__,
-            constants="\n".join(
-                f"const {_declared(name, kind)} = {_values(kind, values)};\n"
-                for name, kind, values in constants
-            ),
-        )
-        stamp = zlib.crc32((self.parameters + text).encode()) & 0x7FFFFFFF
-        moving = [(name, kind) for name, kind, _ in self._arrays if name not in _FIXED]
-        elements = [kind.element for _, kind, _ in self._arrays]
-        records = {e.name: e for e in elements if isinstance(e, Record)}
-        self.header = HEADER.format(
-            version=__version__, step=repr(float(state.step)), n=n, stamp=stamp,
-            structs=_LANGUAGE.structs(records.values()),
-            moving="\n".join(
-                f"    {_LANGUAGE.type_of(kind)} {name}{_extent(kind)};" for name, kind in moving
-            ),
-            constants="\n".join(
-                f"extern const {_declared(name, kind)};" for name, kind, _ in constants
-            ),
-        )  # fmt: skip
-        self.source = SOURCE.format(
-            version=__version__, inputs=INPUTS, helpers=helpers(text), functions=text,
-            tick="\n".join(calls),
-            reset="\n".join(
+        used = set(re.findall(r"(?:->|\bfpid_)(\w+)", text)) | {"robot", "joints"}
+        kept = [
+            (name, kind)
+            for name, kind, _ in controller.members
+            if name in used - {"numbers"} and arrays[name].size
+        ]
+        # A state is zero at t = 0 but for arrays that are not.
+        constants = [(name, kind) for name, kind in kept if name in _FIXED or _some(arrays[name])]
+        parameters = [f"const {_type(*x)} = {_values(x[1], arrays[x[0]])};\n" for x in constants]
+        records = [kind.element for _, kind in kept if isinstance(kind.element, Record)]
+        fill = partial(
+            _fill, version=__version__, step=repr(float(state.step)), n=state.n,
+            tolerance="0.0" if self.exact else "1e-12",
+            stamp=zlib.crc32("".join([*parameters, text]).encode()) & 0x7FFFFFFF,
+            structs=_LANGUAGE.structs({record.name: record for record in records}.values()),
+            moving=[f"    {_type(*x, prefix='', start='')};" for x in kept if x[0] not in _FIXED],
+            declared=[f"extern const {_type(*x)};" for x in constants],
+            constants=parameters, helpers=helpers(text), functions=text, tick=calls,
+            reset=[
                 f"    memcpy(state->{name}, fpid_{name}_0, sizeof fpid_{name}_0);"
-                for name, _, _ in constants
+                for name, _ in constants
                 if name not in _FIXED
-            ),
+            ],
         )  # fmt: skip
+        self.files = {name: fill(name) for name in ("fpid.h", "fpid.c", "fpid_parameters.c")}
+        self.files |= {name: template(name) for name in _COPIED}
 
 
-def _flat(values: Any) -> Any:
-    """Return all numbers of an array."""
+def _fill(name: str, **values: Any) -> str:
+    """Return a file of `templates` with values in their places; lists are lines."""
+    lines = {key: "\n".join(x) if isinstance(x, list) else x for key, x in values.items()}
+    return Template(template(name)).substitute(lines)
+
+
+def _some(values: Any) -> bool:
+    """Return whether an array has any number but 0."""
     names = values.dtype.names
-    return values if names is None else np.array([values[name] for name in names])
+    return bool(np.any(values) if names is None else any(np.any(values[name]) for name in names))
 
 
-def _declared(name: str, kind: Array) -> str:
-    """Return the declaration of a constant: an array, or its contents at t = 0."""
-    start = "" if name in _FIXED else "_0"
-    return f"{_LANGUAGE.type_of(kind)} fpid_{name}{start}{_extent(kind)}"
-
-
-def _extent(kind: Array) -> str:
-    return f"[{math.prod(extent or 0 for extent in kind.shape)}]"
+def _type(name: str, kind: Array, *, prefix: str = "fpid_", start: str = "_0") -> str:
+    """Return the declaration of an array: a constant, or its contents at t = 0."""
+    size = math.prod(extent or 0 for extent in kind.shape)
+    return f"{_LANGUAGE.type_of(kind)} {prefix}{name}{'' if name in _FIXED else start}[{size}]"
 
 
 def _values(kind: Array, values: Any) -> str:
     """Return the initial values of a constant, an element a line."""
     flat = np.asarray(values).reshape(-1)
     if not isinstance(kind.element, Record):
-        return "{\n" + _wrapped([_number(one, REAL) for one in flat], "    ") + "\n}"
+        return "{\n" + _wrapped([_number(one, kind.element) for one in flat]) + "\n}"
     fields = kind.element.kept
-    return "{\n" + ",\n".join(_row([_number(one[f], k) for f, k in fields]) for one in flat) + "\n}"
+    rows = [_wrapped([_number(one[f], k) for f, k in fields], "    {", "}") for one in flat]
+    return "{\n" + ",\n".join(rows) + "\n}"
 
 
-def _row(numbers: list[str]) -> str:
-    line = "{" + ", ".join(numbers) + "}"
-    return f"    {line}" if len(line) < _WIDTH else "    {\n" + _wrapped(numbers, "        ") + "}"
-
-
-def _wrapped(numbers: list[str], indent: str) -> str:
-    lines, line = [], indent
-    for number in numbers:
-        if len(line) + len(number) + 2 > _WIDTH and line.strip():
-            lines.append(line.rstrip())
-            line = indent
-        line += f"{number}, "
-    return "\n".join([*lines, line.rstrip(", ")])
+def _wrapped(numbers: list[str], before: str = "    ", after: str = "") -> str:
+    """Return numbers in lines of a hundred characters."""
+    text = f"{before}{', '.join(numbers)}{after}"
+    return textwrap.fill(text, 100, subsequent_indent=" " * len(before), break_on_hyphens=False)
 
 
 def _number(value: Any, kind: Number) -> str:
-    if kind != REAL:
+    if kind == INT:
         return str(int(value))
     value = float(value)
     if np.isfinite(value):

@@ -6,9 +6,11 @@ import ast
 import math
 import operator
 from collections.abc import Sequence
+from types import FunctionType
 from typing import TYPE_CHECKING
 
-from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Bundle, Kind, Number, Record, joined
+from fpid_pin.export.c99 import C99
+from fpid_pin.export.kinds import INT, REAL, Array, Bundle, Kind, Number, Record
 from fpid_pin.export.language import (
     AND,
     CHOICE,
@@ -17,22 +19,22 @@ from fpid_pin.export.language import (
     PRODUCT,
     SUM,
     UNARY,
-    Language,
     Value,
 )  # fmt: skip
-from fpid_pin.export.source import Source, is_kernel
+from fpid_pin.export.source import Source
 
 if TYPE_CHECKING:
     from fpid_pin.export.printer import Program
 
-_ARITHMETIC = {
-    ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT), ast.Div: ("/", PRODUCT),
-    ast.BitAnd: ("&", AND),
-}  # fmt: skip
-_COMPARE = {ast.Gt: ">", ast.Lt: "<", ast.GtE: ">=", ast.LtE: "<=", ast.Eq: "==", ast.NotEq: "!="}
-_FOLDED = {
-    "+": operator.add, "-": operator.sub, "*": operator.mul, ">": operator.gt, "<": operator.lt,
-    ">=": operator.ge, "<=": operator.le, "==": operator.eq, "!=": operator.ne, "&": operator.and_,
+#: Operators that all three languages have: how they are written, how tightly they hold, and what
+#: they make of constants.
+_OPERATORS = {
+    ast.Add: ("+", SUM, operator.add), ast.Sub: ("-", SUM, operator.sub),
+    ast.Mult: ("*", PRODUCT, operator.mul), ast.Div: ("/", PRODUCT, None),
+    ast.BitAnd: ("&", AND, operator.and_),
+    ast.Gt: (">", COMPARISON, operator.gt), ast.Lt: ("<", COMPARISON, operator.lt),
+    ast.GtE: (">=", COMPARISON, operator.ge), ast.LtE: ("<=", COMPARISON, operator.le),
+    ast.Eq: ("==", COMPARISON, operator.eq), ast.NotEq: ("!=", COMPARISON, operator.ne),
 }  # fmt: skip
 _MATH = """
     sqrt exp expm1 log log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh hypot floor ceil
@@ -49,16 +51,12 @@ class Expressions:
         Of the variables, as far as is known.
     fixed
         Values of variables that are constants.
-    written
-        Names of variables through which memory is written.
     """
 
-    def __init__(self, source: Source, language: Language, program: Program) -> None:
+    def __init__(self, source: Source, language: C99, program: Program) -> None:
         self.source, self.language, self._program = source, language, program
         self.kinds: dict[str, Kind] = {}
-        self.roots: dict[str, frozenset[str]] = {}
         self.fixed: dict[str, Value] = {}
-        self.written: set[str] = set()
 
     def refuse(self, node: ast.AST, what: str) -> Exception:
         """Return the error that says what cannot be printed, and where."""
@@ -74,18 +72,38 @@ class Expressions:
         found: Value = method(node)
         return found
 
-    def number(self, node: ast.expr, kind: Number | None = None) -> Value:
-        """Translate an expression that is a number, of a given kind if any."""
+    def number(self, node: ast.expr) -> Value:
+        """Translate an expression that is a number."""
         value = self.value(node)
         if not isinstance(value.kind, Number):
             raise self.refuse(node, f"expected a number, got {value.kind}: {ast.unparse(node)}")
-        return value if kind is None else self.language.coerce(value, kind)
+        return value
 
-    def _whole(self, node: ast.expr) -> Value:
+    def real(self, node: ast.expr) -> Value:
+        """Translate an expression to a real number."""
+        return self.language.coerce(self.number(node), REAL)
+
+    def whole(self, node: ast.expr) -> Value:
+        """Translate an expression that is an integer."""
         value = self.number(node)
         if value.kind == REAL:
             raise self.refuse(node, f"expected an integer, got {ast.unparse(node)}")
-        return self.language.coerce(value, INT)
+        return value
+
+    def truth(self, node: ast.expr) -> Value:
+        """Translate an expression to whether it is true."""
+        value = self.number(node)
+        if value.known is not None:
+            return self.language.number(bool(value.known))
+        if value.kind == REAL:
+            return Value(f"{value.within(SUM)} != 0", INT, COMPARISON)
+        return value
+
+    def alike(self, *nodes: ast.expr) -> list[Value]:
+        """Translate numbers that are to be of one kind."""
+        values = [self.number(node) for node in nodes]
+        kind = REAL if any(value.kind == REAL for value in values) else INT
+        return [self.language.coerce(value, kind) for value in values]
 
     def _constant(self, node: ast.Constant) -> Value:
         if not isinstance(node.value, (bool, int, float)):
@@ -96,8 +114,7 @@ class Expressions:
         if node.id in self.fixed:
             return self.fixed[node.id]
         if node.id in self.kinds:
-            roots = self.roots.get(node.id, frozenset()) | {node.id}
-            return Value(self.language.name(node.id), self.kinds[node.id], roots=roots)
+            return Value(self.language.name(node.id), self.kinds[node.id])
         known = self.source.globals.get(node.id)
         if isinstance(known, (bool, int, float)):
             return self.language.number(known)
@@ -105,36 +122,44 @@ class Expressions:
 
     def _binop(self, node: ast.BinOp) -> Value:
         if isinstance(node.op, (ast.Mod, ast.FloorDiv)):
-            given = [self._whole(node.left), self._whole(node.right)]
             name = "mod" if isinstance(node.op, ast.Mod) else "floordiv"
-            return self.language.call(name, given, INT)
+            return self.language.call(name, [self.whole(node.left), self.whole(node.right)], INT)
         if isinstance(node.op, ast.Pow):
-            base, power = self.number(node.left, REAL), self.number(node.right)
-            if power.kind == INT:
-                return self.language.call("ipow", [base, power], REAL)
-            return self.language.call("pow", [base, self.language.coerce(power, REAL)], REAL)
-        if type(node.op) not in _ARITHMETIC:
+            base, power = self.real(node.left), self.number(node.right)
+            return self.language.call("ipow" if power.kind == INT else "pow", [base, power], REAL)
+        return self._combined(node, node.op, node.left, node.right)
+
+    def _compare(self, node: ast.Compare) -> Value:
+        if len(node.ops) > 1:
             raise self.refuse(node, ast.unparse(node))
-        sign, rank = _ARITHMETIC[type(node.op)]
-        each = self._whole if sign == "&" else self.number
-        left, right = each(node.left), each(node.right)
+        return self._combined(node, node.ops[0], node.left, node.comparators[0])
+
+    def _combined(
+        self, node: ast.expr, between: ast.operator | ast.cmpop, left: ast.expr, right: ast.expr
+    ) -> Value:
+        """Translate an operation on two numbers."""
+        if type(between) not in _OPERATORS:
+            raise self.refuse(node, ast.unparse(node))
+        sign, rank, fold = _OPERATORS[type(between)]
         # A quotient of integers is a real number in Python.
-        kind = REAL if sign == "/" else joined(_number(left), joined(_number(right), INT))
-        left, right = self.language.coerce(left, kind), self.language.coerce(right, kind)
-        if kind == INT and left.known is not None and right.known is not None:
-            return self.language.number(_FOLDED[sign](left.known, right.known))
-        return Value(f"{left.within(rank)} {sign} {right.within(rank + 1)}", kind, rank)
+        each = {"&": self.whole, "/": self.real}.get(sign)
+        a, b = (each(left), each(right)) if each else self.alike(left, right)
+        kind = INT if rank == COMPARISON else a.kind
+        if fold and a.known is not None and b.known is not None and INT in (kind, a.kind):
+            return self.language.number(fold(a.known, b.known))
+        # A compiler wants parentheses around comparisons within &.
+        inner = (SUM, SUM) if rank in (COMPARISON, AND) else (rank, rank + 1)
+        return Value(f"{a.within(inner[0])} {sign} {b.within(inner[1])}", kind, rank)
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
         if isinstance(node.op, ast.Not):
-            truth = self.number(node.operand, BOOL)
+            truth = self.truth(node.operand)
             if truth.known is not None:
                 return self.language.number(not truth.known)
-            return Value(f"!{truth.within(UNARY)}", BOOL, UNARY)
+            return Value(f"!{truth.within(UNARY)}", INT, UNARY)
         if not isinstance(node.op, ast.USub):
             raise self.refuse(node, ast.unparse(node))
         value = self.number(node.operand)
-        value = self.language.coerce(value, joined(_number(value), INT))
         if value.kind == INT and value.known is not None:
             return self.language.number(-value.known)
         return Value(f"-{value.within(UNARY + 1)}", value.kind, UNARY)
@@ -142,7 +167,7 @@ class Expressions:
     def _boolop(self, node: ast.BoolOp) -> Value:
         ends = isinstance(node.op, ast.Or)
         sign, rank = ("||", OR) if ends else ("&&", AND)
-        parts = [self.number(value, BOOL) for value in node.values]
+        parts = [self.truth(value) for value in node.values]
         decided = next((k for k, part in enumerate(parts) if part.known is ends), None)
         # A call before it is made all the same.
         if decided is not None and not any(map(_calls, node.values[:decided])):
@@ -151,29 +176,15 @@ class Expressions:
         if len(parts) < 2:
             return parts[0] if parts else self.language.number(not ends)
         # A compiler wants parentheses around && within ||.
-        return Value(f" {sign} ".join(part.within(COMPARISON) for part in parts), BOOL, rank)
-
-    def _compare(self, node: ast.Compare) -> Value:
-        if len(node.ops) > 1 or type(node.ops[0]) not in _COMPARE:
-            raise self.refuse(node, ast.unparse(node))
-        left, right = self.number(node.left), self.number(node.comparators[0])
-        sign = _COMPARE[type(node.ops[0])]
-        kind = joined(_number(left), joined(_number(right), INT))
-        left, right = self.language.coerce(left, kind), self.language.coerce(right, kind)
-        if left.known is not None and right.known is not None:
-            return self.language.number(bool(_FOLDED[sign](left.known, right.known)))
-        sign = self.language.equal.get(sign, sign)
-        return Value(f"{left.within(SUM)} {sign} {right.within(SUM)}", BOOL, COMPARISON)
+        return Value(f" {sign} ".join(part.within(COMPARISON) for part in parts), INT, rank)
 
     def _ifexp(self, node: ast.IfExp) -> Value:
-        test = self.number(node.test, BOOL)
+        test = self.truth(node.test)
         if test.known is not None:
             return self.number(node.body if test.known else node.orelse)
-        yes, no = self.number(node.body), self.number(node.orelse)
-        kind = joined(_number(yes), _number(no))
-        yes, no = self.language.coerce(yes, kind), self.language.coerce(no, kind)
+        yes, no = self.alike(node.body, node.orelse)
         parts = [value.within(CHOICE + 1) for value in (test, yes, no)]
-        return Value(f"{parts[0]} ? {parts[1]} : {parts[2]}", kind, CHOICE)
+        return Value(f"{parts[0]} ? {parts[1]} : {parts[2]}", yes.kind, CHOICE)
 
     # ------------------------------------------------------------------ memory
 
@@ -183,24 +194,20 @@ class Expressions:
             return self.language.number(getattr(math, name))
         record = self.value(node.value)
         if isinstance(record.kind, Array) and name == "size":
-            return self._extent(node, record.kind, slice(None))
+            return self._extent(node, record.kind.shape)
         if isinstance(record.kind, Bundle):
-            found = [member for member in record.kind.members if member[0] == name]
-            if not found:
-                raise self.refuse(node, f"{name} is no array of {record.kind}")
-            return Value(found[0][2].format(record.text), found[0][1], roots=record.roots)
+            for member, kind, text in record.kind.members:
+                if member == name:
+                    return Value(text.format(record.text), kind)
+            raise self.refuse(node, f"{name} is no array of {record.kind}")
         if not isinstance(record.kind, Record):
             raise self.refuse(node, ast.unparse(node))
-        place = record.kind.place(name)
-        if place is None:
+        if name not in dict(record.kind.fields):
             raise self.refuse(node, f"{name} is no field of {record.kind}")
         known = dict(record.kind.constants).get(name)
-        if known is not None:
-            return self.language.number(known)
-        return self.language.field(record, name, place, record.kind.fields[place][1])
+        return self.language.field(record, name) if known is None else self.language.number(known)
 
-    def _extent(self, node: ast.AST, array: Array, part: slice) -> Value:
-        extents = array.shape[part]
+    def _extent(self, node: ast.AST, extents: Sequence[int | None]) -> Value:
         if None in extents:
             raise self.refuse(node, "the size of a slice")
         return self.language.number(math.prod(extent or 0 for extent in extents))
@@ -209,42 +216,39 @@ class Expressions:
         asked = node.value
         if isinstance(asked, ast.Attribute) and asked.attr == "shape":
             array, axis = self.value(asked.value), node.slice
-            number = axis.value if isinstance(axis, ast.Constant) else None
-            if not isinstance(array.kind, Array) or not isinstance(number, int):
+            if not isinstance(array.kind, Array) or not isinstance(axis, ast.Constant):
                 raise self.refuse(node, ast.unparse(node))
-            return self._extent(node, array.kind, slice(number, number + 1))
-        array = self.value(node.value)
+            return self._extent(node, [array.kind.shape[int(str(axis.value))]])
+        array = self.value(asked)
         if not isinstance(array.kind, Array):
             raise self.refuse(node, f"an index of {array.kind}: {ast.unparse(node)}")
         index = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if len(index) > len(array.kind.shape):
             raise self.refuse(node, f"more indices than dimensions: {ast.unparse(node)}")
         if any(isinstance(k, ast.Slice) for k in index):
-            return self._part(node, array, index)
-        return self.language.element(array, [self._whole(k) for k in index])
+            return self._part(node, array, array.kind, index)
+        return self.language.element(array, [self.whole(k) for k in index])
 
-    def _part(self, node: ast.AST, array: Value, index: Sequence[ast.expr]) -> Value:
+    def _part(self, node: ast.AST, array: Value, kind: Array, index: Sequence[ast.expr]) -> Value:
         """Translate ``x[first:last]`` or ``x[:, first:last]``: an array that begins further on."""
-        kind, part = array.kind, index[-1]
-        assert isinstance(kind, Array)
+        part = index[-1]
         columns = [ast.unparse(k) for k in index[:-1]] == [":"]
         if not isinstance(part, ast.Slice) or part.step or not (columns or len(index) == 1):
             raise self.refuse(node, "a slice that is not one of rows or of columns, first:last")
         zero, axis = self.language.number(0), 1 if columns else 0
-        first = zero if part.lower is None else self._whole(part.lower)
-        last = None if part.upper is None else self._whole(part.upper).known
-        end = kind.shape[axis] if part.upper is None else last
+        first = self.whole(part.lower) if part.lower else zero
+        end = self.whole(part.upper).known if part.upper else kind.shape[axis]
         extent = None if end is None or first.known is None else int(end - first.known)
         shape = (*kind.shape[:axis], extent, *kind.shape[axis + 1 :])
         pitch = (kind.pitch or kind.shape[1]) if columns else kind.pitch
         at = [zero, first] if columns else [first]
-        return self.language.element(array, at, Array(kind.element, shape, pitch))
+        return self.language.element(array, at, Array(kind.element, shape, pitch, kind.fixed))
 
     # ------------------------------------------------------------------ calls
 
     def _call(self, node: ast.Call) -> Value:
         value = self.call(node)
-        if value is None or not isinstance(value, Value):
+        if not isinstance(value, Value):
             raise self.refuse(node, f"{ast.unparse(node.func)} returns nothing")
         return value
 
@@ -256,40 +260,33 @@ class Expressions:
         if isinstance(node.func, ast.Attribute):
             if not name.startswith("math.") or node.func.attr not in _MATH.split():
                 raise self.refuse(node, name)
-            kind = BOOL if node.func.attr.startswith("is") else REAL
-            given = [self.number(argument, REAL) for argument in node.args]
-            return self.language.call(node.func.attr, given, kind)
-        if name in ("min", "max", "abs", "int") and name not in self.source.globals:
+            kind = INT if node.func.attr.startswith("is") else REAL
+            return self.language.call(node.func.attr, [self.real(a) for a in node.args], kind)
+        known = self.source.globals.get(name)
+        if name in ("min", "max", "abs", "int") and known is None:
             return self._builtin(node, name)
-        kernel, arguments = self._program.instead(self.source.globals.get(name), node.args)
-        if name in self.kinds or not is_kernel(kernel):
+        kernel, arguments = self._program.instead(known, node.args)
+        if not isinstance(getattr(kernel, "py_func", kernel), FunctionType):
             raise self.refuse(node, f"{name}() is no kernel")
         values = [self.value(argument) for argument in arguments]
-        kinds = [value.kind for value in values]
-        printed = self._program.add(kernel, kinds, node, self.source)
-        taken = [(v, p) for v, p in zip(values, printed.parameters, strict=True) if p.taken]
-        self.written.update(*(v.roots for v, p in taken if p.written))
-        text = f"{printed.name}({', '.join(v.text for v, _ in taken)})"
+        printed = self._program.add(kernel, [value.kind for value in values], node, self.source)
+        taken = [v.text for v, used in zip(values, printed.taken, strict=True) if used]
+        text = f"{printed.name}({', '.join(taken)})"
         return text if printed.returns is None else Value(text, printed.returns)
 
     def _builtin(self, node: ast.Call, name: str) -> Value:
-        given = [self.number(argument) for argument in node.args]
-        if len(given) != (2 if name in ("min", "max") else 1):
-            raise self.refuse(node, f"{name} of {len(given)} numbers")
+        if len(node.args) != (2 if name in ("min", "max") else 1):
+            raise self.refuse(node, f"{name} of {len(node.args)} numbers")
+        given = self.alike(*node.args)
         if name == "int":
-            real = given[0].kind == REAL
-            return self.language.call("int", given, INT) if real else given[0]
-        kind = INT if name != "abs" else REAL
-        for value in given:
-            kind = joined(kind, _number(value)) if value.kind != BOOL else kind
-        return self.language.call(name, [self.language.coerce(v, kind) for v in given], kind)
+            return self.language.call("int", given, INT) if given[0].kind == REAL else given[0]
+        if name == "abs":
+            return self.language.call(name, [self.language.coerce(given[0], REAL)], REAL)
+        kind = given[0].kind
+        assert isinstance(kind, Number)
+        return self.language.call(name, given, kind)
 
 
 def _calls(node: ast.expr) -> bool:
     """Return whether an expression has a call in it, which may write."""
     return any(isinstance(part, ast.Call) for part in ast.walk(node))
-
-
-def _number(value: Value) -> Number:
-    assert isinstance(value.kind, Number)
-    return value.kind

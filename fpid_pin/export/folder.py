@@ -11,11 +11,11 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ExportError, FileFormatError
-from fpid_pin.export import c_extras, vectors
+from fpid_pin.export import vectors
 from fpid_pin.export.c_source import CSource
 from fpid_pin.export.law import start
 from fpid_pin.export.readme import readme
-from fpid_pin.files import discard, hidden_beside, kind_of, make_folder, sweep, sync, sync_tree
+from fpid_pin.files import hidden_folder, kind_of, sync, sync_tree
 from fpid_pin.references import Hold
 
 if TYPE_CHECKING:
@@ -95,38 +95,26 @@ def export_c(
             "effect: give an experiment to record vectors in"
         )
     made_by = toml if toml is not None else _toml(controller, arm, step, horizon)
-    temporary = hidden_beside(path)
     try:
-        make_folder(path.parent)
-        sweep(path.parent)
-        temporary.mkdir()
-        write_sources(source, temporary)
-        proof.write(temporary / "vectors.bin")
-        (temporary / "controller.toml").write_text(made_by, encoding="utf-8")
-        text = readme(state, temporary, source.exact)
-        (temporary / "README.md").write_text(text, encoding="utf-8")
-        sync_tree(temporary)
-        os.rename(temporary, path)
+        with hidden_folder(path) as hidden:
+            temporary = hidden / "new"
+            temporary.mkdir()
+            write_sources(source, temporary)
+            proof.write(temporary / "vectors.bin")
+            (temporary / "controller.toml").write_text(made_by, encoding="utf-8")
+            text = readme(state, temporary, source.exact)
+            (temporary / "README.md").write_text(text, encoding="utf-8")
+            sync_tree(temporary)
+            os.rename(temporary, path)
         sync(path.parent)
     except OSError as error:
         raise FileFormatError(f"{path}: cannot be written ({error.strerror})") from None
-    finally:
-        discard(temporary)
     return path
 
 
 def write_sources(source: CSource, folder: Path) -> None:
     """Write all that is compiled, and how, into a folder that exists."""
-    tolerance = "0.0" if source.exact else "1e-12"
-    texts = {
-        "fpid.h": source.header,
-        "fpid.c": source.source,
-        "fpid_parameters.c": source.parameters,
-        "example.c": c_extras.EXAMPLE,
-        "fpid_check.c": c_extras.CHECK.format(tolerance=tolerance),
-        "CMakeLists.txt": c_extras.CMAKE,
-    }
-    for name, text in texts.items():
+    for name, text in source.files.items():
         (folder / name).write_text(text, encoding="utf-8")
 
 

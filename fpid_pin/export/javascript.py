@@ -8,20 +8,11 @@ operation everywhere. `kinds.words` gives what belongs into the memory.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import ClassVar
 
-from fpid_pin.export.kinds import BOOL, REAL, Array, Kind, Number
-from fpid_pin.export.language import (
-    ATOM,
-    CHOICE,
-    COMPARISON,
-    SUM,
-    UNARY,
-    Language,
-    Parameter,
-    Value,
-    offset,
-    stride_of,
-)  # fmt: skip
+from fpid_pin.export.c99 import C99
+from fpid_pin.export.kinds import REAL, Array, Kind, Number, Record
+from fpid_pin.export.language import ATOM, SUM, UNARY, Value, field_kind, offset
 
 #: Functions that the printed kernels call. min and max are Python's: Math.min and Math.max would
 #: make NaN of either argument's.
@@ -42,8 +33,7 @@ const ipow = (x, k) => {
 };
 """
 
-_OWN = frozenset({"min", "max", "mod", "floordiv", "int", "copysign", "ipow"})
-_MATH = {"fabs": "Math.abs", "isfinite": "Number.isFinite", "isnan": "Number.isNaN"}
+_OWN = ("min", "max", "mod", "floordiv", "int", "copysign", "ipow")
 _RESERVED = """
     arguments await break case catch class const continue debugger default delete do else
     enum eval export extends false finally for function if implements import in instanceof
@@ -52,65 +42,54 @@ _RESERVED = """
 """
 
 
-class JavaScript(Language):
+class JavaScript(C99):
     """ECMAScript 2015."""
 
-    equal: Mapping[str, str] = {"==": "===", "!=": "!=="}
-    reserved = frozenset(_RESERVED.split()) | _OWN
-
-    def truth(self, value: bool) -> str:
-        """See `Language`."""
-        return "true" if value else "false"
+    functions: ClassVar[Mapping[str, str]] = {
+        "fabs": "Math.abs", "isfinite": "Number.isFinite", "isnan": "Number.isNaN",
+        **{name: name for name in _OWN},
+    }  # fmt: skip
+    reserved: ClassVar = frozenset(_RESERVED.split()).union(_OWN)
+    taken: ClassVar = frozenset()
 
     def real(self, value: float) -> Value:
-        """See `Language`."""
+        """Return a real constant, to the last bit."""
         text = repr(value).replace("inf", "Infinity").replace("nan", "NaN")
-        return Value(text, REAL, UNARY if text.startswith("-") else ATOM, known=value)
+        return Value(text, REAL, UNARY if text.startswith("-") else ATOM, value)
 
-    def convert(self, value: Value, kind: Number) -> Value:
-        """See `Language`."""
-        if kind == BOOL:
-            return Value(f"{value.within(SUM)} !== 0", BOOL, COMPARISON)
-        if value.kind == BOOL:
-            return Value(f"{value.within(CHOICE + 1)} ? 1 : 0", kind, CHOICE)
-        return Value(value.text, kind, value.rank)
+    def to_real(self, value: Value) -> Value:
+        """Return an integer as a real number, which it is."""
+        return value._replace(kind=REAL)
 
-    def field(self, record: Value, name: str, place: int, kind: Number) -> Value:
-        """See `Language`."""
-        at = record.text
-        # A place that is known to the last digit needs no sum.
-        at = str(int(at) + place) if at.isdigit() else f"{record.within(SUM)} + {place}"
-        return Value(f"M[{at} /* {name} */]", kind, ATOM, record.roots)
+    def field(self, record: Value, name: str) -> Value:
+        """Return a field of a record: the number so many places further."""
+        place, kind = field_kind(record, name)
+        return Value(f"M[{record.within(SUM)} + {place} /* {name} */]", kind)
 
-    def at(self, array: Value, index: Sequence[Value], kind: Kind) -> Value:
-        """See `Language`."""
-        assert isinstance(array.kind, Array)
-        at = offset(array.kind, index, stride_of(array.kind.element))
-        if at.text.isdigit() and array.text.isdigit():
-            place = Value(str(int(array.text) + int(at.text)), kind, ATOM, array.roots)
-        elif at.text == "0":
-            place = Value(array.text, kind, array.rank, array.roots)
-        else:
-            text = f"{array.within(SUM)} + {at.within(SUM)}"
-            place = Value(text, kind, SUM, array.roots)
-        if isinstance(kind, Number):
-            return Value(f"M[{place.text}]", kind, ATOM, array.roots)
-        return place
+    def at(self, array: Value, kind: Array, index: Sequence[Value], found: Kind) -> Value:
+        """Return what begins at an element of an array: the number there, or its place."""
+        stride = len(kind.element.fields) if isinstance(kind.element, Record) else 1
+        before = offset(kind, index, stride)
+        place = array._replace(kind=found)
+        if before.text != "0":
+            place = Value(f"{array.within(SUM)} + {before.within(SUM)}", found, SUM)
+        return Value(f"M[{place.text}]", found) if isinstance(found, Number) else place
 
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:
-        """See `Language`."""
+        """Call a function, of `Math` as a rule."""
         given = ", ".join(argument.text for argument in arguments)
-        called = name if name in _OWN else _MATH.get(name, f"Math.{name}")
-        return Value(f"{called}({given})", kind)
+        return Value(f"{self.functions.get(name, f'Math.{name}')}({given})", kind)
 
-    def declare(self, name: str, kind: Kind, fixed: bool) -> str:
-        """See `Language`."""
+    def declare(self, name: str, kind: Kind) -> str:
+        """Return a declaration up to the name."""
         return f"let {name}"
 
-    def loop(self, name: str, start: str, stop: str) -> str:
-        """See `Language`."""
-        return f"for (let {name} = {start}; {name} < {stop}; {name}++) {{"
+    def head(
+        self, name: str, parameters: Sequence[tuple[str, Kind]], returns: Kind | None
+    ) -> list[str]:
+        """Return the line that opens a function."""
+        return [f"function {name}({', '.join(name for name, _ in parameters)}) {{"]
 
-    def head(self, name: str, parameters: Sequence[Parameter], returns: Kind | None) -> list[str]:
-        """See `Language`."""
-        return [f"function {name}({', '.join(p.name for p in parameters)}) {{"]
+    def unused(self, name: str) -> list[str]:
+        """Return nothing: nobody minds."""
+        return []

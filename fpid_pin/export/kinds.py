@@ -5,7 +5,7 @@ A kernel names no types. Printed for given arguments it has them all, as numba h
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,11 +15,13 @@ from fpid_pin.checks import FloatArray
 
 #: An extent; None where a slice leaves it open.
 Extent = int | None
+#: Integers of a controller that kernels write to.
+MOVING = frozenset({"ticks", "acting", "pushing"})
 
 
 @dataclass(frozen=True)
 class Number:
-    """A real number, an integer, or a truth value: ``"real"``, ``"int"``, ``"bool"``."""
+    """A real number, or an integer; truth is an integer."""
 
     name: str
 
@@ -27,8 +29,7 @@ class Number:
         return self.name
 
 
-REAL, INT, BOOL = Number("real"), Number("int"), Number("bool")
-_NUMBERS = {"f": REAL, "i": INT, "b": BOOL}
+REAL, INT = Number("real"), Number("int")
 
 
 @dataclass(frozen=True)
@@ -42,19 +43,11 @@ class Record:
     name: str
     fields: tuple[tuple[str, Number], ...]
     constants: tuple[tuple[str, int], ...] = ()
-
-    @classmethod
-    def of(cls, name: str, dtype: Any, constants: Iterable[tuple[str, int]] = ()) -> Record:
-        """Return the record that a structured dtype (`kernels.layout`) describes."""
-        fields = tuple((field, _NUMBERS[dtype[field].kind]) for field in dtype.names)
-        return cls(name, fields, tuple(constants))
+    #: Whether it is never written to.
+    fixed: bool = False
 
     def __str__(self) -> str:
         return self.name
-
-    def place(self, field: str) -> int | None:
-        """Return which of the fields has this name; None: none has."""
-        return next((k for k, (name, _) in enumerate(self.fields) if name == field), None)
 
     @property
     def kept(self) -> list[tuple[str, Number]]:
@@ -72,11 +65,14 @@ class Array:
     pitch
         Of a part of columns: how many elements a row is after the one before; None: as many as a
         row has.
+    fixed
+        Whether it is never written to.
     """
 
     element: Number | Record
     shape: tuple[Extent, ...]
     pitch: Extent = None
+    fixed: bool = False
 
     def __str__(self) -> str:
         return f"array of {self.element}, {self.shape}"
@@ -103,7 +99,14 @@ class Bundle:
 Kind = Number | Record | Array | Bundle
 
 
-def array_kind(name: str, values: Any, constants: Iterable[str] | None = None) -> Array:
+def real(*shape: int) -> Array:
+    """Return the kind of an array of numbers."""
+    return Array(REAL, shape)
+
+
+def array_kind(
+    name: str, values: Any, constants: Collection[str] | None = None, *, fixed: bool = False
+) -> Array:
     """Return what the printer is told of an array.
 
     Parameters
@@ -114,22 +117,59 @@ def array_kind(name: str, values: Any, constants: Iterable[str] | None = None) -
         At t = 0.
     constants
         Integer fields that never change; those that are the same everywhere are known to the
-        printer. None: all integer fields.
+        printer. None: all but `MOVING`.
+    fixed
+        Whether nothing of it is ever written to.
     """
-    if values.dtype.names is None:
-        return Array(_NUMBERS[values.dtype.kind], values.shape)
-    whole = [field for field in values.dtype.names if values.dtype[field].kind == "i"]
-    wanted = [field for field in whole if constants is None or field in constants]
-    found = [(field, np.unique(values[field])) for field in wanted]
-    known = [(field, int(value[0])) for field, value in found if value.size == 1]
-    return Array(Record.of(name, values.dtype, known), values.shape)
+
+    def kind_of(dtype: Any) -> Number:
+        return REAL if dtype.kind == "f" else INT
+
+    dtype = values.dtype
+    if dtype.names is None:
+        return Array(kind_of(dtype), values.shape, fixed=fixed)
+    known = []
+    for field in dtype.names:
+        steady = field not in MOVING if constants is None else field in constants
+        found = np.unique(values[field])
+        if dtype[field].kind == "i" and steady and len(found) == 1:
+            known.append((field, int(found[0])))
+    fields = tuple((field, kind_of(dtype[field])) for field in dtype.names)
+    return Array(Record(name, fields, tuple(known), fixed), values.shape, fixed=fixed)
 
 
-def joined(one: Number, other: Number) -> Number:
-    """Return the kind that holds numbers of both kinds."""
-    if one == other:
-        return one
-    return REAL if REAL in (one, other) else INT
+#: What a record is called whose array is not.
+_RECORDS = {
+    "ops": "operator", "poles": "pole", "modes": "mode", "bodies": "body", "links": "link",
+    "frames": "frame", "joints": "joint",
+}  # fmt: skip
+
+
+def bundle(
+    name: str, arrays: Mapping[str, Any], texts: Mapping[str, str], *,
+    constants: Mapping[str, Collection[str]] | None = None, fixed: Collection[str] = (),
+) -> Bundle:  # fmt: skip
+    """Return what the printer is told of arrays by name, as of a NamedTuple of `kernels.records`.
+
+    Parameters
+    ----------
+    name
+        Of the argument's type.
+    arrays
+        At t = 0.
+    texts
+        How each array is written, see `Bundle`.
+    constants
+        Integer fields that never change, by array; None: all but `MOVING`.
+    fixed
+        Arrays that are never written to.
+    """
+    members = []
+    for field, values in arrays.items():
+        own = None if constants is None else constants.get(field, ())
+        kind = array_kind(_RECORDS.get(field, field), values, own, fixed=field in fixed)
+        members.append((field, kind, texts[field]))
+    return Bundle(name, tuple(members))
 
 
 def words(values: Any) -> FloatArray:

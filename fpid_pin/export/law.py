@@ -1,4 +1,4 @@
-"""A law for the printer: its functions in the place of calls by address, its arrays by name.
+"""A law for the printer: its functions in the place of calls by address.
 
 Independent of the language: `c_source` prints it as C, a page runs it as JavaScript.
 """
@@ -6,14 +6,12 @@ Independent of the language: `c_source` prints it as C, a page runs it as JavaSc
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Mapping, Sequence
-from types import FunctionType
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from fpid_pin import checks
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ExportError
-from fpid_pin.export.kinds import REAL, Array, Bundle, Record, array_kind
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -21,8 +19,6 @@ if TYPE_CHECKING:
 
 #: Joints that an export is meant for. Beyond, M and its factors are most of the memory.
 MOST_JOINTS = 32
-#: Integers of a controller that kernels write to.
-MOVING = frozenset({"ticks", "acting", "pushing"})
 #: What a tick is given: q, v, and q, v, a of the reference, each (n,), one after the other.
 INPUTS = 5
 
@@ -49,50 +45,16 @@ def start(controller: Controller, arm: Arm, step: float, horizon: float) -> Stat
     return state
 
 
-def bundle(
-    name: str, arrays: Any, texts: Mapping[str, str], *, record: Any = None,
-    constants: Mapping[str, Sequence[str]] | None = None,
-) -> Bundle:  # fmt: skip
-    """Return what the printer is told of a NamedTuple of `kernels.records`.
+def stand_ins(controller: Controller, joints: str = "joints") -> Mapping[Any, Any]:
+    """Return what stands in the place of calls of a law's functions by address, for `Program`.
 
     Parameters
     ----------
-    name
-        Of the argument's type.
-    arrays
-        At t = 0.
-    texts
-        How each array is written, see `kinds.Bundle`.
-    record
-        Of a controller: the type of a joint's record, which its `joints` and `numbers` both are.
-    constants
-        Integer fields that never change, by array; None: all but `MOVING`.
+    controller
+        The law.
+    joints
+        Which array of the controller's has the joints' whole records.
     """
-    members = []
-    for field, values in arrays._asdict().items():
-        if record is not None and field == "joints":
-            kind = Array(Record.of("joint", record), values.shape)
-        else:
-            own: Any = () if constants is None else constants.get(field, ())
-            if constants is None and values.dtype.names is not None:
-                own = [name for name in values.dtype.names if name not in MOVING]
-            kind = array_kind(_RECORDS.get(field, field), values, own)
-        members.append((field, kind, texts[field]))
-    return Bundle(name, tuple(members))
-
-
-#: What a record is called whose array is not.
-_RECORDS = {"ops": "operator", "poles": "pole", "modes": "mode", "bodies": "body",
-            "links": "link", "frames": "frame"}  # fmt: skip
-
-
-def real(*shape: int) -> Array:
-    """Return the kind of an array of numbers."""
-    return Array(REAL, shape)
-
-
-def stand_ins(controller: Controller) -> Mapping[Any, Any]:
-    """Return what stands in the place of calls of a law's functions by address, for `Program`."""
     from fpid_pin.control.functions import plain_function
     from fpid_pin.kernels.call import call_law
 
@@ -100,36 +62,34 @@ def stand_ins(controller: Controller) -> Mapping[Any, Any]:
         address, numbers, own = arguments[:3]
         assert isinstance(address, ast.Attribute)
         assert isinstance(numbers, ast.Attribute)
-        joints = ast.copy_location(ast.Attribute(numbers.value, "joints"), numbers)
+        each = ast.copy_location(ast.Attribute(numbers.value, joints), numbers)
         if controller.torques is not None:
             # A law of the whole robot; its model is arrays of the controller.
             function = getattr(controller, {"torque": "torques", "adapt": "adapts"}[address.attr])
-            return plain_function(function), [joints, own, numbers.value]
+            return plain_function(function), [each, own, numbers.value]
         function = plain_function(getattr(controller, address.attr))
-        each = torque_of_each if address.attr == "torque" else call_each
-        return _around(each, f"{address.attr}_of_each", function), [joints]
+        if address.attr == "torque":
+            return _torque_of_each(function), [each]
+        return _call_each(function, f"{address.attr}_of_each"), [each]
 
     return {call_law: in_place}
 
 
-def _around(template: Callable[..., None], name: str, function: Any) -> FunctionType:
-    made = FunctionType(template.__code__, {"law_function": function, "__name__": __name__}, name)
-    made.__doc__ = template.__doc__
-    return made
+def _torque_of_each(law_function: Any) -> Any:
+    def torque_of_each(joints):  # type: ignore[no-untyped-def]
+        """Write the law's own torque of each joint."""
+        for j in range(joints.size):
+            c = joints[j]
+            c.u_law = c.scale * law_function(c)
+
+    return torque_of_each
 
 
-#: What stands in these functions for one of a law's.
-law_function: Any = None
+def _call_each(law_function: Any, name: str) -> Any:
+    def call_each(joints):  # type: ignore[no-untyped-def]
+        """Call the law's function for each joint."""
+        for j in range(joints.size):
+            law_function(joints[j])
 
-
-def torque_of_each(joints: Any) -> None:
-    """Write the law's own torque of each joint."""
-    for j in range(joints.size):
-        c = joints[j]
-        c.u_law = c.scale * law_function(c)
-
-
-def call_each(joints: Any) -> None:
-    """Call the law's function for each joint."""
-    for j in range(joints.size):
-        law_function(joints[j])
+    call_each.__name__ = name
+    return call_each

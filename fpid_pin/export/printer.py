@@ -8,12 +8,13 @@ subset is refused with file and line.
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from fpid_pin.export.kinds import Kind
-from fpid_pin.export.language import Language, Parameter
+from fpid_pin.export.c99 import C99
+from fpid_pin.export.kinds import Kind, Number
 from fpid_pin.export.source import Source
 from fpid_pin.export.statements import Statements
 
@@ -23,12 +24,16 @@ StandIn = Callable[[Sequence[ast.expr]], tuple[Any, Sequence[ast.expr]]]
 
 @dataclass
 class Printed:
-    """A kernel printed for some kinds of arguments: what its callers want to know."""
+    """A kernel printed for some kinds of arguments: what its callers want to know.
+
+    `taken` says of each argument whether the printed function has it: numbers may be calls, which
+    are made in any case, and arrays that nothing is left of are none of its arguments.
+    """
 
     name: str
-    returns: Kind | None = None
-    parameters: list[Parameter] = field(default_factory=list)
-    done: bool = False
+    returns: Number | None = None
+    taken: list[bool] = field(default_factory=list)
+    text: str = ""
 
 
 class Program:
@@ -40,28 +45,29 @@ class Program:
         `c99.C99` or `javascript.JavaScript`.
     stand_ins
         For kernels that are not printed themselves: from the arguments of a call, what is called in
-        their place, and with what.
-
-    Attributes
-    ----------
-    functions
-        The text of each function, callees first.
+        their place, and with what. May be changed from one `add` to the next.
     """
 
-    def __init__(self, language: Language, stand_ins: Mapping[Any, StandIn] | None = None) -> None:
+    def __init__(self, language: C99, stand_ins: Mapping[Any, StandIn] | None = None) -> None:
         self.language = language
-        self.functions: list[str] = []
-        self._stand_ins = stand_ins or {}
+        self.stand_ins = stand_ins or {}
         self._printed: dict[tuple[Any, ...], Printed] = {}
+        #: Those that are there, callees first; the names of those asked for from outside.
+        self._done: list[Printed] = []
+        self._asked: list[str] = []
 
     @property
     def text(self) -> str:
-        """All functions."""
-        return "\n".join(self.functions)
+        """All functions that were asked for, and those that they call, callees first."""
+        found = ""
+        for printed in reversed(self._done):
+            if printed.name in self._asked or re.search(rf"\b{printed.name}\(", found):
+                found = f"{printed.text}\n{found}" if found else printed.text
+        return found
 
     def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
         """Return what is called in a kernel's place, and with what; itself as a rule."""
-        stand_in = self._stand_ins.get(kernel) if callable(kernel) else None
+        stand_in = self.stand_ins.get(kernel) if callable(kernel) else None
         return (kernel, arguments) if stand_in is None else stand_in(arguments)
 
     def add(
@@ -85,34 +91,47 @@ class Program:
             A line that has no counterpart.
         """
         source = Source(kernel)
-        node, caller = node or source.tree, caller or source
+        node, origin = node or source.tree, caller or source
         if len(kinds) != len(source.parameters):
             what = f"{source.name} takes {len(source.parameters)} arguments, given {len(kinds)}"
-            raise caller.refusal(node, what)
-        # The same function may have been compiled more than once.
-        key = (source.file, source.name, source.function.__code__, tuple(kinds))
-        if key in self._printed:
-            if not self._printed[key].done:
-                raise caller.refusal(node, f"recursion: {source.name} calls itself")
-            return self._printed[key]
-        printed = self._printed[key] = Printed(self._name(source))
-        body = Statements(source, self.language, self, kinds)
-        printed.parameters, printed.returns = body.parameters, body.returns
-        taken = [parameter for parameter in body.parameters if parameter.taken]
-        head = self.language.head(printed.name, taken, body.returns)
-        comment = f"/* {source.module}.{source.name}: {source.says.replace('*/', '* /')} */"
-        self.functions.append("\n".join([comment, *head, *body.lines, "}", ""]))
-        printed.done = True
-        return printed
+            raise origin.refusal(node, what)
+        # The same function may have been compiled more than once; one that was made around another
+        # is a function of its own.
+        key = (source.function.__code__, source.name, source.inner, tuple(kinds))
+        if key not in self._printed:
+            self._printed[key] = Printed(self._name(source))
+            self._translate(source, kinds, self._printed[key])
+        elif not self._printed[key].text:
+            raise origin.refusal(node, f"recursion: {source.name} calls itself")
+        if caller is None:
+            self._asked.append(self._printed[key].name)
+        return self._printed[key]
+
+    def _translate(self, source: Source, kinds: Sequence[Kind], printed: Printed) -> None:
+        language = self.language
+        body = Statements(source, language, self, kinds)
+        printed.returns = body.returns
+        given = list(zip(source.parameters, kinds, strict=True))
+        printed.taken = [isinstance(kind, Number) or body.uses(name) for name, kind in given]
+        taken = [x for x, used in zip(given, printed.taken, strict=True) if used]
+        unused = [language.name(name) for name, _ in taken if not body.uses(name)]
+        lines = [
+            f"/* {source.module}.{source.name}: {source.says.replace('*/', '* /')} */",
+            *language.head(
+                printed.name, [(language.name(n), kind) for n, kind in taken], body.returns
+            ),
+            *(line for name in unused for line in language.unused(name)),
+            *body.lines, "}", "",
+        ]  # fmt: skip
+        printed.text = "\n".join(lines)
+        self._done.append(printed)
 
     def _name(self, source: Source) -> str:
         """Return a name that no other function has, nor the language."""
         taken = {printed.name for printed in self._printed.values()}
         taken |= self.language.reserved | self.language.taken
-        if source.name not in taken:
-            return source.name
-        name = f"{source.module}_{source.name}"
-        count = 2
+        name, count = source.name, 1
         while name in taken:
-            name, count = f"{source.module}_{source.name}_{count}", count + 1
+            name = f"{source.module}_{source.name}" + f"_{count}" * (count > 1)
+            count += 1
         return name

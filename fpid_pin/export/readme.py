@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from pathlib import Path
+from string import Template
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from fpid_pin._version import __version__
 from fpid_pin.exceptions import ExportError
 from fpid_pin.export import build
+from fpid_pin.export.c_source import template
 
 if TYPE_CHECKING:
     from fpid_pin.control.state import State
@@ -23,7 +25,7 @@ MOST_SINGLE_STEPS = 500_000
 def readme(state: State, folder: Path, exact: bool) -> str:
     """Return the README; where there is a compiler, with what it says."""
     table, proof = _measured(folder)
-    return _README.format(
+    return Template(template("README.md")).substitute(
         version=__version__, name=type(state.controller).__name__, n=state.n,
         step=f"{state.step:g}", horizon=f"{state.horizon:g}", table=table, proof=proof,
         exactness=_EXACT if exact else _CLOSE, single=_single(state),
@@ -85,46 +87,3 @@ part of the largest value, orders 0.1 to 0.99, measured over
 
 so it is not advised with lambda below 1 from {most} steps on: slow modes decay by less a tick than
 24 bits can say. D^mu e bears it at any order."""
-
-_README = """\
-# {name}, {n} joints, every {step} s
-
-Exported by fpid_pin {version} from `controller.toml`. C99, only `<tgmath.h>` and `<string.h>`; no
-allocation, no globals but constants, no recursion, no arrays of variable length; every loop ends
-after a count that is fixed here. Sampling at any other period than {step} s is another controller:
-export it anew.
-
-    cmake -B build && cmake --build build && ctest --test-dir build
-
-or, without CMake,
-
-    cc -std=c99 -O2 -ffp-contract=off fpid.c fpid_parameters.c fpid_check.c -o fpid_check -lm
-    ./fpid_check vectors.bin
-
-`example.c` shows the calls: `fpid_reset(&state)`, then `fpid_step(&state, &input, &output)` once a
-tick. `fpid_step` returns `FPID_BAD_INPUT` and changes nothing where an input is NaN or infinite,
-and `FPID_BAD_TORQUE` where a torque is: stop the drives then. Fractional memories are fitted for
-{horizon} s; after that they forget too much, and `fpid_reset` begins again.
-
-## State
-
-A state is a plain struct; `state.joints[j]` has what the law knows of a joint: {fields}. It may be
-read between two ticks, and gains written. A copy of the whole, kept in a file by this very build,
-goes on without a bump: `fpid_restore(&state, &copy)`; it refuses another export's state.
-
-## What it takes
-
-| bytes, -Os on the machine that exported | RAM, a state | flash, constants | flash, code |
-| --- | --- | --- | --- |
-{table}
-
-`float` is `-DFPID_SINGLE`.
-
-## How exact it is
-
-{exactness} Measured with `vectors.bin`, what a tick is given and what the simulation answers:
-
-{proof}
-
-{single}
-"""

@@ -7,10 +7,10 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from fpid_pin.export.c99 import C99
 from fpid_pin.export.expressions import Expressions
-from fpid_pin.export.kinds import BOOL, INT, REAL, Kind, Number, joined
-from fpid_pin.export.language import SUM, Language, Parameter, Value, zero
-from fpid_pin.export.scopes import Scopes
+from fpid_pin.export.kinds import INT, REAL, Kind, Number
+from fpid_pin.export.language import SUM, Value
 from fpid_pin.export.source import Source
 
 if TYPE_CHECKING:
@@ -30,84 +30,58 @@ class Statements:
         The function's, without head and end.
     returns
         The kind of its value; None: none.
-    parameters
-        Its arguments, and what happens to them.
     """
 
     def __init__(
-        self, source: Source, language: Language, program: Program, kinds: Sequence[Kind]
+        self, source: Source, language: C99, program: Program, kinds: Sequence[Kind]
     ) -> None:
         self._source, self._language = source, language
-        self._scopes = Scopes(source)
         self._x = Expressions(source, language, program)
         self._given = dict(zip(source.parameters, kinds, strict=True))
         self._x.kinds.update(self._given)
-        self.returns: Kind | None = None
-        # Kinds, and through which names memory is written, are known when nothing changes any more.
+        self.returns: Number | None = None
+        self.lines: list[str] = []
+        # Kinds are known when nothing changes any more.
         for _ in range(_ROUNDS):
-            before = (dict(self._x.kinds), set(self._x.written), self.returns)
+            before = (dict(self._x.kinds), self.returns)
             self._print()
-            if before == (self._x.kinds, self._x.written, self.returns):
+            if before == (self._x.kinds, self.returns):
                 break
-        self._drop_unused()
-        text = "\n".join(self.lines)
-        self.parameters = [
-            Parameter(p, kind, name in self._x.written, _uses(text, p))
-            for name, kind in self._given.items()
-            for p in [self._language.name(name)]
-        ]
+        names = [language.name(name) for name in self._x.kinds if name not in self._given]
+        names += [f"kept_{k + 1}" for k in range(self._temporaries)]
+        self.lines = _without_unused(self.lines, names)
+
+    def uses(self, name: str) -> bool:
+        """Return whether a variable occurs in the printed lines."""
+        return _count(self._language.name(name), self.lines) > 0
 
     def _print(self) -> None:
-        self.lines: list[str] = []
-        #: Names by the lines that declare them.
-        self._declarations: dict[str, str] = {}
+        self.lines = []
         self._depth, self._temporaries = 1, 0
-        self._declared: set[str] = set()
-        for name in self._scopes.hoisted:
-            kind = self._x.kinds.get(name)
-            if isinstance(kind, Number):
-                start = self._language.number(zero(kind)).text
-                self._line(f"{self._declare(name, kind)} = {start};")
-                self._declarations[self.lines[-1]] = self._language.name(name)
-            elif kind is not None:
-                raise self._source.refusal(
-                    self._source.tree, f"{name}: a record or row that outlives its block"
-                )
-            self._declared.add(name)
-        for statement in self._source.body:
-            self._statement(statement)
-
-    def _drop_unused(self) -> None:
-        """Drop variables that nothing is left of but where they begin."""
-        for line, name in reversed(self._declarations.items()):
-            others = "\n".join(other for other in self.lines if other != line)
-            # A call may write.
-            if not _uses(others, name) and not re.search(r"\w\(", line):
-                self.lines = [other for other in self.lines if other != line]
+        for name in self._source.hoisted:
+            if name in self._x.kinds:
+                kind = self._x.kinds[name]
+                declared = self._language.declare(self._language.name(name), kind)
+                # The address 0 as well as the number.
+                self._line(f"{declared} = 0;")
+        self._all(self._source.body)
 
     def _line(self, text: str) -> None:
         self.lines.append("    " * self._depth + text)
 
-    def _declare(self, name: str, kind: Kind) -> str:
-        return self._language.declare(self._language.name(name), kind, name not in self._x.written)
-
-    # ------------------------------------------------------------------ statements
-
-    def _statement(self, node: ast.stmt) -> None:
-        method = getattr(self, f"_{type(node).__name__.lower()}", None)
-        if method is None:
-            first = ast.unparse(node).partition("\n")[0]
-            raise self._x.refuse(node, f"{type(node).__name__}: {first}")
-        method(node)
+    def _all(self, body: Sequence[ast.stmt]) -> None:
+        for node in body:
+            method = getattr(self, f"_{type(node).__name__.lower()}", None)
+            if method is None:
+                raise self._x.refuse(node, f"{type(node).__name__}: {_first_line(node)}")
+            method(node)
 
     def _block(self, body: Sequence[ast.stmt]) -> None:
         self._depth += 1
-        # What a block declares is gone where it ends.
-        before = set(self._declared)
-        for statement in body:
-            self._statement(statement)
-        self._declared = before
+        self._all(body)
         self._depth -= 1
+
+    # ------------------------------------------------------------------ statements
 
     def _expr(self, node: ast.Expr) -> None:
         if not isinstance(node.value, ast.Call):
@@ -122,43 +96,37 @@ class Statements:
         if node.value is None:
             raise self._x.refuse(node, "a return without a value")
         value = self._x.number(node.value)
-        assert isinstance(value.kind, Number)
-        if self.returns is None:
-            self.returns = value.kind
-        assert isinstance(self.returns, Number)
-        self.returns = joined(self.returns, value.kind)
+        self.returns = REAL if REAL in (self.returns, value.kind) else INT
         self._line(f"return {self._language.coerce(value, self.returns).text};")
 
     def _pass(self, node: ast.Pass) -> None:
         pass
 
-    def _if(self, node: ast.If) -> None:
-        word = "if"
-        while True:
-            test = self._x.number(node.test, BOOL)
-            left: list[ast.stmt] = node.orelse
-            if test.known is not None:
-                # Only what can ever happen is printed.
-                left = node.body if test.known else node.orelse
-                if word == "if":
-                    for statement in left:
-                        self._statement(statement)
-                    return
-                break
+    def _if(self, node: ast.If, word: str = "if") -> None:
+        test = self._x.truth(node.test)
+        if test.known is not None:
+            # Only what can ever happen is printed.
+            chosen = node.body if test.known else node.orelse
+            if word == "if":
+                self._all(chosen)
+                return
+            self._line("} else {")
+            self._block(chosen)
+        else:
             self._line(f"{word} ({test.text}) {{")
             self._block(node.body)
-            if len(left) != 1 or not isinstance(left[0], ast.If):
-                break
-            node, word = left[0], "} else if"
-        if left:
-            self._line("} else {")
-            self._block(left)
+            if len(node.orelse) == 1 and isinstance(node.orelse[0], ast.If):
+                self._if(node.orelse[0], "} else if")
+                return
+            if node.orelse:
+                self._line("} else {")
+                self._block(node.orelse)
         self._line("}")
 
     def _while(self, node: ast.While) -> None:
         if node.orelse:
             raise self._x.refuse(node, "while with else")
-        self._line(f"while ({self._x.number(node.test, BOOL).text}) {{")
+        self._line(f"while ({self._x.truth(node.test).text}) {{")
         self._block(node.body)
         self._line("}")
 
@@ -171,130 +139,133 @@ class Statements:
             or len(made.args) not in (1, 2)
             or node.orelse
         ):
-            raise self._x.refuse(node, f"expected for NAME in range(...), got {_head(node)}")
-        ends = [self._x.number(end) for end in made.args]
-        for end, argument in zip(ends, made.args, strict=True):
-            if end.kind != INT:
-                raise self._x.refuse(argument, f"expected an integer, got {ast.unparse(argument)}")
-        if ends[-1].known is None and ast.unparse(made.args[-1]) not in self._scopes.steady:
+            what = f"expected for NAME in range(...), got {_first_line(node)}"
+            raise self._x.refuse(node, what)
+        start, end = [self._x.whole(part) for part in [ast.Constant(0), *made.args][-2:]]
+        if end.known is None and self._source.stored[ast.unparse(made.args[-1])] != 1:
             # Python asks only once where it ends.
-            ends[-1] = self._keep(ends[-1])
-        start = ends[0].text if len(ends) == 2 else "0"
-        first, last = (ends[0].known, ends[-1].known) if len(ends) == 2 else (0, ends[0].known)
-        if first is not None and last is not None and first >= last:
+            end = self._keep(end)
+        if start.known is not None and end.known is not None and start.known >= end.known:
             return
-        name = target.id
-        kept = self._x.kinds.get(name)
-        self._x.kinds[name] = INT
-        self._line(self._language.loop(self._language.name(name), start, ends[-1].within(SUM)))
+        name = self._language.name(target.id)
+        # Its name is its own: the same may stand for something else elsewhere.
+        kept = self._x.kinds.get(target.id)
+        self._x.kinds[target.id] = INT
+        declared = self._language.declare(name, INT)
+        self._line(f"for ({declared} = {start.text}; {name} < {end.within(SUM)}; ++{name}) {{")
         self._block(node.body)
         self._line("}")
-        # Its name is its own: the same may stand for something else elsewhere.
-        if kept is None:
-            del self._x.kinds[name]
-        else:
-            self._x.kinds[name] = kept
+        del self._x.kinds[target.id]
+        if kept is not None:
+            self._x.kinds[target.id] = kept
 
     # ------------------------------------------------------------------ assignments
 
     def _assign(self, node: ast.Assign) -> None:
+        target = node.targets[0]
         if len(node.targets) > 1:
-            value = self._x.value(node.value)
-            if not isinstance(node.value, ast.Constant):
-                value = self._keep(value)
-            for target in node.targets:
-                self._store(target, value)
-        elif isinstance(node.targets[0], ast.Tuple):
-            self._unpack(node, node.targets[0])
+            shared = self._keep(self._x.value(node.value))
+            for place in node.targets:
+                self._store(node, place, shared)
+        elif isinstance(target, ast.Tuple):
+            if not isinstance(node.value, ast.Tuple) or len(node.value.elts) != len(target.elts):
+                what = f"expected as many values as names: {ast.unparse(node)}"
+                raise self._x.refuse(node, what)
+            pairs = list(zip(target.elts, node.value.elts, strict=True))
+            if any(_meet(place, value) for place, _ in pairs for _, value in pairs[1:]):
+                # All values are there before the first name gets one.
+                kept = [self._keep(self._x.value(value)) for _, value in pairs]
+                for (place, _), known in zip(pairs, kept, strict=True):
+                    self._store(node, place, known)
+            else:
+                for place, given in pairs:
+                    self._store(node, place, self._x.value(given))
         else:
-            self._store(node.targets[0], self._x.value(node.value))
-
-    def _unpack(self, node: ast.Assign, target: ast.Tuple) -> None:
-        """Assign one by one, by way of variables where a later value would see an earlier name."""
-        if not isinstance(node.value, ast.Tuple) or len(node.value.elts) != len(target.elts):
-            raise self._x.refuse(node, f"expected as many values as names: {ast.unparse(node)}")
-        pairs = list(zip(target.elts, node.value.elts, strict=True))
-        tangled = any(
-            self._scopes.touches(earlier, value)
-            for k, (_, value) in enumerate(pairs)
-            for earlier, _ in pairs[:k]
-        )
-        if tangled:
-            kept = [self._keep(self._x.value(value)) for _, value in pairs]
-            for (place, _), known in zip(pairs, kept, strict=True):
-                self._store(place, known)
-        else:
-            for place, value in pairs:
-                self._store(place, self._x.value(value))
+            self._store(node, target, self._x.value(node.value))
 
     def _keep(self, value: Value) -> Value:
-        """Give a value a name."""
+        """Give a value that is no constant a name."""
+        if value.known is not None:
+            return value
         self._temporaries += 1
         name = f"kept_{self._temporaries}"
-        self._line(f"{self._language.declare(name, value.kind, False)} = {value.text};")
-        return Value(name, value.kind, roots=value.roots)
+        self._line(f"{self._language.declare(name, value.kind)} = {value.text};")
+        return Value(name, value.kind)
 
-    def _store(self, target: ast.expr, value: Value) -> None:
+    def _store(self, node: ast.Assign, target: ast.expr, value: Value) -> None:
         if isinstance(target, ast.Name):
-            self._store_name(target, value)
+            self._store_name(node, target, value)
             return
         if not isinstance(target, (ast.Attribute, ast.Subscript)):
             raise self._x.refuse(target, ast.unparse(target))
         place = self._x.value(target)
         if not isinstance(place.kind, Number) or not isinstance(value.kind, Number):
             raise self._x.refuse(target, f"an assignment to {place.kind}: {ast.unparse(target)}")
-        if value.kind == REAL and place.kind != REAL:
+        if value.kind == REAL and place.kind == INT:
             raise self._x.refuse(target, f"a real number in an integer: {ast.unparse(target)}")
-        self._x.written |= place.roots
         self._line(f"{place.text} = {self._language.coerce(value, place.kind).text};")
 
-    def _store_name(self, target: ast.Name, value: Value) -> None:
-        name, kind = target.id, self._x.kinds.get(target.id)
+    def _store_name(self, node: ast.Assign, target: ast.Name, value: Value) -> None:
+        name, kind = target.id, self._x.kinds.get(target.id, value.kind)
         if isinstance(value.kind, Number) and isinstance(kind, Number):
-            kind = joined(kind, value.kind)
-        elif kind is not None and kind != value.kind:
+            kind = REAL if REAL in (kind, value.kind) else INT
+        elif kind != value.kind:
             raise self._x.refuse(target, f"{name} is first {kind}, then {value.kind}")
-        else:
-            kind = value.kind
         if self._given.get(name, kind) != kind:
             raise self._x.refuse(target, f"{name} is given as {self._given[name]}, then {kind}")
-        if value.known is not None and kind in (INT, BOOL) and name in self._scopes.steady:
+        if value.known is not None and kind == INT and self._source.stored[name] == 1:
             self._x.fixed[name] = value
             return
         self._x.kinds[name] = kind
+        left = self._language.name(name)
+        if self._source.declared.get(name) is node:
+            left = self._language.declare(left, kind)
         if isinstance(kind, Number):
             value = self._language.coerce(value, kind)
-        else:
-            self._x.roots[name] = self._x.roots.get(name, frozenset()) | value.roots
-        own = name in self._given or name in self._declared
-        self._declared.add(name)
-        left = self._language.name(name) if own else self._declare(name, kind)
         self._line(f"{left} = {value.text};")
-        if not own:
-            self._declarations[self.lines[-1]] = self._language.name(name)
 
     def _augassign(self, node: ast.AugAssign) -> None:
         if type(node.op) not in _AUGMENTED:
             raise self._x.refuse(node, ast.unparse(node))
         target, value = self._x.number(node.target), self._x.number(node.value)
-        assert isinstance(target.kind, Number)
-        if target.kind != REAL and (value.kind == REAL or isinstance(node.op, ast.Div)):
+        if target.kind == INT and (value.kind == REAL or isinstance(node.op, ast.Div)):
             if not isinstance(node.target, ast.Name) or node.target.id in self._given:
                 raise self._x.refuse(node, f"a real number in an integer: {ast.unparse(node)}")
             # It is real from the start, then.
             self._x.kinds[node.target.id] = REAL
-            target = self._x.number(node.target)
-        if not isinstance(node.target, ast.Name):
-            self._x.written |= target.roots
+            target = target._replace(kind=REAL)
         assert isinstance(target.kind, Number)
         right = self._language.coerce(value, target.kind)
         self._line(f"{target.text} {_AUGMENTED[type(node.op)]} {right.text};")
 
 
-def _uses(text: str, name: str) -> bool:
-    """Return whether a name occurs in some lines."""
-    return re.search(rf"\b{name}\b", text) is not None
+def _count(name: str, lines: Sequence[str]) -> int:
+    """Return how often a variable occurs in some lines; a field may have the same name."""
+    return sum(len(re.findall(rf"(?<!->)(?<!\.)\b{name}\b", line)) for line in lines)
 
 
-def _head(node: ast.For) -> str:
+def _without_unused(lines: list[str], names: Sequence[str]) -> list[str]:
+    """Return lines without those that give a value to variables which nothing looks at.
+
+    Constants decide what would have. A call is made all the same: it may write.
+    """
+    for name in names:
+        stores = [x for x in lines if re.fullmatch(rf" *([\w ]+[ *])?{name} = ((?!\w\().)*;", x)]
+        if stores and _count(name, lines) == len(stores):
+            rest = [line for line in lines if line not in stores]
+            return _without_unused(rest, names)
+    return lines
+
+
+def _meet(place: ast.expr, value: ast.expr) -> bool:
+    """Return whether a value may depend on what an assignment to a place changes."""
+    names = [
+        {part.attr if isinstance(part, ast.Attribute) else part.id
+         for part in ast.walk(node) if isinstance(part, (ast.Name, ast.Attribute))}
+        for node in (place, value)
+    ]  # fmt: skip
+    return bool(names[0] & names[1]) or any(isinstance(x, ast.Call) for x in ast.walk(value))
+
+
+def _first_line(node: ast.AST) -> str:
     return ast.unparse(node).partition("\n")[0]

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ExportError, FileFormatError
-from fpid_pin.export.law import INPUTS
+from fpid_pin.exceptions import ExportError
 from fpid_pin.simulation import Experiment, simulate
 
 if TYPE_CHECKING:
@@ -33,26 +32,6 @@ class Vectors(NamedTuple):
         ticks, n = self.torque.shape
         rows = np.concatenate([self.inputs.reshape(ticks, -1), self.torque], axis=1)
         path.write_bytes(_MAGIC + struct.pack("<ii", n, ticks) + rows.astype("<f8").tobytes())
-
-
-def read(path: Path) -> Vectors:
-    """Read vectors from a file.
-
-    Raises
-    ------
-    FileFormatError
-        Not such a file.
-    """
-    data = path.read_bytes()
-    if len(data) < 16 or data[:8] != _MAGIC:
-        raise FileFormatError(f"{path}: not a file of test vectors")
-    n, ticks = struct.unpack("<ii", data[8:16])
-    rows = np.frombuffer(data[16:], "<f8")
-    if rows.size != ticks * (INPUTS + 1) * n:
-        raise FileFormatError(f"{path}: test vectors that are cut short")
-    rows = rows.reshape(ticks, -1)
-    inputs = rows[:, : INPUTS * n].reshape(ticks, INPUTS, n)
-    return Vectors(inputs.astype(float), rows[:, INPUTS * n :].astype(float))
 
 
 def signals(arm: Arm, step: float, ticks: int) -> FloatArray:

@@ -11,10 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError, FpidWarning
-from fpid_pin.fractional.design import DEFAULT_HORIZON, Design, check_grid, check_order
-from fpid_pin.fractional.history import HistoryDesign
-from fpid_pin.fractional.memory import ModalMemory, PastMemory
-from fpid_pin.fractional.modes import INITIALISATIONS
+from fpid_pin.fractional.design import (
+    DEFAULT_HORIZON,
+    INITIALISATIONS,
+    Design,
+    Records,
+    check_grid,
+    check_order,
+    modes_of,
+)
+from fpid_pin.fractional.history import HistoryDesign, Past
 
 RATES = ("measured", "differenced")
 
@@ -28,8 +34,8 @@ class Bank:
     Parameters
     ----------
     design
-        How: `ExponentialSum`, `Crone`, `RefinedOustaloup`; `GrunwaldLetnikov` and `L1` keep the
-        signal's past instead of modes.
+        How: `ExponentialSum`, `Crone`; `GrunwaldLetnikov` and `L1` keep the signal's past instead
+        of modes.
     order
         Orders alpha, of any shape, for example (terms, runs, joints); it is the bank's shape.
     step
@@ -77,6 +83,10 @@ class Bank:
         initialisation: str = "caputo",
         rate: str = "measured",
     ) -> None:
+        # Imported late: it loads numba.
+        from fpid_pin.kernels import operator
+
+        self._kernels: Any = operator
         checks.instance("design", design, Design, "a fractional design")
         self.design = design
         self.order = check_order(order)
@@ -84,25 +94,28 @@ class Bank:
         self.initialisation = checks.choice("initialisation", initialisation, INITIALISATIONS)
         self.rate = checks.choice("rate", rate, RATES)
         self.shape = self.order.shape
-        self._measured = self.rate == "measured"
-        flat = self.order.reshape(-1)
-        self._memory: ModalMemory | PastMemory
-        # The past does not wear out: only modes are fitted to a horizon.
+        size = self.order.size
+        # This sample and the last, and the output, all channels in a row.
+        self._f, self._f_, self._rate, self._rate_, self._output = np.zeros((5, size))
+        self._held = np.zeros(size, dtype=bool)
+        self._past: Past | None = None
+        # Only modes are fitted to a horizon.
         self._end = -1
         if isinstance(design, HistoryDesign):
-            self._memory = PastMemory(design, flat, self.step, self.initialisation)
+            self._past = Past(design, self.order.reshape(-1), self.step, self.initialisation)
         else:
-            grid = (self.step, self.horizon)
-            self._memory = ModalMemory(design, flat, *grid, self.initialisation)
+            self._records = self._fitted()
             self._end = round(self.horizon / self.step) + 1
-        # This sample and the last, and the output, all channels in a row.
-        self._f, self._f_, self._rate, self._rate_, self._output = np.zeros((5, flat.size))
-        self._dead, self._held = np.zeros((2, flat.size), dtype=bool)
-        self._retired = False
         self.reset()
 
+    def _fitted(self) -> Records:
+        """Return new records of the modes for the orders in use."""
+        flat = self.order.reshape(-1)
+        modes = modes_of(self.design, flat, step=self.step, horizon=self.horizon)
+        return modes.records(self.initialisation)
+
     def reset(self) -> None:
-        """Go back to t = 0; retired channels stay retired."""
+        """Go back to t = 0."""
         self._output[:] = 0.0
         self._tick = 0
         self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
@@ -133,19 +146,23 @@ class Bank:
         ArgumentError
             A rate that is missing, or given where it is not used; a wrong shape.
         """
-        shape, held, started = self.shape, self._dead, self._tick > 0
-        try:
-            np.copyto(self._f.reshape(shape), value)
-            if self._measured:
-                np.copyto(self._rate.reshape(shape), rate)  # type: ignore[arg-type]
-            elif rate is not None:
-                raise ValueError
-            if hold is not None and started:
-                held = self._held
-                np.copyto(held.reshape(shape), hold)
-                held |= self._dead
-        except (TypeError, ValueError):
-            raise self._wrong(value, rate, hold) from None
+        measured, started = self.rate == "measured", self._tick > 0
+        if measured and rate is None:
+            raise ArgumentError("rate", "the signal's rate (or a bank with 'differenced')", "none")
+        if not measured and rate is not None:
+            raise ArgumentError("rate", "none (the bank is 'differenced')", "one")
+        self._copy("value", value, self._f)
+        if rate is not None:
+            self._copy("rate", rate, self._rate)
+        elif started:
+            np.subtract(self._f, self._f_, out=self._rate)
+            self._rate /= self.step
+        else:
+            jumps = self.initialisation == "grunwald_letnikov"
+            self._rate[:] = self._f / self.step * jumps
+        self._held[:] = False
+        if hold is not None and started:
+            self._copy("hold", hold, self._held)
         if self._ramp is not None:
             self._follow(*self._ramp)
         if self._tick == self._end:
@@ -155,42 +172,62 @@ class Bank:
                 FpidWarning,
                 stacklevel=2,
             )
-        if self._retired:
-            self._f[self._dead] = self._rate[self._dead] = 0.0
-        if not self._measured:
-            self._difference(started)
-        # A differenced rate is constant over the step: the same at both its ends.
-        last_rate = self._rate_ if self._measured else self._rate
-        signals = self._f, self._f_, self._rate, last_rate
-        self._memory.sample(started, signals, held, self._output)
+        f, f_, df, held = self._f, self._f_, self._rate, self._held
+        if self._past is None:
+            # A differenced rate is constant over the step: the same at both its ends.
+            last = self._rate_ if measured else df
+            self._kernels.sample(
+                started, *self._records, f, f_, df, last, held, self._output, self.step
+            )
+        else:
+            self._past.sample(started, f, f_, df, held, self._output)
+            f_[:] = f
         self._tick += 1
-        result = self._output.reshape(shape)
+        result = self._output.reshape(self.shape)
         if out is None:
             return result
         np.copyto(out, result)
         return out
 
-    def _difference(self, started: bool) -> None:
-        """Take the rate for constant since the last sample, and at t = 0 for that of the start."""
-        if started:
-            np.subtract(self._f, self._f_, out=self._rate)
-            self._rate /= self.step
-        else:
-            self._rate[:] = self._f / self.step * (self.initialisation == "grunwald_letnikov")
+    def recorded(self, value: FloatArray, rate: FloatArray | None = None) -> FloatArray:
+        """Return D^alpha of whole signals from t = 0, as `update` gives it sample by sample.
 
-    def _wrong(self, value: Any, rate: Any, hold: Any) -> ArgumentError:
-        if self._measured and rate is None:
-            return ArgumentError("rate", "the signal's rate (or a bank with 'differenced')", "none")
-        if not self._measured and rate is not None:
-            return ArgumentError("rate", "none (the bank is 'differenced')", "one")
-        given = {"value": value} | ({"rate": rate} if self._measured else {})
-        for name, array in given.items():
-            try:
-                np.copyto(np.empty(self.shape), array)
-            except (TypeError, ValueError):
-                got = f"shape {np.shape(array)}"
-                return ArgumentError(name, f"numbers of shape {self.shape}", got)
-        return ArgumentError("hold", f"booleans of shape {self.shape}", f"shape {np.shape(hold)}")
+        Parameters
+        ----------
+        value, rate
+            f and, where it is known, f', (N, ...): time first. What is streaming is left alone.
+
+        Raises
+        ------
+        ArgumentError
+            A wrong shape.
+        """
+        samples = max(len(value), 1)
+        for name, given in (("value", value), ("rate", value if rate is None else rate)):
+            if np.shape(given) != (samples, *self.shape):
+                expected = f"shape {(samples, *self.shape)}"
+                raise ArgumentError(name, expected, f"shape {np.shape(given)} (time first)")
+        f = np.ascontiguousarray(value, dtype=np.float64).reshape(samples, -1)
+        if rate is None:
+            jump = f[:1] * (self.initialisation == "grunwald_letnikov")
+            df = last = np.diff(f, axis=0, prepend=f[:1] - jump) / self.step
+        else:
+            df = np.ascontiguousarray(rate, dtype=np.float64).reshape(samples, -1)
+            last = np.concatenate([df[:1], df[:-1]])
+        if self._past is not None:
+            out = self._past.recorded(f, df)
+        else:
+            out = np.empty_like(f)
+            self._kernels.record(*self._fitted(), f, df, last, out, self.step)
+        return out.reshape(samples, *self.shape)
+
+    def _copy(self, name: str, given: ArrayLike, to: NDArray[np.generic]) -> None:
+        try:
+            np.copyto(to.reshape(self.shape), given)
+        except (TypeError, ValueError):
+            kind = "booleans" if name == "hold" else "numbers"
+            got = f"shape {np.shape(given)}"
+            raise ArgumentError(name, f"{kind} of shape {self.shape}", got) from None
 
     def set_order(self, order: ArrayLike, ramp: float = 0.0) -> None:
         """Change the orders, from the next sample on.
@@ -225,29 +262,18 @@ class Bank:
 
     def _follow(self, first: FloatArray, last: FloatArray, since: int, steps: int) -> None:
         """Move the orders to where the ramp is at this sample."""
-        part = (self._tick - since + 1) / steps
-        if part >= 1.0:
+        fraction = (self._tick - since + 1) / steps
+        if fraction >= 1.0:
             self._ramp = None
             self._use(last)
         else:
-            self._use(checks.read_only(first + part * (last - first)))
+            self._use(checks.read_only(first + fraction * (last - first)))
 
     def _use(self, order: FloatArray) -> None:
         self.order = order
-        self._memory.use(order.reshape(-1))
-
-    def retire(self, index: Any) -> None:
-        """Turn channels into exact zeros for good: state, input and output.
-
-        A run that has diverged would otherwise fill its modes with infinities, or with
-        denormal numbers, which cost sixteen times the time of others.
-
-        Parameters
-        ----------
-        index
-            Anything that indexes an array of the bank's shape: ``(slice(None), run)``.
-        """
-        self._dead.reshape(self.shape)[index] = True
-        self._retired = True
-        self._output[self._dead] = 0.0
-        self._memory.clear(self._dead)
+        if self._past is not None:
+            self._past.use(order.reshape(-1))
+        else:
+            values = self._records.modes["x"]
+            self._records = self._fitted()
+            self._records.modes["x"] = values

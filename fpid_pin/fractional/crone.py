@@ -1,4 +1,4 @@
-"""CRONE: Oustaloup's band-limited filters, the realisation that the paper names.
+"""CRONE: Oustaloup's band-limited filter, the realisation that the paper names.
 
     H(s) = K prod_k (s + z_k)/(s + p_k),   k = -N..N,   K = high^alpha
     z_k, p_k = low (high/low)^((k + N + (1 -/+ alpha)/2)/(2N + 1))
@@ -11,7 +11,6 @@ coefficients, in s or in z, whose roots leave the unit circle already at N = 5.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,15 +19,16 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
 from fpid_pin.descriptions import described
-from fpid_pin.exceptions import ArgumentError, DesignError
-from fpid_pin.fractional.design import Design, check_grid, check_order
-from fpid_pin.fractional.modes import Modes
-from fpid_pin.fractional.step_integrals import integrate_step
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.fractional.design import Design, Modes, check_grid, check_order, integrate_step
 
 
+@described("crone")
 @dataclass(frozen=True)
-class Oustaloup(Design):
-    """What the filters have in common: a band, 2N + 1 pairs of zeros and poles, widening.
+class Crone(Design):
+    """Oustaloup's filter over [low, high] rad/s: the paper's own realisation.
+
+    Its poles depend on the order, so that an order which changes while running leaves a bump.
 
     Parameters
     ----------
@@ -60,15 +60,17 @@ class Oustaloup(Design):
         widening = checks.number("widening", self.widening, low=0.0, high=10.0)
         object.__setattr__(self, "widening", widening)
 
-    @property
-    def designed_band(self) -> tuple[float, float]:
-        """The band with its widening [rad/s]."""
-        factor = 10.0**self.widening
-        return self.low / factor, self.high * factor
-
-    @abstractmethod
     def zpk(self, order: float) -> tuple[FloatArray, FloatArray, float]:
         """Return zeros, poles [rad/s, negative real] and gain of H(s) for one order."""
+        order = checks.number("order", order, low=0.0, high=1.0)
+        factor = 10.0**self.widening
+        low, high = self.low / factor, self.high * factor
+        k, n = np.arange(-self.n, self.n + 1), self.n
+        zeros, poles = (
+            low * (high / low) ** ((k + n + 0.5 * (1.0 + shift)) / (2 * n + 1))
+            for shift in (-order, order)
+        )
+        return -zeros, -poles, high**order
 
     def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Modes:
         """Return the modes' coefficients; the poles depend on the order.
@@ -78,97 +80,36 @@ class Oustaloup(Design):
         """
         alpha = check_order(order)
         step, _ = check_grid(step, horizon)
-        flat = alpha.reshape(-1)
-        columns = [self._partial_fractions(float(a)) for a in flat]
-        poles = np.stack([p for p, _ in columns], axis=1)
-        weights = np.stack([g for _, g in columns], axis=1)
+        columns = [self._partial_fractions(float(a)) for a in alpha.reshape(-1)]
+        shape = (-1, *alpha.shape)
+        poles, weights = (
+            np.stack(part, axis=1).reshape(shape) for part in zip(*columns, strict=True)
+        )
         one = integrate_step(poles, step)
         # Order 1 is f' alone, which no mode makes.
-        rate = np.where(flat == 1.0, 1.0, 0.0)
-        shape = (len(poles), *alpha.shape)
+        rate = np.where(alpha == 1.0, 1.0, 0.0)
         return Modes(
             order=alpha,
             step=step,
-            poles=read_only(poles.reshape(shape)),
-            weights=weights.reshape(shape),
-            now=((weights * one.now).sum(axis=0) + rate).reshape(alpha.shape),
-            before=(weights * one.before).sum(axis=0).reshape(alpha.shape),
-            mean=(weights * one.mean).sum(axis=0).reshape(alpha.shape),
-            kick=(weights.sum(axis=0) + rate / step).reshape(alpha.shape),
+            poles=read_only(poles),
+            weights=weights,
+            now=(weights * one["b1"]).sum(axis=0) + rate,
+            before=(weights * one["b0"]).sum(axis=0),
+            mean=(weights * one["b2"]).sum(axis=0),
+            initial_output=weights.sum(axis=0) + rate / step,
         )
 
     def _partial_fractions(self, order: float) -> tuple[FloatArray, FloatArray]:
         """Return poles (modes,) [1/s] with 0 first, and weights: H(s)/s = sum g_i/(s + p_i)."""
-        # The ends have no filter of their own; an inner order keeps the arrays' shapes.
-        inner = order if 0.0 < order < 1.0 else 0.5
         # Nearer to an end, zeros and poles meet within rounding and a quotient is 0/0.
-        zeros, poles, gain = self.zpk(min(max(inner, 1e-9), 1.0 - 1e-9))
-        z, p = np.sort(-zeros), np.sort(np.concatenate([[0.0], -poles]))
+        zeros, poles, gain = self.zpk(min(max(order, 1e-9), 1.0 - 1e-9))
+        z, p = -zeros, np.concatenate([[0.0], -poles])
+        if order in (0.0, 1.0):
+            # The mode with p = 0 is f - f(0): alone it is order 0.
+            return p, (1.0 - order) * (p == 0.0)
         # Residues of H(s)/s. Zeros and poles interlace: paired in order, each factor is of order
-        # one and no product overflows. Where H(0) = 0 that of the pole at 0 vanishes by itself.
+        # one and no product overflows.
         index = np.arange(p.size)
         others = np.stack([np.delete(index, i) for i in index], axis=1)
         ratios = (z[:, None] - p) / (p[others] - p)
-        weights = gain * np.abs(ratios.prod(axis=0))
-        # The mode with p = 0 is f - f(0): alone it is order 0.
-        return p, weights if inner == order else (1.0 - order) * (p == 0.0)
-
-
-def _oustaloup(low: float, high: float, n: int, order: float) -> tuple[FloatArray, FloatArray]:
-    k = np.arange(-n, n + 1)
-    ratio = high / low
-    zeros = low * ratio ** ((k + n + 0.5 * (1.0 - order)) / (2 * n + 1))
-    poles = low * ratio ** ((k + n + 0.5 * (1.0 + order)) / (2 * n + 1))
-    return zeros, poles
-
-
-@described("crone")
-@dataclass(frozen=True)
-class Crone(Oustaloup):
-    """Oustaloup's filter over [low, high] rad/s: the paper's own realisation.
-
-    Its poles depend on the order, so that an order which changes while running leaves a bump.
-    """
-
-    __doc__ = (__doc__ or "") + (Oustaloup.__doc__ or "").partition("\n")[2]
-
-    def zpk(self, order: float) -> tuple[FloatArray, FloatArray, float]:
-        """Return zeros, poles [rad/s, negative real] and gain of H(s) for one order."""
-        order = checks.number("order", order, low=0.0, high=1.0)
-        low, high = self.designed_band
-        zeros, poles = _oustaloup(low, high, self.n, order)
-        return -zeros, -poles, high**order
-
-
-@described("refined_oustaloup")
-@dataclass(frozen=True)
-class RefinedOustaloup(Oustaloup):
-    """The refined filter of Xue, Zhao and Chen (2006), with its gain bias corrected.
-
-    Oustaloup's filter times ``s (d s + b high) / (d (1 - alpha) s^2 + b high s + d alpha)`` with
-    b = 10, d = 9. As published the gain is ``(d high/b)^alpha``, which is too small by
-    ``(d/b)^alpha`` all through the band (10 % at order 0.9); here it is ``high^alpha``.
-    """
-
-    __doc__ = (__doc__ or "") + (Oustaloup.__doc__ or "").partition("\n")[2]
-
-    def zpk(self, order: float) -> tuple[FloatArray, FloatArray, float]:
-        """Return zeros, poles [rad/s, negative real] and gain of H(s) for one order in (0, 1)."""
-        order = checks.number("order", order, above=0.0, high=1.0)
-        if order == 1.0:
-            raise ArgumentError("order", "a number in (0, 1)", "1 (not a proper filter)")
-        low, high = self.designed_band
-        zeros, poles = _oustaloup(low, high, self.n, order)
-        b, d = 10.0, 9.0
-        root = (b * high) ** 2 - 4.0 * d * d * order * (1.0 - order)
-        if root <= 0.0:
-            raise DesignError(
-                "refined Oustaloup: expected a band whose upper end gives real poles"
-                f" (above {d / b:g} rad/s for every order), got {high:g} rad/s"
-            )
-        # The larger root without cancellation, the smaller from their product alpha/(1 - alpha).
-        fast = (b * high + root**0.5) / (2.0 * d * (1.0 - order))
-        slow = order / (1.0 - order) / fast
-        zeros = np.concatenate([[0.0], zeros, [b * high / d]])
-        poles = np.concatenate([[slow], poles, [fast]])
-        return -zeros, -poles, high**order / (1.0 - order)
+        return p, gain * np.abs(ratios.prod(axis=0))

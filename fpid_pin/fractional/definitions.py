@@ -9,22 +9,23 @@ first one:
 
 The sum is the definition of (1) for the given step. (2) and (4) are integrals of the rate: where it
 is not known, the whole record being there, it is that of a quintic spline through the samples.
+All give what a `Bank` gives sample by sample: modes by the same kernel, the rules that keep the
+past by a fast Fourier transform.
 """
 
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.fractional.design import Design
+from fpid_pin.fractional.bank import Bank
+from fpid_pin.fractional.design import Design, check_order
 from fpid_pin.fractional.exponential_sum import ExponentialSum
-from fpid_pin.fractional.history import GrunwaldLetnikov, HistoryDesign
-from fpid_pin.fractional.modes import INITIALISATIONS
-from fpid_pin.fractional.recorded import run_lags, run_modes
-from fpid_pin.text import shown
+from fpid_pin.fractional.history import GrunwaldLetnikov
 
 _KERNEL_TOLERANCE = 1e-10
 _SPLINE_DEGREE = 5
@@ -84,7 +85,25 @@ def caputo(
     0.2, 0.5, 0.87 (L1: 1.12, 1.31, 1.43), but some 10 h^-alpha in the last sample and 3 in the one
     before it (order 0.87): at its ends the spline has samples on one side only.
     """
-    return _derivative(None, signal, order, step, rate, axis, initialisation, design)
+    step = checks.number("step", step, above=0.0)
+    value = _time_first("signal", signal, axis)
+    slope = None if rate is None else _time_first("rate", rate, axis)
+    alpha = check_order(order)
+    try:
+        alpha = read_only(np.broadcast_to(alpha, value.shape[1:]))
+    except ValueError:
+        expected = f"a shape that broadcasts to {value.shape[1:]}"
+        raise ArgumentError("order", expected, f"shape {alpha.shape}") from None
+    if design is None:
+        design = ExponentialSum(tolerance=_KERNEL_TOLERANCE)
+        if slope is None:
+            at = np.arange(float(len(value)))
+            degree = min(_SPLINE_DEGREE, len(value) - 1)
+            spline = scipy.interpolate.make_interp_spline(at, value, k=degree)
+            slope = np.asarray(spline.derivative()(at)) / step
+    horizon = max(len(value) - 1, 2) * step
+    bank = Bank(design, alpha, step=step, horizon=horizon, initialisation=initialisation)
+    return np.moveaxis(bank.recorded(value, slope), 0, axis)
 
 
 def riemann_liouville(
@@ -107,7 +126,9 @@ def riemann_liouville(
     signal, order, step, rate, axis, initialisation, design
         See `caputo`, also for what is returned and raised.
     """
-    return _derivative(None, signal, order, step, rate, axis, initialisation, design)
+    return caputo(
+        signal, order, step, rate=rate, axis=axis, initialisation=initialisation, design=design
+    )
 
 
 def grunwald_letnikov(
@@ -130,67 +151,17 @@ def grunwald_letnikov(
         See `caputo`, also for what is returned and raised; `rate` serves order 1, and a `design`
         that uses it.
     """
-    return _derivative(GrunwaldLetnikov(), signal, order, step, rate, axis, initialisation, design)
+    design = GrunwaldLetnikov() if design is None else design
+    return caputo(
+        signal, order, step, rate=rate, axis=axis, initialisation=initialisation, design=design
+    )
 
 
-def _derivative(
-    rule: Design | None,
-    signal: ArrayLike,
-    order: ArrayLike,
-    step: float,
-    rate: ArrayLike | None,
-    axis: int,
-    initialisation: str,
-    design: Design | None,
-) -> FloatArray:
-    step = checks.number("step", step, above=0.0)
-    checks.choice("initialisation", initialisation, INITIALISATIONS)
-    value = _time_first("signal", signal, axis, step)
-    slope = None if rate is None else _time_first("rate", rate, axis, step)
-    if slope is not None and slope.shape != value.shape:
-        raise ArgumentError("rate", f"shape {value.shape}", f"shape {slope.shape} (time first)")
-    alpha = checks.floats("order", order, low=0.0, high=1.0)
-    try:
-        alpha = read_only(np.broadcast_to(alpha, value.shape[1:]))
-    except ValueError:
-        expected = f"a shape that broadcasts to {value.shape[1:]}"
-        raise ArgumentError("order", expected, f"shape {alpha.shape}") from None
-    design = rule if design is None else design
-    if design is None:
-        design = ExponentialSum(tolerance=_KERNEL_TOLERANCE)
-        slope = _spline_rate(value, step) if slope is None else slope
-    checks.instance("design", design, Design, "a fractional design")
-    start = initialisation
-    if isinstance(design, HistoryDesign):
-        result = run_lags(design, alpha, value, slope, step=step, initialisation=start)
-    else:
-        result = run_modes(design, alpha, value, slope, step=step, initialisation=start)
-    return np.moveaxis(result, 0, axis)
-
-
-def _spline_rate(value: FloatArray, step: float) -> FloatArray:
-    """Return the rate [1/s] of the spline through samples (N, ...), at the samples."""
-    # Imported late, as all of SciPy is.
-    from scipy.interpolate import make_interp_spline
-
-    at = np.arange(float(len(value)))
-    spline = make_interp_spline(at, value, k=min(_SPLINE_DEGREE, len(value) - 1))
-    return np.asarray(spline.derivative()(at)) / step
-
-
-def _time_first(name: str, array: ArrayLike, axis: int, step: float) -> FloatArray:
-    try:
-        values = np.asarray(array, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArgumentError(name, "an array of numbers", shown(array)) from None
+def _time_first(name: str, array: ArrayLike, axis: int) -> FloatArray:
+    values = checks.floats(name, array)
     if not -values.ndim <= axis < values.ndim:
         raise ArgumentError("axis", f"an axis of {name} (shape {values.shape})", axis)
     values = np.moveaxis(values, axis, 0)
-    if values.shape[0] < 2 or values.size == 0:
-        raise ArgumentError(name, "at least 2 samples", values.shape[0])
-    if not np.isfinite(values).all():
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
-        channel = f", channel {index[1:]}" if len(index) > 1 else ""
-        where = f"sample {index[0]} (t = {index[0] * step:g} s){channel}"
-        raise ArgumentError(name, "finite numbers", f"{values[index]} at {where}")
+    if len(values) < 2:
+        raise ArgumentError(name, "at least 2 samples", len(values))
     return values

@@ -1,27 +1,251 @@
-"""What a fractional operator's design is: modes for any array of orders.
+"""What a fractional operator's design is: modes for any array of orders, and their recursion.
 
-A design answers one question, `coefficients(order)`; whatever runs or judges an operator consumes
-the answer. All operators here approximate, for orders alpha in [0, 1] and a lower limit at t = 0,
-the Caputo derivative
+A design answers one question, `coefficients(order)`; whatever runs or judges an operator uses the
+answer. All operators here approximate, for orders alpha in [0, 1] and a lower limit at t = 0, the
+Caputo derivative
 
     D^alpha f(t) = int_0^t k(t - s) f'(s) ds,    k(t) = t^-alpha / Gamma(1 - alpha)
 
 of a signal sampled every `step` seconds: equation (4) of the paper (with Gamma(n - alpha), n = 1).
+
+For lags of one step and more the kernel is ``sum_i weights_i exp(-poles_i t)``; the newest step has
+weights of its own (the same split is in Jiang, Zhang, Zhang and Zhang, Commun. Comput. Phys. 21,
+2017, for a rate that is not known). Each mode obeys x' = -p x + f'. Over a step h, with q = p h and
+theta running back from the newest sample, the rate is the quadratic through both measured rates
+whose mean is the measured change:
+
+    x_k = E x_(k-1) + b1 f'_k + b0 f'_(k-1) + b2 m_k,   E = exp(-q)
+    b1, b0, b2 = h int_0^1 exp(-q theta) {1 - theta, theta, 6 theta (1 - theta)} dtheta
+    m_k = (f_k - f_(k-1))/h - (f'_k + f'_(k-1))/2
+
+`kernels.operator` runs the recursion on the records that `Modes.records` makes; `Modes.recursion`
+is the same in matrices, for whoever asks what it does to a sinusoid, to noise, or in a loop.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
-from numpy.typing import ArrayLike
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike, NDArray
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.fractional.modes import Modes
+from fpid_pin.kernels.records import MODE, OPERATOR, POLE
+
+ComplexArray = NDArray[np.complex128]
 
 DEFAULT_HORIZON = 3600.0
+#: What the modes hold of f(0) at t = 0: nothing where the signal had always been f(0), else all.
+INITIAL_MODES = {"caputo": 0.0, "riemann_liouville": 1.0, "grunwald_letnikov": 1.0}
+INITIALISATIONS = tuple(INITIAL_MODES)
+# Below this q the closed forms of b1, b0, b2 cancel and the power series converges within its
+# length.
+_SERIES_BELOW = 1.0
+_SERIES_TERMS = 20
+
+
+def integrate_step(poles: FloatArray, step: float) -> Any:
+    """Integrate modes of decay rates `poles` [1/s] over `step` [s], to rounding error.
+
+    Returns
+    -------
+    ndarray
+        E, b1, b0, b2 as records `POLE`, of the poles' shape.
+    """
+    q = np.asarray(poles, dtype=np.float64) * step
+    small = q < _SERIES_BELOW
+    near = np.where(small, q, 0.0)
+    far = np.where(small, 1.0, q)
+
+    # int exp(-q theta) theta^n: closed forms for large q, integrated by parts.
+    e_far = np.exp(-far)
+    i0 = -np.expm1(-far) / far
+    i1 = (i0 - e_far) / far
+    i2 = (2.0 * i1 - e_far) / far
+
+    # The same three as power series, whose terms are combined before they are summed.
+    b1, b0, b2 = np.zeros((3, *q.shape))
+    term = np.ones_like(q)
+    for k in range(_SERIES_TERMS):
+        b1 += term / ((k + 1) * (k + 2))
+        b0 += term / (k + 2)
+        b2 += term * (6.0 / ((k + 2) * (k + 3)))
+        term = term * (-near / (k + 1))
+    found = np.zeros(q.shape, POLE)
+    found["decay"] = np.exp(-q)
+    found["b1"] = step * np.where(small, b1, i0 - i1)
+    found["b0"] = step * np.where(small, b0, i1)
+    found["b2"] = step * np.where(small, b2, 6.0 * (i1 - i2))
+    return found
+
+
+class Records(NamedTuple):
+    """Records of `kernels.operator` for orders (...): ops (...), poles (rows, modes), modes."""
+
+    ops: Any
+    poles: Any
+    modes: Any
+
+
+class Recursion(NamedTuple):
+    """One operator as a difference equation with inputs u = [f, f'] (or [f], rate differenced).
+
+        y_k = now u_k + before u_(k-1) + weights x_(k-1)
+        x_k = decay x_(k-1) + drive_now u_k + drive_before u_(k-1)
+
+    The mode with p = 0 is f - f(0): it is part of `before` and no state. Orders 0 and 1 have none.
+
+    Attributes
+    ----------
+    now, before
+        (inputs,).
+    weights, decay
+        (modes,).
+    drive_now, drive_before
+        (modes, inputs).
+    """
+
+    now: FloatArray
+    before: FloatArray
+    weights: FloatArray
+    decay: FloatArray
+    drive_now: FloatArray
+    drive_before: FloatArray
+
+    def response(self, back: ComplexArray) -> ComplexArray:
+        """Return what inputs u z^k make of y, at points 1/z = `back`, (k,): (k, inputs)."""
+        delay = back[:, np.newaxis]
+        modes = delay * self.weights / (1.0 - self.decay * delay)
+        driven = modes @ self.drive_now + delay * (modes @ self.drive_before)
+        return np.asarray(self.now + delay * self.before + driven)
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Decaying modes that stand for the kernel, and what the newest step contributes.
+
+        y_k = now f'_k + before f'_(k-1) + mean m_k + sum_i weights_i E_i x_i
+
+    Attributes
+    ----------
+    order
+        Orders alpha, any shape (...).
+    step
+        Sampling step h [s].
+    poles
+        Decay rates [1/s], (modes,) where all orders share them, else (modes, ...). The first is
+        0: its mode is f - f(0) itself.
+    weights
+        (modes, ...) [s^-alpha].
+    now, before, mean
+        Newest step's weights on f'_k, f'_(k-1) and m_k, (...).
+    initial_output
+        Output at t = 0 for each unit of f(0) when the start is Grünwald-Letnikov's, (...).
+    """
+
+    order: FloatArray
+    step: float
+    poles: FloatArray
+    weights: FloatArray
+    now: FloatArray
+    before: FloatArray
+    mean: FloatArray
+    initial_output: FloatArray
+
+    @classmethod
+    def of_kernel(
+        cls, order: FloatArray, step: float, poles: FloatArray, weights: FloatArray
+    ) -> Modes:
+        """Return modes whose newest step is that of the exact kernel, t^-alpha/Gamma(1 - alpha).
+
+        Parameters
+        ----------
+        order, step, poles, weights
+            See the class; ``sum_i weights_i exp(-poles_i t)`` stands for the kernel from one step
+            on.
+        """
+        h = step ** (1.0 - order)
+        now = h * scipy.special.rgamma(3.0 - order)
+        mean = 6.0 * (1.0 - order) * h * scipy.special.rgamma(4.0 - order)
+        return cls(order, step, poles, weights, now, (1.0 - order) * now, mean, step**-order)
+
+    @property
+    def shared_poles(self) -> bool:
+        """Whether all orders use the same poles, so that an order can change without a bump."""
+        return self.poles.ndim == 1
+
+    def operator(self) -> dict[str, FloatArray]:
+        """Return what depends on the order in a record of `kernels.operator`, by name."""
+        return {"order": self.order, "c1": self.now, "c0": self.before, "c2": self.mean}
+
+    def records(self, initialisation: str = "caputo") -> Records:
+        """Return new records, at t = 0, for the kernels."""
+        shape = self.order.shape
+        ops = np.zeros(shape, OPERATOR)
+        for name, value in self.operator().items():
+            ops[name] = value
+        ops["initial_mode"] = INITIAL_MODES[initialisation]
+        if initialisation == "grunwald_letnikov":
+            ops["initial_output"] = self.initial_output
+        if not self.shared_poles:
+            ops["row"] = np.arange(self.order.size).reshape(shape)
+        poles = integrate_step(self.poles.reshape(len(self.poles), -1).T, self.step)
+        modes = np.zeros((*shape, len(self.poles)), MODE)
+        modes["weight"] = np.moveaxis(self.weights, 0, -1)
+        return Records(ops, poles, modes)
+
+    def table(self) -> FloatArray:
+        """Return c1, c0, c2 and the modes' weights of each order, (3 + modes, orders)."""
+        return np.vstack([self.now, self.before, self.mean, self.weights])
+
+    def at(self, *index: int) -> Modes:
+        """Return the modes of one of the orders."""
+        place: Any = (slice(None), *index)
+        newest = (self.now, self.before, self.mean, self.initial_output)
+        poles = self.poles if self.shared_poles else self.poles[place]
+        return Modes(
+            np.asarray(self.order)[index], self.step, poles, self.weights[place],
+            *(np.asarray(weight)[index] for weight in newest),
+        )  # fmt: skip
+
+    def recursion(self, *, measured: bool = True) -> Recursion:
+        """Return the difference equation of a single order.
+
+        Parameters
+        ----------
+        measured
+            Whether the rate is an input; else it is taken constant between samples.
+        """
+        h, one = self.step, integrate_step(self.poles, self.step)
+        order, c1, c0, c2 = float(self.order), self.now, self.before, self.mean
+        decay, b1, b0, b2 = (one[name] for name in ("decay", "b1", "b0", "b2"))
+        weights = self.weights * decay
+        # m = (f - f_)/h - (f' + f'_)/2, so what multiplies m is divided among the inputs.
+        now = np.array([c2 / h, c1 - 0.5 * c2])
+        before = np.array([weights[0] - c2 / h, c0 - 0.5 * c2])
+        drive_now = np.stack([b2 / h, b1 - 0.5 * b2], axis=1)
+        drive_before = np.stack([-b2 / h, b0 - 0.5 * b2], axis=1)
+        kept = slice(1, None)
+        if order in (0.0, 1.0):
+            now, before, kept = np.array([1.0 - order, order]), np.zeros(2), slice(0)
+        if not measured:
+            # f' = f'_ = (f - f_)/h.
+            now, before = _differenced(now, before, h)
+            drive_now, drive_before = _differenced(drive_now, drive_before, h)
+        return Recursion(
+            now, before, weights[kept], decay[kept], drive_now[kept], drive_before[kept]
+        )
+
+
+def _differenced(now: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
+    """Turn weights on [f, f'], now and before, into those on [f] alone."""
+    change = (now[..., 1:] + before[..., 1:]) / h
+    return now[..., :1] + change, before[..., :1] - change
 
 
 class Design(ABC):

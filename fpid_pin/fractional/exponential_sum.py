@@ -4,11 +4,13 @@ The starting point is the integral
 
     t^-alpha / Gamma(1 - alpha) = (sin(pi alpha)/pi) int_0^inf p^(alpha-1) exp(-p t) dp
 
-by the trapezoidal rule in u = ln p, whose weights are positive and smooth in alpha. Both ends of
-the pole range are then corrected by least squares of the relative error on [step, horizon], in
-factors that multiply those weights and are held near one by a slight Tikhonov term: they too
-are smooth in alpha, so they are fitted at a few Chebyshev nodes and interpolated. One table
-serves every order, and an order may change at any sample.
+by the trapezoidal rule in u = ln p (Beylkin and Monzón, Appl. Comput. Harmon. Anal. 19, 2005, and
+28, 2010), whose weights are positive and smooth in alpha. They remove superfluous poles by Prony's
+method, which would give each order poles of its own. Here the poles stay, and both ends of their
+range are corrected by least squares of the relative error on [step, horizon], in factors that
+multiply those weights and are held near one by a slight Tikhonov term: they too are smooth in
+alpha, so they are fitted at a few Chebyshev nodes and interpolated. One table serves every order,
+and an order may change at any sample.
 
 The poles are spread evenly in ln p, wider at the slow end, and there is one at p = 0, without
 which small orders (whose kernel hardly decays) cannot be met. The spread was found by
@@ -22,15 +24,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray, read_only
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, DesignError
-from fpid_pin.fractional.design import Design, check_grid, check_order
-from fpid_pin.fractional.modes import Modes
-from fpid_pin.fractional.special import gamma, gammaln, rgamma
+from fpid_pin.fractional.design import Design, Modes, check_grid, check_order
 
 _DEFAULT_MODES = 24
 _MAX_MODES = 128
@@ -82,26 +83,23 @@ class ExponentialSum(Design):
 
     def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Modes:
         """Return the modes' coefficients for every order in `order`, all with the same poles."""
-        alpha = check_order(order)
-        step, horizon = check_grid(step, horizon)
-        table = self._table(step, horizon)
-        return Modes.of_kernel(alpha, step, table.poles, table.weights(alpha))
+        alpha, table = check_order(order), self._table(step, horizon)
+        return Modes.of_kernel(alpha, table.step, table.poles, table.weights(alpha))
 
     def poles(self, *, step: float, horizon: float) -> FloatArray:
         """Return the decay rates [1/s], (modes,), slowest first; the first is 0."""
-        step, horizon = check_grid(step, horizon)
         return self._table(step, horizon).poles
 
     def worst_error(self, *, step: float, horizon: float) -> float:
         """Return the largest relative error of the kernel over all orders and fitted lags."""
-        step, horizon = check_grid(step, horizon)
         return self._table(step, horizon).worst_error()
 
     def _table(self, step: float, horizon: float) -> _Table:
-        if self.modes is not None:
-            return _table(self.modes, step, horizon)
-        assert self.tolerance is not None
-        return _table(_fewest_modes(self.tolerance, step, horizon), step, horizon)
+        grid = check_grid(step, horizon)
+        if self.tolerance is None:
+            assert self.modes is not None
+            return _table(self.modes, *grid)
+        return _table(_fewest_modes(self.tolerance, *grid), *grid)
 
 
 class _Table:
@@ -118,8 +116,7 @@ class _Table:
         angle = math.pi * (np.arange(_NODES) + 0.5) / _NODES
         self._nodes = 0.5 - 0.5 * np.cos(angle)
         self._barycentric = np.sin(angle) * (-1.0) ** np.arange(_NODES)
-        self._factors: FloatArray | None = None
-        self._factors = self._fit()
+        self._factors = self._fit() if modes > 1 else None
 
     def _fit(self) -> FloatArray | None:
         """Return correction factors (nodes, modes), or None where there is no good table.
@@ -128,16 +125,14 @@ class _Table:
         orders, and all where there is no table, are fitted one by one, never negative.
         """
         modes = self.poles.size
-        if modes < 2:
-            return None
         # Small orders have small errors. In units of alpha, with the correction of the mode at
         # p = 0 in those units too, the factors are smooth down to 0 and nothing cancels.
         nodes = self._nodes[:, None]
         edge = np.log(self._edge * self._lags)
-        log_zero = nodes * edge - gammaln(1.0 + nodes)
+        log_zero = nodes * edge - scipy.special.gammaln(1.0 + nodes)
         pt = np.multiply.outer(self._lags, self.poles[1:])
         basis = np.exp(-pt) * pt ** nodes[:, :, None] * self._spacing
-        basis *= rgamma(1.0 + nodes)[:, :, None]
+        basis *= scipy.special.rgamma(1.0 + nodes)[:, :, None]
         lags = self._lags.size
         system = np.zeros((_NODES, lags + modes, modes + 1))
         system[:, :lags, 0] = np.exp(log_zero)
@@ -148,27 +143,21 @@ class _Table:
         right = triangle[:, :modes, modes:]
         change = np.linalg.solve(triangle[:, :modes, :modes], right)[:, :, 0]
         change[:, 0] *= self._nodes
-        return self._if_accurate(np.asarray(1.0 + change, dtype=np.float64))
-
-    def _if_accurate(self, factors: FloatArray) -> FloatArray | None:
-        """Return the factors if between the nodes they are as good as on them, else None.
-
-        Where many modes crowd together they are too uncertain to be interpolated.
-        """
-        self._factors = factors
+        factors = np.asarray(1.0 + change, dtype=np.float64)
+        # Where many modes crowd together the factors are too uncertain to be interpolated.
         between = 0.5 * (self._nodes[:-1] + self._nodes[1:])
         on, off = (
-            np.abs(self._error(self._interpolate(x) * self._scale(x), x, self._lags)).max()
+            np.abs(self._error(self._interpolate(factors, x) * self._scale(x), x, self._lags)).max()
             for x in (self._nodes, between)
         )
-        return read_only(factors) if off <= 1.5 * on else None
+        return factors if off <= 1.5 * on else None
 
     def _scale(self, alpha: FloatArray) -> FloatArray:
         """Return the trapezoidal weights, (modes, ...) for alpha (...)."""
         out = np.empty(self.poles.shape + alpha.shape)
         # sin(pi alpha)/pi, exactly 0 at both ends.
-        sine = alpha * rgamma(1.0 + alpha) * rgamma(1.0 - alpha)
-        out[0] = rgamma(1.0 + alpha) * rgamma(1.0 - alpha)
+        sine = alpha * scipy.special.rgamma(1.0 + alpha) * scipy.special.rgamma(1.0 - alpha)
+        out[0] = scipy.special.rgamma(1.0 + alpha) * scipy.special.rgamma(1.0 - alpha)
         if self.poles.size > 1:
             column = (-1,) + (1,) * alpha.ndim
             cell, poles = self._spacing.reshape(column), self.poles[1:].reshape(column)
@@ -184,7 +173,7 @@ class _Table:
         weights = np.empty((self.poles.size, alpha.size))
         good = np.zeros(alpha.size, dtype=bool)
         if self._factors is not None:
-            factors = self._interpolate(alpha)
+            factors = self._interpolate(self._factors, alpha)
             good = factors.min(axis=0) >= 0.0
             weights[:] = factors * self._scale(alpha)
         for k in np.flatnonzero(~good):
@@ -192,47 +181,41 @@ class _Table:
         weights[0, alpha == 0.0] = 1.0
         return weights[:, where.reshape(-1)].reshape(self.poles.shape + order.shape)
 
-    def _interpolate(self, alpha: FloatArray) -> FloatArray:
+    def _interpolate(self, factors: FloatArray, alpha: FloatArray) -> FloatArray:
         """Interpolate the factors to orders (k,) by the barycentric formula: (modes, k)."""
-        assert self._factors is not None
         away = alpha[:, None] - self._nodes
         hit = away == 0.0
-        share = self._barycentric / np.where(hit, 1.0, away)
+        fraction = self._barycentric / np.where(hit, 1.0, away)
         on_node = hit.any(axis=1)
-        share[on_node] = hit[on_node]
-        share /= share.sum(axis=1, keepdims=True)
+        fraction[on_node] = hit[on_node]
+        fraction /= fraction.sum(axis=1, keepdims=True)
         # Not a matrix product: its bits would depend on how many orders are asked for at once.
         out = np.zeros((self.poles.size, alpha.size))
         for node in range(_NODES):
-            out += share[:, node] * self._factors[node][:, None]
+            out += fraction[:, node] * factors[node][:, None]
         return out
 
     def _non_negative(self, alpha: float) -> FloatArray:
         if alpha in (0.0, 1.0):
             return np.concatenate([[1.0 - alpha], np.zeros(self.poles.size - 1)])
-        # Imported late: most designs have a table, and it is the slowest import of this room.
-        from scipy.optimize import nnls
-
-        relative = self._lags**alpha * gamma(1.0 - alpha)
+        relative = self._lags**alpha * scipy.special.gamma(1.0 - alpha)
         basis = np.exp(-np.multiply.outer(self._lags, self.poles)) * relative[:, None]
         size = basis.max(axis=0)
-        solution = nnls(basis / size, np.ones(self._lags.size), maxiter=50 * self.poles.size)[0]
+        steps = 50 * self.poles.size
+        solution = scipy.optimize.nnls(basis / size, np.ones(len(basis)), maxiter=steps)[0]
         return np.asarray(solution / size)
 
-    def kernel_error(self, order: FloatArray, lags: FloatArray) -> FloatArray:
-        """Return ``k~(t)/k(t) - 1`` for orders (k,) at lags (t,): (t, k)."""
-        return self._error(self.weights(order), order, lags)
-
     def _error(self, weights: FloatArray, order: FloatArray, lags: FloatArray) -> FloatArray:
+        """Return the kernel's relative error for orders (k,) at lags (t,): (t, k)."""
         kernel = np.exp(-np.multiply.outer(lags, self.poles)) @ weights
-        return np.asarray(kernel * lags[:, None] ** order * gamma(1.0 - order) - 1.0)
+        return np.asarray(kernel * lags[:, None] ** order * scipy.special.gamma(1.0 - order) - 1.0)
 
     def worst_error(self) -> float:
         """Return the largest relative error over fitted lags and orders in (0, 1)."""
         orders = read_only([1e-3, 0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9, 0.95, 0.999])
         lags = _chebyshev_lags(self.step, self.horizon, 16 * self.poles.size + 50)
         lags = np.concatenate([[self.step], lags, [self.horizon]])
-        return float(np.abs(self.kernel_error(orders, lags)).max())
+        return float(np.abs(self._error(self.weights(orders), orders, lags)).max())
 
 
 def _chebyshev_lags(step: float, horizon: float, count: int) -> FloatArray:
@@ -267,20 +250,14 @@ def _table(modes: int, step: float, horizon: float) -> _Table:
 @lru_cache(maxsize=64)
 def _fewest_modes(tolerance: float, step: float, horizon: float) -> int:
     errors: dict[int, float] = {}
-
-    def met(modes: int) -> bool:
-        if modes not in errors:
-            errors[modes] = _table(modes, step, horizon).worst_error()
-        return errors[modes] <= tolerance
-
-    best = 0
-    for enough in range(8, 81, 8):
-        if met(enough):
-            return next(modes for modes in range(enough - 7, enough + 1) if met(modes))
-        if best and errors[enough] > 0.5 * errors[best]:
+    for modes in range(8, 81, 8):
+        errors[modes] = _table(modes, step, horizon).worst_error()
+        if errors[modes] <= tolerance:
+            fewer = range(modes - 7, modes + 1)
+            return next(m for m in fewer if _table(m, step, horizon).worst_error() <= tolerance)
+        if errors[modes] > 0.5 * errors.get(modes - 8, np.inf):
             break  # rounding has taken over: more modes no longer help
-        best = enough
-    best = min(errors, key=lambda modes: errors[modes])
+    best = min(errors, key=errors.__getitem__)
     raise DesignError(
         f"tolerance: expected one that can be met for lags in [{step:g}, {horizon:g}] s,"
         f" got {tolerance:g}; {errors[best]:.1e} is met, with {best} modes"

@@ -11,21 +11,23 @@ kept diagonal; no polynomial is formed.
 
 from __future__ import annotations
 
-import itertools
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import scipy
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError, DesignError
-from fpid_pin.fractional.crone import Oustaloup
-from fpid_pin.fractional.design import DEFAULT_HORIZON, Design, check_grid, modes_of
-from fpid_pin.fractional.special import rgamma
-
-if TYPE_CHECKING:
-    # scipy.signal takes longer to load than the rest of the package: imported where used.
-    from scipy.signal import StateSpace, ZerosPolesGain
+from fpid_pin.fractional.bank import RATES
+from fpid_pin.fractional.crone import Crone
+from fpid_pin.fractional.design import (
+    DEFAULT_HORIZON,
+    Design,
+    check_grid,
+    integrate_step,
+    modes_of,
+)
 
 
 def continuous_modes(
@@ -38,27 +40,19 @@ def continuous_modes(
         raise ArgumentError("order", "a number below 1 (order 1 is s, not proper)", "1")
     modes = modes_of(design, alpha, step=step, horizon=horizon)
     poles, weights = modes.poles, modes.weights
-    if not isinstance(design, Oustaloup) and alpha > 0.0:
-        area, mean_lag = _excess(alpha, poles, weights, step)
+    if not isinstance(design, Crone) and alpha > 0.0:
+        # Area and first moment of kernel minus sum on the newest step.
+        one = integrate_step(poles, step)
+        exact = step ** (1.0 - alpha) * scipy.special.rgamma(2.0 - alpha)
+        area = exact - (weights * (one["b1"] + one["b0"])).sum()
+        moment = exact * step * (1.0 - alpha) / (2.0 - alpha)
+        moment -= (weights * one["b0"]).sum() * step
         # A sum of very few modes may have nothing to add to.
-        if area > 0.0 and mean_lag > 0.0:
-            poles = np.append(poles, 1.0 / mean_lag)
-            weights = np.append(weights, area / mean_lag)
+        if area > 0.0 and moment > 0.0:
+            poles = np.append(poles, area / moment)
+            weights = np.append(weights, area**2 / moment)
     used = (weights != 0.0) | (poles == 0.0)
     return poles[used], weights[used]
-
-
-def _excess(
-    alpha: float, poles: FloatArray, weights: FloatArray, step: float
-) -> tuple[float, float]:
-    """Return area [s^(1-alpha)] and mean lag [s] of kernel minus sum on the newest step."""
-    q = poles[1:] * step
-    area = step ** (1.0 - alpha) * rgamma(2.0 - alpha) - weights[0] * step
-    area -= float((weights[1:] * -np.expm1(-q) / poles[1:]).sum())
-    moment = step ** (2.0 - alpha) * rgamma(1.0 - alpha) / (2.0 - alpha) - weights[0] * step**2 / 2
-    inner = (-np.expm1(-q) - q * np.exp(-q)) / poles[1:] ** 2
-    moment -= float((weights[1:] * inner).sum())
-    return float(area), float(moment / area)
 
 
 def state_space(
@@ -69,7 +63,7 @@ def state_space(
     horizon: float = DEFAULT_HORIZON,
     sampled: bool = False,
     rate: str = "measured",
-) -> StateSpace:
+) -> scipy.signal.StateSpace:
     """Return one operator as a `scipy.signal.StateSpace`.
 
     Parameters
@@ -91,69 +85,46 @@ def state_space(
     ArgumentError
         Order 1 in continuous time (not proper), a design without modes.
     """
-    if sampled:
-        return _sampled(design, order, step, horizon, rate)
-    poles, weights = continuous_modes(design, order, step=step, horizon=horizon)
-    # g s/(s + p) = g - g p/(s + p)
-    return _diagonal([(poles, -weights * poles)], weights.sum())
-
-
-def _sampled(design: Design, order: float, step: float, horizon: float, rate: str) -> StateSpace:
-    from scipy.signal import StateSpace
-
-    alpha = np.asarray(checks.number("order", order, low=0.0, high=1.0))
+    if not sampled:
+        poles, weights = continuous_modes(design, order, step=step, horizon=horizon)
+        # g s/(s + p) = g - g p/(s + p)
+        return _diagonal([(poles, -weights * poles)], weights.sum())
+    alpha = checks.number("order", order, low=0.0, high=1.0)
     step, horizon = check_grid(step, horizon)
-    measured = checks.choice("rate", rate, ("measured", "differenced")) == "measured"
+    measured = checks.choice("rate", rate, RATES) == "measured"
     r = modes_of(design, alpha, step=step, horizon=horizon).recursion(measured=measured)
     # The states are the last sample's inputs, and the modes.
     inputs, modes = r.now.size, r.decay.size
     a = np.block([[np.zeros((inputs, inputs + modes))], [r.drive_before, np.diag(r.decay)]])
     b = np.concatenate([np.eye(inputs), r.drive_now])
     c = np.concatenate([r.before, r.weights])
-    return StateSpace(a, b, c[None], r.now[None], dt=step)
+    return scipy.signal.StateSpace(a, b, c[None], r.now[None], dt=step)
 
 
 def zeros_poles_gain(
     design: Design, order: float, *, step: float, horizon: float = DEFAULT_HORIZON
-) -> ZerosPolesGain:
+) -> scipy.signal.ZerosPolesGain:
     """Return one continuous operator as a `scipy.signal.ZerosPolesGain`.
 
-    A CRONE filter's are those of its formula. Those of an exponential sum are found between its
-    poles, with which they interlace.
+    A CRONE filter's are those of its formula. With D = sum g_i the zeros of an exponential sum are
+    the eigenvalues of diag(p) - r r^T/D, r_i^2 = g_i p_i: squares of singular values, which keeps
+    the small ones exact.
 
     Parameters
     ----------
     design, order, step, horizon
         As in `state_space`.
     """
-    from scipy.optimize import brentq
-    from scipy.signal import ZerosPolesGain
-
-    if isinstance(design, Oustaloup):
-        return ZerosPolesGain(*design.zpk(order))
+    if isinstance(design, Crone):
+        return scipy.signal.ZerosPolesGain(*design.zpk(order))
     poles, weights = continuous_modes(design, order, step=step, horizon=horizon)
-    used = np.argsort(poles[1:]) + 1
-    p, g, direct = poles[used], weights[used], weights[0]
-
-    def value(log_s: float) -> float:
-        s = -np.exp(log_s)
-        return float(direct + (g * s / (s + p)).sum())
-
-    edges = np.log(p)
-    below = edges[0] - 1.0
-    while p.size and value(below) <= 0.0 and below > -700.0:
-        below -= 5.0
-    ends = np.concatenate([[below], edges])
-    zeros = []
-    for low, high in itertools.pairwise(ends):
-        gap = 1e-13 * max(1.0, abs(high), abs(low))
-        a, b = (low if low == below else low + gap), high - gap
-        if value(a) * value(b) > 0.0:
-            # A zero closer to a pole than rounding resolves: the pair cancels.
-            zeros.append(-np.exp(a if abs(value(a)) < abs(value(b)) else b))
-        else:
-            zeros.append(-np.exp(brentq(value, a, b, xtol=1e-15, rtol=1e-15)))
-    return ZerosPolesGain(np.array(zeros), -p, float(weights.sum()))
+    p, gain = poles[1:], float(weights.sum())
+    unit = np.sqrt(weights[1:] / gain)
+    # (1 - u u^T) = (1 - c u u^T)^2 where c = 1/(1 + root of 1 - |u|^2), and that is g_0/D.
+    c = 1.0 / (1.0 + np.sqrt(weights[0] / gain))
+    factor = np.sqrt(p)[:, None] * (np.eye(p.size) - c * np.outer(unit, unit))
+    zeros = -(np.linalg.svd(factor, compute_uv=False) ** 2)
+    return scipy.signal.ZerosPolesGain(zeros, -p, gain)
 
 
 def fpid_state_space(
@@ -167,7 +138,7 @@ def fpid_state_space(
     step: float,
     horizon: float = DEFAULT_HORIZON,
     filter_time: float | None = None,
-) -> StateSpace:
+) -> scipy.signal.StateSpace:
     """Return a fixed-gain FPID, u = kp e + ki I^lambda e + kd D^mu e (10), from e to u.
 
     Continuous, for Bode plots and margins. The modes of both terms are one set of states where
@@ -197,32 +168,29 @@ def fpid_state_space(
     lam = checks.number("integral_order", integral_order, low=0.0, high=1.0)
     mu = checks.number("derivative_order", derivative_order, low=0.0, high=1.0)
     direct, parts = kp, [(np.zeros(0), np.zeros(0))]
-    if ki != 0.0:
+    if lam == 0.0:
+        direct += ki
+    elif ki != 0.0:
         # I^lambda e = D^(1-lambda) int e: s/(s + p) becomes 1/(s + p).
-        if lam == 0.0:
-            direct += ki
-        else:
-            poles, weights = continuous_modes(design, 1.0 - lam, step=step, horizon=horizon)
-            parts.append((poles, ki * weights))
+        poles, weights = continuous_modes(design, 1.0 - lam, step=step, horizon=horizon)
+        parts.append((poles, ki * weights))
     if kd != 0.0:
-        if mu == 1.0:
-            if filter_time is None:
-                raise DesignError(
-                    "derivative_order: expected a number below 1, or a filter_time, got 1"
-                )
-            tau = checks.number("filter_time", filter_time, above=0.0)
-            poles, weights = np.array([0.0, 1.0 / tau]), np.array([0.0, 1.0 / tau])
-        else:
+        if mu < 1.0:
             poles, weights = continuous_modes(design, mu, step=step, horizon=horizon)
+        elif filter_time is None:
+            raise DesignError(
+                "derivative_order: expected a number below 1, or a filter_time, got 1"
+            )
+        else:
+            tau = checks.number("filter_time", filter_time, above=0.0)
+            poles = weights = np.array([0.0, 1.0 / tau])
         direct += kd * float(weights.sum())
         parts.append((poles, -kd * weights * poles))
     return _diagonal(parts, direct)
 
 
-def _diagonal(parts: list[tuple[FloatArray, FloatArray]], direct: float) -> StateSpace:
+def _diagonal(parts: list[tuple[FloatArray, FloatArray]], direct: float) -> scipy.signal.StateSpace:
     """Return the state space of ``direct + sum r/(s + p)``, one state for each distinct pole."""
-    from scipy.signal import StateSpace
-
     poles, residues = (np.concatenate([np.zeros(1), *part]) for part in zip(*parts, strict=True))
     distinct, where = np.unique(poles, return_inverse=True)
     total = np.bincount(where, residues)
@@ -231,22 +199,10 @@ def _diagonal(parts: list[tuple[FloatArray, FloatArray]], direct: float) -> Stat
     used[0] |= not used.any()
     root = np.sqrt(np.abs(total[used]))[:, None]
     c = np.sign(total[used]) * root[:, 0]
-    return StateSpace(np.diag(-distinct[used]), root, c[None], [[float(direct)]])
+    return scipy.signal.StateSpace(np.diag(-distinct[used]), root, c[None], [[float(direct)]])
 
 
-def python_control() -> Any:
-    """Return the python-control package, or None where it is not installed.
-
-    A folder named ``control`` on the path imports too, as an empty package; it is not taken for it.
-    """
-    try:
-        import control
-    except ImportError:
-        return None
-    return control if hasattr(control, "StateSpace") else None
-
-
-def to_control(system: StateSpace) -> Any:
+def to_control(system: scipy.signal.StateSpace) -> Any:
     """Return a SciPy state space as python-control's `StateSpace`.
 
     Raises
@@ -254,11 +210,13 @@ def to_control(system: StateSpace) -> Any:
     DesignError
         python-control is not installed (``pip install fpid_pin[control]``).
     """
-    control = python_control()
-    if control is None:
+    try:
+        # A folder named ``control`` on the path imports too, but has no such name.
+        from control import StateSpace
+    except ImportError:
         raise DesignError(
             "control: expected python-control to be installed (pip install 'fpid_pin[control]'),"
             " got none"
-        )
+        ) from None
     dt = 0 if system.dt is None else system.dt
-    return control.StateSpace(system.A, system.B, system.C, system.D, dt)
+    return StateSpace(system.A, system.B, system.C, system.D, dt)

@@ -1,18 +1,39 @@
-"""A design's errors, gains and cost in one table and one figure."""
+"""A design's errors, gains and cost, against the exact operator: one table and one figure.
+
+What it does to a sinusoid, to a step and to noise is in functions of their own, for orders
+(orders,), step and horizon [s].
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import math
+from functools import partial
 from pathlib import Path
+from timeit import repeat, timeit
 from typing import Any
 
 import numpy as np
+import scipy
+from numpy.typing import ArrayLike
 
-from fpid_pin.checks import FloatArray
+from fpid_pin import checks
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.files import replacing
-from fpid_pin.fractional.design import Design
-from fpid_pin.fractional.modes import ComplexArray
+from fpid_pin.fractional.bank import Bank
+from fpid_pin.fractional.crone import Crone
+from fpid_pin.fractional.design import (
+    DEFAULT_HORIZON,
+    ComplexArray,
+    Design,
+    check_grid,
+    check_order,
+    modes_of,
+)
+from fpid_pin.fractional.exponential_sum import ExponentialSum
+from fpid_pin.fractional.history import GrunwaldLetnikov, HistoryDesign
 from fpid_pin.shown import Shown
+
+TRUSTED_WITHIN = 0.01
 
 #: The table's columns: attribute, title, what its numbers are, width.
 _COLUMNS = (
@@ -30,18 +51,22 @@ _COLUMNS = (
 )
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class OperatorReport(Shown):
     """How far a design can be trusted, for each of its orders; prints as a table.
 
-    All arrays are (orders,) unless another shape is given.
+    Parameters
+    ----------
+    design
+        Any design.
+    order
+        Orders alpha in [0, 1]; arrays are flattened.
+    step, horizon
+        Sampling step and horizon [s].
 
     Attributes
     ----------
-    design, step, horizon
-        What was measured; step and horizon [s].
-    order
-        Orders alpha.
+    design, step, horizon, order
+        What was measured. All arrays are (orders,) unless another shape is given.
     states
         Numbers kept for each signal: modes and newest samples, or the past that is kept.
     band
@@ -71,29 +96,91 @@ class OperatorReport(Shown):
         The curves: (k,) [rad/s] and complex (k, orders).
     lag, lag_error
         (l,) [s] and the kernel's relative error there (l, orders).
+
+    Raises
+    ------
+    ArgumentError
+        An order outside [0, 1], step <= 0, horizon <= step.
+    DesignError
+        A tolerance that cannot be met.
     """
 
-    design: Design
-    step: float
-    horizon: float
-    order: FloatArray
-    states: int
-    band: tuple[float, float]
-    magnitude_error: FloatArray
-    phase_error: FloatArray
-    kernel_error: FloatArray
-    error_bound: FloatArray
-    lowest_frequency: FloatArray
-    highest_frequency: FloatArray
-    longest_horizon: FloatArray
-    nyquist_gain: FloatArray
-    noise_from_value: FloatArray
-    noise_from_rate: FloatArray
-    cost: tuple[float, float]
-    frequency: FloatArray = field(repr=False)
-    response: ComplexArray = field(repr=False)
-    lag: FloatArray = field(repr=False)
-    lag_error: FloatArray = field(repr=False)
+    def __init__(
+        self, design: Design, order: ArrayLike, *, step: float, horizon: float = DEFAULT_HORIZON
+    ) -> None:
+        checks.instance("design", design, Design, "a fractional design")
+        self.design, self.order = design, check_order(order).reshape(-1)
+        self.step, self.horizon = check_grid(step, horizon)
+        grid = {"step": self.step, "horizon": self.horizon}
+        nyquist = math.pi / self.step
+        # Beyond the horizon on both scales: what can be trusted may reach further than was asked.
+        lowest = min(1e-2 / self.horizon, 1e-3 * nyquist)
+        self.frequency = omega = np.geomspace(lowest, nyquist, 600)
+        self.response = frequency_response(design, self.order, omega, **grid)
+        self.lag = np.geomspace(self.step, 30.0 * self.horizon, 1500)
+        self.lag_error = kernel_error(design, self.order, self.lag, **grid)
+        low, high = 20.0 * math.pi / self.horizon, 0.2 * nyquist
+        if isinstance(design, Crone):
+            low, high = design.low, min(design.high, 0.5 * nyquist)
+        self.band = (low, max(low, high))
+        inside = (omega >= self.band[0]) & (omega <= self.band[1])
+        if not inside.any():
+            inside[np.abs(np.log(omega / math.sqrt(self.band[0] * self.band[1]))).argmin()] = True
+        decibel, degrees = self._deviation()
+        self.magnitude_error = np.abs(decibel[inside]).max(axis=0)
+        self.phase_error = np.abs(degrees[inside]).max(axis=0)
+        self.kernel_error = np.abs(self.lag_error[self.lag <= self.horizon]).max(axis=0)
+        self.error_bound = np.array([self._error_bound(a) for a in self.order])
+        exact = (1j * omega[:, None]) ** self.order
+        trusted = np.abs(self.response / exact - 1.0) <= TRUSTED_WITHIN
+        ends = [omega[_longest(column)] for column in trusted.T]
+        self.lowest_frequency = np.array([e[0] if e.size else np.nan for e in ends])
+        self.highest_frequency = np.array([e[-1] if e.size else np.nan for e in ends])
+        reach = np.cumprod(np.abs(self.lag_error) <= TRUSTED_WITHIN, axis=0).sum(axis=0)
+        self.longest_horizon = np.where(reach > 0, self.lag[reach - 1], np.nan)
+        self.noise_from_value, self.noise_from_rate = noise_gains(design, self.order, **grid)
+        if isinstance(design, HistoryDesign):
+            # These rules do not look at the rate, but for order 1, where it is the output.
+            self.states = design.lag_count(**grid)
+            self.nyquist_gain = np.where(self.order == 1.0, 1.0, 0.0)
+        else:
+            each = [modes_of(design, a, **grid) for a in self.order]
+            self.states = len(each[0].poles) + 3
+            back = np.array([-1.0 + 0.0j])
+            answers = [modes.recursion().response(back)[0, 1] for modes in each]
+            self.nyquist_gain = np.abs(answers)
+        self.cost = (self._time(1), self._time(240))
+
+    def _deviation(self) -> tuple[FloatArray, FloatArray]:
+        """Return the response's distance from (j omega)^alpha [dB], [degree], (k, orders) each."""
+        ratio = self.response / (1j * self.frequency[:, None]) ** self.order
+        decibel = 20.0 * np.log10(np.maximum(np.abs(ratio), 1e-300))
+        return decibel, np.degrees(np.angle(ratio))
+
+    def _error_bound(self, order: float) -> float:
+        """Integrate the kernel's absolute error; in s = t^(1-alpha) the singular kernel is flat."""
+        if order in (0.0, 1.0):
+            return 0.0
+        lag = np.geomspace(self.step, self.horizon, 4000)
+        # Most designs integrate the newest step exactly, a filter does not.
+        if isinstance(self.design, Crone):
+            near = np.linspace(0.0, 1.0, 801)[1:-1] ** (1.0 / (1.0 - order)) * self.step
+            lag = np.concatenate([np.maximum(near, 1e-200), lag])
+        alone, grid = np.array([order]), {"step": self.step, "horizon": self.horizon}
+        error = np.abs(kernel_error(self.design, alone, lag, **grid))[:, 0]
+        s = lag ** (1.0 - order)
+        first = error[0] * s[0] if isinstance(self.design, Crone) else 0.0
+        return float((np.trapezoid(error, s) + first) * scipy.special.rgamma(2.0 - order))
+
+    def _time(self, signals: int) -> float:
+        """Time `Bank.update`, in seconds a call: the least of some short runs."""
+        # A short horizon: the past that a reference rule keeps does not grow while it is timed.
+        order, step = np.resize(self.order, signals), self.step
+        bank = Bank(self.design, order, step=step, horizon=1000.0 * step)
+        value, rate = np.sin(np.arange(signals)), np.cos(np.arange(signals))
+        call = partial(bank.update, value, rate, np.empty(signals))
+        timeit(call, number=20)
+        return min(repeat(call, number=40, repeat=5)) / 40
 
     def __str__(self) -> str:
         one, many = self.cost
@@ -132,9 +219,7 @@ class OperatorReport(Shown):
 
         figure = Figure(figsize=(8.0, 9.0), layout="constrained")
         axes = figure.subplots(3, 1)
-        ratio = self.response / (1j * self.frequency[:, None]) ** self.order
-        decibel = 20.0 * np.log10(np.maximum(np.abs(ratio), 1e-300))
-        degrees = np.degrees(np.angle(ratio))
+        decibel, degrees = self._deviation()
         frequency, lag = "angular frequency [rad/s]", "lag [s]"
         for ax, at, error, along, what, band in (
             (axes[0], self.frequency, decibel, frequency, "magnitude error [dB]", self.band),
@@ -157,3 +242,106 @@ class OperatorReport(Shown):
             with replacing(path) as temporary:
                 figure.savefig(temporary, format=kind, dpi=150)
         return figure
+
+
+def report(
+    design: Design, order: ArrayLike, *, step: float, horizon: float = DEFAULT_HORIZON
+) -> OperatorReport:
+    """Measure a design: everything is as in `OperatorReport`."""
+    return OperatorReport(design, order, step=step, horizon=horizon)
+
+
+def _longest(good: BoolArray) -> slice:
+    """Return where the longest run of true values is."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], good, [0]]))).reshape(-1, 2)
+    longest = edges[np.ptp(edges, axis=1).argmax()] if len(edges) else (0, 0)
+    return slice(*longest)
+
+
+def frequency_response(
+    design: Design, order: FloatArray, omega: FloatArray, *, step: float, horizon: float
+) -> ComplexArray:
+    """Return the sampled operator's response to exp(j omega t), once its start has died away.
+
+    The exact operator's is ``(j omega)^alpha``. Frequencies are (k,) [rad/s], results (k, orders).
+    """
+    # One sample later is a factor exp(j omega h); of f = exp(j omega t) the rate is j omega f.
+    back = np.exp(-1j * omega * step)
+    inputs = np.stack([np.ones_like(back), 1j * omega])
+    out = np.empty((omega.size, order.size), dtype=np.complex128)
+    for k, a in enumerate(order):
+        if not isinstance(design, HistoryDesign):
+            recursion = modes_of(design, a, step=step, horizon=horizon).recursion()
+            out[:, k] = (recursion.response(back).T * inputs).sum(axis=0)
+        elif a in (0.0, 1.0):
+            out[:, k] = inputs[int(a)]
+        elif design.memory is not None:
+            weights = design.coefficients(a, step=step, horizon=horizon)
+            out[:, k] = np.polynomial.polynomial.polyval(back, weights)
+        elif isinstance(design, GrunwaldLetnikov):
+            out[:, k] = ((1.0 - back) / step) ** a  # the binomial series, summed
+        else:
+            # L1 over all of the past is what modes do with a rate that is not known.
+            modes = modes_of(ExponentialSum(48), a, step=step, horizon=1e3 * horizon)
+            out[:, k] = modes.recursion(measured=False).response(back)[:, 0]
+    return out
+
+
+def kernel_error(
+    design: Design, order: FloatArray, lag: FloatArray, *, step: float, horizon: float
+) -> FloatArray:
+    """Return the relative error of the design's kernel at lags (k,) [s], (k, orders).
+
+    The kernel stands for ``t^-alpha/Gamma(1 - alpha)``; it is the response to a unit step of the
+    signal. That of the sum (1) is known at whole steps: its lags are rounded to them. Orders 0 and
+    1 are exact.
+    """
+    inner = (order > 0.0) & (order < 1.0)
+    alpha, t = np.where(inner, order, 0.5), lag[:, None]
+    if isinstance(design, GrunwaldLetnikov):
+        # The sum of the weights up to a lag, h^-alpha (-1)^j binom(alpha - 1, j).
+        index = np.round(t / step)
+        if design.memory is not None:
+            index = np.minimum(index, design.lag_count(step, design.memory) - 1)
+        found = step**-alpha * scipy.special.poch(index + 1.0, -alpha)
+        found *= scipy.special.rgamma(1.0 - alpha)
+    elif isinstance(design, HistoryDesign):
+        # L1 integrates the kernel itself, as far as its memory reaches.
+        found = t**-alpha * scipy.special.rgamma(1.0 - alpha)
+        found[lag > (design.memory or np.inf)] = 0.0
+    else:
+        modes = modes_of(design, alpha, step=step, horizon=horizon)
+        found = sum(w * np.exp(-t * p) for w, p in zip(modes.weights, modes.poles, strict=True))
+    return np.where(inner, found * t**alpha * scipy.special.gamma(1.0 - alpha) - 1.0, 0.0)
+
+
+def noise_gains(
+    design: Design, order: FloatArray, *, step: float, horizon: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the standard deviation of the output for white noise of standard deviation one.
+
+    Returns
+    -------
+    from_value, from_rate : ndarray
+        For noise, independent from sample to sample, on the value [s^-alpha] and on the rate
+        [s^(1-alpha)] alone, after one horizon; (orders,).
+    """
+    gains = np.zeros((2, order.size))
+    for k, a in enumerate(order):
+        if not isinstance(design, HistoryDesign):
+            modes = modes_of(design, a, step=step, horizon=horizon)
+            r = modes.recursion()
+            second = r.before + r.weights @ r.drive_now
+            # From then on each mode decays by exp(-p h) a sample: the sum of (sum_i c_i E_i^n)^2.
+            later = r.weights[:, None] * (r.decay[:, None] * r.drive_now + r.drive_before)
+            p = modes.poles[1 : 1 + r.decay.size] * step
+            both = p[:, None] + p
+            series = np.expm1(-(round(horizon / step) - 1) * both) / np.expm1(-both)
+            tail = np.maximum((later * (series @ later)).sum(axis=0), 0.0)
+            gains[:, k] = np.sqrt(r.now**2 + second**2 + tail)
+        elif a in (0.0, 1.0):
+            gains[int(a), k] = 1.0
+        else:
+            weights = design.coefficients(a, step=step, horizon=horizon)
+            gains[0, k] = np.sqrt((weights**2).sum())
+    return gains[0], gains[1]

@@ -140,8 +140,7 @@ def compile_plain(function: F, *, cache: bool = True, inline: bool = False) -> F
     rebuilt.__qualname__, rebuilt.__module__ = plain.__qualname__, plain.__module__
     if cache:
         return cast("F", _compile(rebuilt, inline=inline))
-    options = {"error_model": "numpy", "nogil": True, "inline": "always" if inline else "never"}
-    return cast("F", _numba.njit(rebuilt, **options))
+    return cast("F", _numba.njit(rebuilt, error_model="numpy", nogil=True, forceinline=inline))
 
 
 def globals_of(function: Any) -> dict[str, Any]:
@@ -165,7 +164,11 @@ def _compile(function: F, *, inline: bool) -> F:
     options = {
         "error_model": "numpy", "nogil": True,
         # Kernels allocate nothing: no reference is counted.
-        "_nrt": False, "inline": "always" if inline else "never",
+        "_nrt": False,
+        # LLVM inlines: numba's own inlining would type and lower a function once for each call.
+        "forceinline": inline,
+        # Nothing calls kernels through C pointers.
+        "no_cfunc_wrapper": True,
     }  # fmt: skip
     if CACHE is None:
         return cast("F", _numba.njit(function, **options))

@@ -132,14 +132,14 @@ def forces(links, motions, inertias):
         c.n2 += 0.5 * (u0 * k1 - u1 * k0 + r0 * l1 - r1 * l0)
 
 
-def joint_torques(bodies, links, a, out):
+def joint_torques(bodies, links, out):
     """Gather the forces towards the base; write what each joint has to give, (n,)."""
     n = bodies.size
     for back in range(n):
         i = n - 1 - back
         b = bodies[i]
         c = links[i]
-        out[i] = b.armature * a[i] + (c.f2 if b.slides else c.n2)
+        out[i] = c.f2 if b.slides else c.n2
         if b.parent < n:
             u = links[b.parent]
             f0 = c.x0 * c.f0 + c.y0 * c.f1 + c.z0 * c.f2
@@ -174,7 +174,30 @@ def inverse_dynamics(bodies, inertias, links, motions, gravity, q, v, w, a, out)
     velocities(bodies, links, w, motions[1])
     accelerations(bodies, links, motions, gravity, v, w, a)
     forces(links, motions, inertias)
-    joint_torques(bodies, links, a, out)
+    joint_torques(bodies, links, out)
+    for i in range(bodies.size):
+        out[i] += bodies[i].armature * a[i]
+
+
+def gravity_torques(bodies, inertias, links, gravity, q, out):
+    """Write G(q), (n,): `inverse_dynamics` of an arm at rest, where only the base accelerates."""
+    place_links(bodies, links, q)
+    n = bodies.size
+    for i in range(n):
+        c = links[i]
+        row = inertias[i]
+        t0, t1, t2 = -gravity[0], -gravity[1], -gravity[2]
+        if bodies[i].parent < n:
+            u = links[bodies[i].parent]
+            t0, t1, t2 = u.a0, u.a1, u.a2
+        c.a0 = c.x0 * t0 + c.x1 * t1 + c.x2 * t2
+        c.a1 = c.y0 * t0 + c.y1 * t1 + c.y2 * t2
+        c.a2 = c.z0 * t0 + c.z1 * t1 + c.z2 * t2
+        c.f0, c.f1, c.f2 = row[0] * c.a0, row[0] * c.a1, row[0] * c.a2
+        c.n0 = row[2] * c.a2 - row[3] * c.a1
+        c.n1 = row[3] * c.a0 - row[1] * c.a2
+        c.n2 = row[1] * c.a1 - row[2] * c.a0
+    joint_torques(bodies, links, out)
 
 
 def add_products(row, x0, x1, x2, y0, y1, y2, a0, a1, a2, b0, b1, b2, factor):

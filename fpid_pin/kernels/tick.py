@@ -47,6 +47,7 @@ from fpid_pin.kernels.supervisor import (
 inverse_dynamics = compile_plain(newton_euler.inverse_dynamics)
 velocities = compile_plain(newton_euler.velocities)
 gradient = compile_plain(newton_euler.gradient)
+gravity_torques = compile_plain(newton_euler.gravity_torques)
 
 
 @kernel(inline=True)
@@ -79,10 +80,8 @@ def load_errors(robot, joints, inputs):
 
 
 @kernel
-def advance_operators(robot, joints, numbers, ops, poles, modes, table, given):
-    """Take one sample of each joint's operators: of given signals, or of the law's own."""
-    first = 0 if given else robot.first_operators
-    last = robot.first_operators if given else ops.shape[1]
+def advance_operators(robot, joints, numbers, ops, poles, modes, table, first, last):
+    """Take one sample of each joint's operators from number `first` to before `last`."""
     for j in range(joints.size):
         for i in range(first, last):
             op = ops[j, i]
@@ -98,12 +97,16 @@ def signals(c, inputs):
     robot = c.robot[0]
     load_errors(robot, c.joints, inputs)
     correct_observer(robot, c.joints)
-    if robot.first_operators > 0:
-        advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, True)
+    count = c.ops.shape[1]
+    given = robot.first_operators
+    if given > 0:
+        advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, 0, given)
     if robot.surface != 0:
         call_law(robot.surface, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
-    if robot.first_operators < c.ops.shape[1]:
-        advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, False)
+    if given < count:
+        advance_operators(
+            robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, given, count
+        )
 
 
 @kernel
@@ -125,7 +128,13 @@ def ask_model(c, inputs):
     """Write what the nominal model says of this sample into `terms` and `mass`, as asked for."""
     robot, terms = c.robot[0], c.terms
     n = c.joints.size
-    if robot.declares:
+    if robot.declares and robot.surface == 0:
+        # Nothing writes a and w, so that G is all there is.
+        gravity_torques(
+            c.bodies, c.numbers[:, robot.inertia : robot.inertia + 10], c.links, c.gravity,
+            inputs[0], terms[LAW_TERM],
+        )  # fmt: skip
+    elif robot.declares:
         # M a + C(q, v) w + G of the law's a and w.
         w, a = terms[WORK], terms[WORK_2]
         for j in range(n):
@@ -141,10 +150,10 @@ def ask_model(c, inputs):
             inputs[2], inputs[3], inputs[3], inputs[4], terms[FEEDFORWARD],
         )  # fmt: skip
     if robot.paper and robot.acting:
-        speed = terms[WORK]
-        for j in range(n):
-            speed[j] = 0.0
-        survey(c.bodies, c.frames, c.gravity, inputs[0], speed, terms[GRAVITY], c.mass)
+        gravity_torques(
+            c.bodies, c.numbers[:, INERTIA : INERTIA + 10], c.links, c.gravity, inputs[0],
+            terms[GRAVITY],
+        )  # fmt: skip
         survey(c.bodies, c.frames, c.gravity, inputs[0], inputs[1], terms[CORIOLIS], c.mass)
         for j in range(n):
             terms[CORIOLIS, j] -= terms[GRAVITY, j]

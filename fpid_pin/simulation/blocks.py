@@ -1,11 +1,11 @@
-"""What the engine hands on: some consecutive rows of a run, and how it ended."""
+"""Words that the engine and its readers share: names of arrays, rows at a time, how a run ended."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from fpid_pin.checks import FloatArray
-
+#: Arrays of the motion of every run, (N, n) each.
+MOTION = ("q", "v", "q_ref", "v_ref", "torque")
 #: Rows handed on at a time: enough that what Python does for a block does not count.
 BLOCK_ROWS = 4096
 
@@ -35,26 +35,3 @@ class Outcome:
         if not self.joint:
             return f"ended at {self.time:g} s: {self.cause}"
         return f"diverged at {self.time:g} s, {self.joint}: {self.cause}"
-
-
-@dataclass(eq=False)
-class Block:
-    """Some consecutive rows of a run; views of buffers, valid until the next block.
-
-    Attributes
-    ----------
-    first
-        Row number of the first row.
-    q_ref, v_ref, q, v, torque
-        (K, n); torque is what the drives gave, after their limits.
-    signals
-        The controller's, by name, (K, n) or (K,).
-    """
-
-    first: int
-    q_ref: FloatArray
-    v_ref: FloatArray
-    q: FloatArray
-    v: FloatArray
-    torque: FloatArray
-    signals: dict[str, FloatArray] = field(default_factory=dict)

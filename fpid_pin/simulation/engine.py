@@ -17,29 +17,23 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.start import start_all
 from fpid_pin.control.state import State
+from fpid_pin.costs import SETTLING_BAND, Rows
 from fpid_pin.exceptions import SimulationError
-from fpid_pin.kernels import plant as plant_kernels
 from fpid_pin.kernels import records
 from fpid_pin.kernels.metrics import measure_joints
+from fpid_pin.kernels.plant import apply_actuators, has_diverged, move
 from fpid_pin.kernels.records import FRAME, MEASURE, PLANT
 from fpid_pin.kernels.rollout import keep_signals, load_reference, rollout
 from fpid_pin.kernels.sensors import measure
-from fpid_pin.simulation.blocks import BLOCK_ROWS, Block, Outcome
-from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.blocks import BLOCK_ROWS, Outcome
+from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.simulation.pinocchio_dynamics import PinocchioDynamics
-from fpid_pin.simulation.plant import ResolvedPlant, plant_of, refuse_stiff
+from fpid_pin.simulation.plant import ResolvedPlant, refuse_stiff
 from fpid_pin.simulation.sensors import SensorState
 
 #: Fractional operators are fitted to the first of these that a run fits in [s]: runs of different
 #: durations then agree to the last bit as long as both last.
 HORIZONS = tuple(base * 10.0**decade for decade in range(7) for base in (20.0, 60.0))
-
-_rollout: Any = rollout
-_plant: Any = plant_kernels
-_measure: Any = measure
-_load_reference: Any = load_reference
-_keep_signals: Any = keep_signals
-_measure_joints: Any = measure_joints
 
 
 def horizon_of(duration: float) -> float:
@@ -84,8 +78,6 @@ class Robot:
         Names of the controller's signals that blocks hold.
     limit
         Of the torque [N m], (n,), to measure figures of merit against; None: they are not wanted.
-    band
-        Within which the error counts as settled [rad].
 
     Attributes
     ----------
@@ -107,7 +99,6 @@ class Robot:
         dynamics: str,
         keep: Sequence[str] = (),
         limit: FloatArray | None = None,
-        band: float = 0.01,
     ) -> None:
         n, h = experiment.arm.n, experiment.step
         self.experiment, self.state = experiment, state
@@ -138,7 +129,8 @@ class Robot:
         self._columns = state.columns(self._keep)
         self.sums = np.zeros(n if limit is not None else 0, MEASURE)
         if limit is not None:
-            self.sums["limit"], self.sums["band"] = limit, band
+            self.sums["limit"], self.sums["band"] = limit, SETTLING_BAND
+        self._limit = experiment.torque_limit if limit is None else limit
         self._pinocchio = PinocchioDynamics(plant, experiment) if dynamics == "pinocchio" else None
         self._push_ends = np.zeros(n, dtype=np.int64)
 
@@ -149,8 +141,10 @@ class Robot:
 
     def advance(
         self, samples: Samples, buffer: tuple[FloatArray, FloatArray], count: int, start: int = 0
-    ) -> Block:
+    ) -> Rows:
         """Make ticks, `count` of them at most, and return their rows: views of `buffer`.
+
+        The last row of a completed run has a torque that is not applied.
 
         Parameters
         ----------
@@ -160,6 +154,7 @@ class Robot:
             See `buffer`.
         """
         first, motion, kept = self.row, *buffer
+        self._arrays.joints["push"][self._push_ends <= first] = 0.0
         rows = records.Rows(
             samples.reference, samples.forces, motion, self._columns, kept, self.sums
         )
@@ -170,7 +165,7 @@ class Robot:
             counts = np.array([first, count, start, last, self._rubs], dtype=np.int64)
             state = self.state
             ended = int(
-                _rollout(
+                rollout(
                     state.c, self._arrays, sensing, rows, state.inputs, state.torque, counts
                 )
             )  # fmt: skip
@@ -190,10 +185,20 @@ class Robot:
         if "lyapunov" in signals:
             signals["lyapunov"] = signals["lyapunov"][:, 0]
         signals |= {name: np.array(values[: len(q)]) for name, values in own.items()}
-        return Block(first, q_ref, v_ref, q, v, torque, signals)
+        e = self.experiment
+        t = e.step * np.arange(first, first + len(q), dtype=np.float64)
+        return Rows(
+            first, e.step, t, q, v, q_ref, v_ref, torque, signals, self._limit, e.arm
+        )  # fmt: skip
 
     def _tick_by_tick(
-        self, rows: Any, sensing: Any, count: int, start: int, last: int, own: Any
+        self,
+        rows: records.Rows,
+        sensing: records.Sensing,
+        count: int,
+        start: int,
+        last: int,
+        own: Any,
     ) -> tuple[int, int, str]:
         """Make ticks from Python: for Pinocchio's dynamics, and for laws in Python.
 
@@ -206,27 +211,27 @@ class Robot:
         model = None if pinocchio is None or estimates else pinocchio.write_terms
         for k in range(count):
             number, row = self.row + k, start + k
-            _measure(*sensing, plant.q, plant.v, number, state.inputs)
-            _load_reference(rows.reference, row, state.inputs)
+            measure(*sensing, plant.q, plant.v, number, state.inputs)
+            load_reference(rows.reference, row, state.inputs)
             try:
                 state.tick(model)
             except SimulationError as error:
                 return -1, k, str(error)
-            if _plant.apply_actuators(
+            if apply_actuators(
                 plant.joints, plant.q, plant.v, state.torque, rows.forces, rows.motion, row,
                 plant.tau,
             ):  # fmt: skip
                 return number, k + 1, ""
-            _keep_signals(state.c.numbers, rows.columns, rows.kept, row)
+            keep_signals(state.c.numbers, rows.columns, rows.kept, row)
             if number < last:
-                _measure_joints(rows.sums, rows.reference, rows.motion, row, number, last // 2, h)
+                measure_joints(rows.sums, rows.reference, rows.motion, row, number, last // 2, h)
             for name, values in own.items():
                 values.append(np.array(state.shown[name]))
             if pinocchio is None:
-                _plant.move(plant, self._rubs, rows.forces, row, h)
+                move(plant, self._rubs, rows.forces, row, h)
             else:
                 pinocchio.move(plant, self._rubs, rows.forces, row)
-            if _plant.has_diverged(plant.joints, plant.q, plant.v):
+            if has_diverged(plant.joints, plant.q, plant.v):
                 return number + 1, k + 1, ""
         return -1, count, ""
 
@@ -234,10 +239,6 @@ class Robot:
         """Disturb a joint by `torque` [N m] for so many ticks from now; see `Simulation.push`."""
         self._arrays.joints["push"][joint] = torque
         self._push_ends[joint] = self.row + ticks
-
-    def end_pushes(self) -> None:
-        """End the pushes whose time is over."""
-        self._arrays.joints["push"][self._push_ends <= self.row] = 0.0
 
     def _end(self, row: int) -> None:
         """Note which joint ended the run, and why."""
@@ -310,7 +311,6 @@ class Simulation:
         if place == 0 or self._samples is None:
             first = robot.row - place
             self._samples = Samples(robot.experiment, robot.plant, first, BLOCK_ROWS)
-        robot.end_pushes()
         robot.advance(self._samples, self._buffer, 1, place)
         self.q_ref = self._samples.reference[0, place]
         if robot.outcome is not None and not robot.outcome.joint:

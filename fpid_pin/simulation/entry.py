@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from fpid_pin.budget import require_memory
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, QuadraticCost
-from fpid_pin.exceptions import ArgumentError, FpidWarning
+from fpid_pin.exceptions import ArgumentError, FpidWarning, WorkersDied
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
@@ -26,7 +26,7 @@ from fpid_pin.simulation.workers import WorkerPool, check_workers
 #: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
 _NUMBERS = 11
 
-#: Runs of a part that is dealt out to an executor.
+#: Runs that are started together, and of a part that is dealt out to an executor.
 PART = 64
 
 
@@ -161,41 +161,73 @@ def evaluate(
     -------
     ndarray
         +inf where a run diverged.
+
+    Raises
+    ------
+    WorkersDied
+        Workers of the executor died twice over the same runs.
     """
     es, cs = pair(experiments, controllers)
     costs: list[Cost] = (
         [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
     )
-    # Imported late: it loads numba.
-    from fpid_pin.simulation.batch import costs_of
-
     with executor_of(executor, workers, es, cs) as pool:
         if pool is None:
-            table = costs_of(es, cs, costs, progress)
+            table = _one_by_one(es, cs, costs, progress)
         else:
             warm(es, cs)
             table = _dealt_out(es, cs, costs, pool, shards, progress)
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
 
+def _one_by_one(
+    es: list[Experiment], cs: list[Controller], costs: list[Cost], progress: ProgressCallback | None
+) -> FloatArray:
+    """Return the costs of runs, (runs, costs), simulated in this process part by part."""
+    # Imported late: it loads numba.
+    from fpid_pin.simulation.batch import costs_of
+
+    pieces = []
+    for start in range(0, len(es), PART):
+        part = slice(start, start + PART)
+
+        def overall(inner: Progress, start: int = start, size: int = len(es[part])) -> None:
+            if progress is not None:
+                progress(Progress((start + inner.part * size) / len(es)))
+
+        pieces.append(costs_of(es[part], cs[part], costs, overall))
+    return np.concatenate(pieces)
+
+
 def _dealt_out(
     es: list[Experiment], cs: list[Controller], costs: list[Cost], pool: Executor,
     shards: int | None, progress: ProgressCallback | None,
 ) -> FloatArray:  # fmt: skip
+    """Deal runs out to an executor; a part whose worker died is sent once more."""
     from fpid_pin.simulation.batch import costs_of
+
+    def send(cut: Any) -> Future[FloatArray]:
+        return pool.submit(costs_of, [es[i] for i in cut], [cs[i] for i in cut], costs, None)
 
     # Small parts: progress is told, and Ctrl-C obeyed, after each.
     parts = shards or max(int(getattr(pool, "_max_workers", 2)), -(-len(es) // PART))
     cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
-    futures: list[Future[FloatArray]] = [
-        pool.submit(costs_of, [es[i] for i in cut], [cs[i] for i in cut], costs, None)
-        for cut in cuts
-    ]
     pieces = []
-    for number, future in enumerate(futures, start=1):
-        pieces.append(future.result())
-        if progress is not None:
-            progress(Progress(number / len(futures)))
+    try:
+        futures = [send(cut) for cut in cuts]
+        for number, (cut, future) in enumerate(zip(cuts, futures, strict=True), start=1):
+            try:
+                pieces.append(future.result())
+            except BrokenExecutor:
+                pieces.append(send(cut).result())
+            if progress is not None:
+                progress(Progress(number / len(futures)))
+    except BrokenExecutor:
+        raise WorkersDied(
+            "workers: expected processes that live, got some that died twice over the same task: "
+            "out of memory, or a script that starts its work outside "
+            '`if __name__ == "__main__":`'
+        ) from None
     return np.concatenate(pieces)
 
 
@@ -204,20 +236,18 @@ def executor_of(
     workers: int | None,
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
-    *,
-    retries: int = 3,
 ) -> AbstractContextManager[Executor | None]:
     """Return the caller's executor, which stays open, or workers of our own, which are closed.
 
     Compiled work lets go of the interpreter's lock, so that threads share it out; a law in Python,
-    or Pinocchio's dynamics, needs processes. A task may lose its process `retries` times.
+    or Pinocchio's dynamics, needs processes.
     """
     check_workers(executor, workers)
     if executor is not None or workers is None:
         return nullcontext(executor)
     holds = any(c.control is not None for c in controllers)
     holds = holds or any(e.dynamics == "pinocchio" for e in experiments)
-    return WorkerPool(workers, retries=retries) if holds else _Threads(workers)
+    return WorkerPool(workers) if holds else _Threads(workers)
 
 
 def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:

@@ -11,9 +11,8 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
-from fpid_pin.disturbances import Disturbance
 from fpid_pin.references import Motion, Reference
-from fpid_pin.simulation.plant import Plant, plant_of
+from fpid_pin.simulation.plant import Plant, ResolvedPlant
 from fpid_pin.simulation.sensors import Sensors
 
 INTEGRATORS = ("semi_implicit_euler", "rk4")
@@ -96,12 +95,24 @@ class Experiment:
         if self.dynamics is not None:
             checks.choice("dynamics", self.dynamics, DYNAMICS)
         object.__setattr__(self, "seed", checks.integer("seed", self.seed, low=0))
-        _check_disturbance(plant_of(self).disturbance, n)
+        disturbance = plant_of(self).disturbance
+        if disturbance is not None:
+            shape = np.shape(disturbance.sample(np.zeros(1)))
+            if shape not in ((1, n), (1, 1)):
+                raise checks.ArgumentError(
+                    "plant.disturbance", f"(K, {n}) at K times (the arm has {n} joints)", f"{shape}"
+                )
 
     @property
     def rows(self) -> int:
         """Number of samples of a run, both ends included."""
         return checks.sample_count(self.duration, self.step)
+
+    @property
+    def torque_limit(self) -> FloatArray:
+        """What neither the law nor the drives go beyond [N m], (n,)."""
+        limit: FloatArray = np.minimum(self.arm.effort_limit, plant_of(self).effort_limit)
+        return limit
 
     def with_dynamics(self, dynamics: str) -> Experiment:
         """Return the experiment with its dynamics written out: these where it does not say."""
@@ -131,11 +142,7 @@ class Experiment:
         return out[0], out[1], out[2]
 
 
-def _check_disturbance(disturbance: Disturbance | None, n: int) -> None:
-    if disturbance is None:
-        return
-    shape = np.shape(disturbance.sample(np.zeros(1)))
-    if shape not in ((1, n), (1, 1)):
-        raise checks.ArgumentError(
-            "plant.disturbance", f"(K, {n}) at K times (the arm has {n} joints)", f"{shape}"
-        )
+def plant_of(experiment: Experiment) -> ResolvedPlant:
+    """Return the plant of an experiment; None means the nominal arm, undisturbed."""
+    plant = Plant() if experiment.plant is None else experiment.plant
+    return plant.resolve(experiment.arm)

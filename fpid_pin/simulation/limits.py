@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpid_pin.checks import FloatArray
-from fpid_pin.simulation.plant import plant_of
-
-if TYPE_CHECKING:
-    from fpid_pin.simulation.experiment import Experiment
-    from fpid_pin.simulation.run import Run
+from fpid_pin.simulation.experiment import Experiment, plant_of
+from fpid_pin.simulation.run import Run
 
 
 @dataclass(frozen=True)
@@ -90,12 +85,6 @@ def limit_report(run: Run) -> list[Exceedance]:
     return sorted(found, key=lambda item: item.time)
 
 
-def torque_limit(experiment: Experiment) -> FloatArray:
-    """Return what neither the law nor the drives go beyond, (n,) [N m]."""
-    limit: FloatArray = np.minimum(experiment.arm.effort_limit, plant_of(experiment).effort_limit)
-    return limit
-
-
 def overloaded_joints(experiment: Experiment) -> list[str]:
     """Return a line for every joint whose drive cannot carry the true arm at the start pose.
 
@@ -103,7 +92,7 @@ def overloaded_joints(experiment: Experiment) -> list[str]:
     (``Plant.effort_limit``) is taken to be meant.
     """
     plant = plant_of(experiment)
-    weight: FloatArray = np.abs(plant.arm.gravity_vector(np.asarray(experiment.q0)))
+    weight = np.abs(plant.arm.gravity_vector(np.asarray(experiment.q0)))
     limit = np.minimum(plant.arm.effort_limit, experiment.arm.effort_limit)
     return [
         f"{plant.arm.name}: joint {plant.arm.joint_names[j]}: gravity at the start is "

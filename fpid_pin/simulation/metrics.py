@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
 from fpid_pin.costs import SETTLING_BAND, Cost, Metrics, RowCost, Rows
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.blocks import BLOCK_ROWS, Block
-
-if TYPE_CHECKING:
-    from fpid_pin.simulation.run import Run
+from fpid_pin.simulation.blocks import BLOCK_ROWS, MOTION
 
 
 def metrics_from(sums: Any, planned: int, step: float) -> Metrics:
@@ -43,18 +41,18 @@ def metrics_from(sums: Any, planned: int, step: float) -> Metrics:
             peak_error=sums["worst"].copy(),
             settling_time=np.where(stayed, h * sums["settled"], np.inf),
             overshoot=np.where(np.abs(sums["start"]) > sums["band"], sums["beyond"], 0.0),
-            saturated=np.where(np.isnan(sums["limit"]), np.nan, sums["at_limit"] / sums["rows"]),
+            saturated=sums["at_limit"] / sums["rows"],
             torque_rate=np.sqrt(sums["jumps"] / (sums["rows"] - 1)) / h,
         )
 
 
-def metrics_of(run: Run, band: float = SETTLING_BAND) -> Metrics:
+def metrics_of(run: Any, band: float = SETTLING_BAND) -> Metrics:
     """Return the metrics of a recorded run: the same bits as while it ran.
 
     Parameters
     ----------
     run
-        Of any origin.
+        A `Run` of any origin.
     band
         Within which the error counts as settled [rad].
     """
@@ -63,11 +61,10 @@ def metrics_of(run: Run, band: float = SETTLING_BAND) -> Metrics:
     from fpid_pin.kernels.records import MEASURE
 
     measure: Any = measure_rows
-    n, planned = run.q.shape[1], run.planned_rows - 1
-    sums = np.zeros(n, MEASURE)
+    planned = run.planned_rows - 1
+    sums = np.zeros(run.q.shape[1], MEASURE)
     sums["band"] = checks.number("band", band, above=0.0)
-    # A file from before it was written down does not say.
-    sums["limit"] = run.meta.get("effort_limit", [np.nan] * n)
+    sums["limit"] = run.meta["effort_limit"]
     applied = slice(0, planned)
     q, q_ref, torque = (
         np.ascontiguousarray(getattr(run, name)[applied]) for name in ("q", "q_ref", "torque")
@@ -85,22 +82,14 @@ class RowCosts:
         Any number of them.
     applied
         How many rows of a completed run have a torque that is applied: all but the last.
-    step
-        h [s].
-    limit
-        Of the torque, (n,) [N m].
-    arm
-        The nominal arm.
     """
 
-    def __init__(
-        self, costs: list[RowCost], applied: int, step: float, limit: FloatArray, arm: Any
-    ) -> None:
-        self._costs, self._applied, self._step = costs, applied, step
-        self._limit, self._arm = limit, arm
+    def __init__(self, costs: Sequence[RowCost], applied: int) -> None:
+        self._costs, self._applied = costs, applied
+        self._wanted = sorted({name for cost in costs for name in cost.signals})
         self._states = [cost.begin() for cost in costs]
 
-    def take(self, block: Block) -> None:
+    def take(self, rows: Rows) -> None:
         """Take the next rows.
 
         Raises
@@ -108,22 +97,17 @@ class RowCosts:
         ArgumentError
             A signal that the law has not.
         """
-        count = max(min(len(block.q), self._applied - block.first), 0)
-        wanted = sorted({name for cost in self._costs for name in cost.signals})
-        missing = [name for name in wanted if name not in block.signals]
+        missing = [name for name in self._wanted if name not in rows.signals]
         if missing:
-            has = ", ".join(sorted(block.signals)) or "none"
+            has = ", ".join(sorted(rows.signals)) or "none"
             raise ArgumentError("cost.signals", f"signals of the law ({has})", missing[0])
+        count = max(min(len(rows.q), self._applied - rows.first), 0)
         if not count or not self._costs:
             return
-        names = ("q", "v", "q_ref", "v_ref", "torque")
-        own = {name: getattr(block, name)[:count].copy() for name in names}
-        rows = Rows(
-            block.first, self._step,
-            self._step * np.arange(block.first, block.first + count, dtype=np.float64), **own,
-            signals={name: block.signals[name][:count].copy() for name in wanted},
-            limit=self._limit, arm=self._arm,
-        )  # fmt: skip
+        # Copies: a cost may keep them, and the engine uses its arrays again.
+        own = {name: getattr(rows, name)[:count].copy() for name in ("t", *MOTION)}
+        signals = {name: rows.signals[name][:count].copy() for name in self._wanted}
+        rows = dataclasses.replace(rows, **own, signals=signals)
         self._states = [
             cost.add(state, rows) for cost, state in zip(self._costs, self._states, strict=True)
         ]
@@ -146,19 +130,18 @@ class RowCosts:
         return found
 
 
-def cost_of(run: Run, cost: Cost) -> float:
-    """Return the cost of a recorded run, the bits that `evaluate` gives; +inf where it diverged."""
+def cost_of(run: Any, cost: Cost) -> float:
+    """Return the cost of a recorded `Run`, as `evaluate` gives it; +inf where it diverged."""
     if not run.outcome.completed:
         return float("inf")
     streamed = cost.streamed()
     if streamed is None:
         return cost.of(run.metrics)
-    n = run.q.shape[1]
-    limit = np.array(run.meta.get("effort_limit", [np.nan] * n))
-    costs = RowCosts([streamed], run.planned_rows - 1, run.step, limit, run.arm)
-    names = ("q_ref", "v_ref", "q", "v", "torque")
+    costs = RowCosts([streamed], run.planned_rows - 1)
+    limit = np.array(run.meta["effort_limit"])
     for first in range(0, len(run.t), BLOCK_ROWS):
         part = slice(first, first + BLOCK_ROWS)
-        own = {name: getattr(run, name)[part] for name in names}
-        costs.take(Block(first, **own, signals={k: a[part] for k, a in run.signals.items()}))
+        own = {name: getattr(run, name)[part] for name in ("t", *MOTION)}
+        signals = {name: array[part] for name, array in run.signals.items()}
+        costs.take(Rows(first, run.step, **own, signals=signals, limit=limit, arm=run.arm))
     return costs.results()[0]

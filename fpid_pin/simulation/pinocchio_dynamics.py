@@ -8,23 +8,17 @@ step further. All else of a tick is what the compiled dynamics have, too.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.state import State
-from fpid_pin.kernels import plant as plant_kernels
 from fpid_pin.kernels import records
 from fpid_pin.kernels.friction import apply_dry_friction
+from fpid_pin.kernels.plant import finish_runge_kutta, runge_kutta_stage
 from fpid_pin.kernels.rigid_body import factor_tree
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import ResolvedPlant
-
-_plant: Any = plant_kernels
-_factor: Any = factor_tree
-_rub: Any = apply_dry_friction
 
 
 class PinocchioDynamics:
@@ -87,15 +81,17 @@ class PinocchioDynamics:
             plant.v[:] += self.step * plant.a
             if rubs:
                 plant.mass[:] = pin.crba(self.true, self.true_data, plant.q).T
-                _factor(plant.bodies, plant.mass)
-                _rub(plant.bodies, plant.mass, plant.joints, plant.v, plant.room, self.step)
+                factor_tree(plant.bodies, plant.mass)
+                apply_dry_friction(
+                    plant.bodies, plant.mass, plant.joints, plant.v, plant.room, self.step
+                )
             plant.q[:] += self.step * plant.v
             return
         stages = plant.room[records.ROOM + 2 * len(plant.q) :]
         stages[3], stages[4] = plant.v, plant.a
         for i in range(1, 4):
-            _plant.runge_kutta_stage(
+            runge_kutta_stage(
                 plant.joints, plant.q, plant.v, plant.tau, stages, forces, k, i, self.step
             )
             stages[4 + 2 * i] = self._acceleration(stages[0], stages[1], stages[2])
-        _plant.finish_runge_kutta(plant.q, plant.v, stages, self.step)
+        finish_runge_kutta(plant.q, plant.v, stages, self.step)

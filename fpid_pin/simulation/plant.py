@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,9 +13,6 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.descriptions import described
 from fpid_pin.disturbances import Disturbance
 from fpid_pin.exceptions import SimulationError
-
-if TYPE_CHECKING:
-    from fpid_pin.simulation.experiment import Experiment
 
 # RK4 is stable on the negative real axis to -2.785; beyond half of it, it is not accurate either.
 _RK4_REACH = 1.4
@@ -90,12 +86,6 @@ class ResolvedPlant:
     dry_friction: FloatArray
     effort_limit: FloatArray
     disturbance: Disturbance | None
-
-
-def plant_of(experiment: Experiment) -> ResolvedPlant:
-    """Return the plant of an experiment; None means the nominal arm, undisturbed."""
-    plant = Plant() if experiment.plant is None else experiment.plant
-    return plant.resolve(experiment.arm)
 
 
 def refuse_stiff(plant: ResolvedPlant, step: float) -> None:

@@ -1,32 +1,41 @@
-"""A recorded run: its arrays, how it ended, and its one file."""
+"""A recorded run: its arrays, how it ended, what is known of it, and its one file."""
 
 from __future__ import annotations
 
 import dataclasses
+import platform
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks, descriptions
+from fpid_pin import checks, descriptions, npz
+from fpid_pin._version import __version__
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.record import Record
 from fpid_pin.costs import Metrics, tool_distance
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
-from fpid_pin.simulation import recorded, run_file, run_shown, run_tables
-from fpid_pin.simulation.blocks import Outcome
+from fpid_pin.simulation.blocks import MOTION, Outcome
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.metrics import metrics_of
+from fpid_pin.simulation.run_tables import RunTables
+from fpid_pin.text import shown
+
+KIND = "run file"
+#: Fraction of a step by which a row's time may be off the grid; it is measured as if on it.
+JITTER = 0.1
+_SIGNAL = "signal_"
 
 T = TypeVar("T")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Run:
+class Run(RunTables):
     """What one robot did; rows are samples, N of them.
 
     Attributes
@@ -47,7 +56,7 @@ class Run:
     planned_rows
         Rows that a completed run has.
     meta
-        Format, versions, platform, seed, and the tables of experiment, controller and arm.
+        Versions, platform, seed, and the tables of experiment, controller and arm.
     """
 
     t: FloatArray
@@ -63,10 +72,9 @@ class Run:
     meta: Mapping[str, Any]
 
     def __repr__(self) -> str:
-        return run_shown.line(self)
-
-    def _repr_html_(self) -> str:
-        return run_shown.html(self)
+        rows, joints = self.q.shape
+        about = f"{joints} joints, {rows} rows, step {self.step:g} s"
+        return f"<Run {shown(self.name)}: {about}, {self.outcome}>"
 
     @property
     def error(self) -> FloatArray:
@@ -121,31 +129,39 @@ class Run:
         raise AttributeError(f"a run of this controller has no {name!r}; it has {sorted(signals)}")
 
     def save(self, path: str | Path, *, compressed: bool = False, every: int = 1) -> Path:
-        """Write the run as one ``.npz``: arrays and a JSON text, nothing pickled.
+        """Write the run as one ``.npz``: arrays and a JSON table, nothing pickled.
 
-        The file appears whole or not at all, and knows when it is damaged.
+        The file appears whole or not at all, and a damaged one is noticed when it is read.
 
         Parameters
         ----------
         path
             Gets ``.npz`` where it has not.
         compressed
-            Take 2 to 7 times fewer bytes (noise has the most), every bit of the numbers kept.
-            NumPy reads such a file too, but not at a glance (docs/data.md).
+            Take 2 to 7 times fewer bytes (noise has the most), every bit kept, by pcodec: the
+            extra ``fpid_pin[compressed]``.
         every
             Keep one row in so many, as `thinned` does.
 
         Raises
         ------
         ArgumentError
-            What `load` would not accept; a signal that is not (N,) or (N, n), for example.
+            A signal that is not (N,) or (N, n), or whose name is none for a file.
         FileFormatError
             The file cannot be written.
+        FpidError
+            pcodec is not installed; the line says how.
         """
         if every != 1:
             return self.thinned(every).save(path, compressed=compressed)
-        arrays = {name: getattr(self, name) for name in ("t", *run_file.KINEMATICS)}
-        meta = dict(self.meta) | {
+        rows, n = self.q.shape
+        for name, array in self.signals.items():
+            if array.shape not in ((rows,), (rows, n)):
+                expected = f"a signal with {rows} rows"
+                raise ArgumentError(f"signals.{name}", expected, f"shape {array.shape}")
+        arrays = {name: getattr(self, name) for name in ("t", *MOTION)}
+        arrays |= {f"{_SIGNAL}{name}": array for name, array in self.signals.items()}
+        table = dict(self.meta) | {
             "outcome": dataclasses.asdict(self.outcome),
             "step": self.step,
             "planned_rows": self.planned_rows,
@@ -153,8 +169,31 @@ class Run:
         path = Path(path)
         if path.suffix != ".npz":
             path = path.with_name(path.name + ".npz")
-        run_file.write(path, arrays, self.signals, meta, compressed=compressed)
+        npz.write(path, KIND, table, arrays, compressed=compressed)
         return path
+
+    @classmethod
+    def load(cls, path: str | Path) -> Run:
+        """Read a run; nothing in the file is executed.
+
+        Raises
+        ------
+        FileFormatError
+            Missing, damaged, of another format, or not a run.
+        FpidError
+            It is compressed, and pcodec is not installed.
+        """
+        arrays, meta = npz.read(path, KIND)
+        signals = {
+            name.removeprefix(_SIGNAL): arrays.pop(name)
+            for name in list(arrays)
+            if name.startswith(_SIGNAL)
+        }
+        outcome, step, planned = (meta.pop(name) for name in ("outcome", "step", "planned_rows"))
+        return cls(
+            **arrays, signals=signals, outcome=Outcome(**outcome), step=step,
+            planned_rows=planned, meta=meta,
+        )  # fmt: skip
 
     def thinned(self, every: int) -> Run:
         """Return the run with one row in `every`, the first among them.
@@ -172,51 +211,12 @@ class Run:
         step = self.step * every
         if step > checks.STEPS[1]:
             raise ArgumentError("every", f"rows at most {checks.STEPS[1]:g} s apart", f"{step:g} s")
-        arrays = {name: getattr(self, name)[::every].copy() for name in ("t", *run_file.KINEMATICS)}
+        arrays = {name: getattr(self, name)[::every].copy() for name in ("t", *MOTION)}
         return dataclasses.replace(
             self, **arrays, signals={name: a[::every].copy() for name, a in self.signals.items()},
             step=step, planned_rows=-(-self.planned_rows // every),
             meta=dict(self.meta) | {"every": every * int(self.meta.get("every", 1))},
         )  # fmt: skip
-
-    # ------------------------------------------------------------------ for other programs
-
-    def to_dataframe(self) -> Any:
-        """Return a `pandas.DataFrame` with a column for each number of a row.
-
-        They are ``t``, ``q.<joint>`` and so on, then the law's signals; ``attrs`` has units, name,
-        step, outcome and the record's table.
-
-        Raises
-        ------
-        FpidError
-            pandas is not installed; the line says how.
-        """
-        return run_tables.to_dataframe(self)
-
-    def to_csv(self, path: str | Path) -> Path:
-        """Write the columns of `to_dataframe` as CSV, every digit; no pandas is needed."""
-        run_tables.to_csv(self, Path(path))
-        return Path(path)
-
-    def to_mat(self, path: str | Path) -> Path:
-        """Write a MATLAB file (version 5): the arrays, ``signals.kp`` and so on, ``joint_names``.
-
-        ``meta`` is the record's table as JSON, for ``jsondecode``.
-        """
-        run_tables.to_mat(self, Path(path))
-        return Path(path)
-
-    def to_parquet(self, path: str | Path) -> Path:
-        """Write the columns of `to_dataframe` as Parquet; the schema's metadata has the rest.
-
-        Raises
-        ------
-        FpidError
-            pyarrow is not installed; the line says how.
-        """
-        run_tables.to_parquet(self, Path(path))
-        return Path(path)
 
     @classmethod
     def from_arrays(
@@ -262,11 +262,39 @@ class Run:
             Shapes that do not fit; NaN or inf; times that go back, or rows off a uniform step by
             more than a tenth of it while nothing is to be resampled.
         """
-        arguments = recorded.run_arguments(
-            t, q, q_ref, torque, arm=arm, v=v, v_ref=v_ref, signals=signals,
-            controller=controller, name=name, resample=resample,
+        checks.instance("arm", arm, Arm, "an Arm")
+        if controller is not None:
+            checks.instance("controller", controller, Controller, "a Controller")
+        time = _times(t)
+        rows, n = len(time), arm.n
+        given = {"q": q, "q_ref": q_ref, "torque": torque, "v": v, "v_ref": v_ref}
+        arrays = {
+            key: _rows(key, value, ((rows, n),))
+            for key, value in given.items()
+            if value is not None
+        }
+        own = {
+            key: _rows(f"signals.{key}", value, ((rows, n), (rows,)))
+            for key, value in (signals or {}).items()
+        }
+        for rate, angle in (("v", "q"), ("v_ref", "q_ref")):
+            if rate not in arrays:
+                arrays[rate] = np.gradient(arrays[angle], time, axis=0)
+        if resample is None:
+            step = _uniform_step(time)
+        else:
+            step = checks.number("resample", resample, above=0.0)
+            rows = checks.sample_count(float(time[-1]), step)
+            grid = step * np.arange(rows, dtype=np.float64)
+            arrays, own = (
+                {key: _interpolated(grid, time, array) for key, array in table.items()}
+                for table in (arrays, own)
+            )
+        return cls(
+            step * np.arange(rows, dtype=np.float64), **arrays, signals=own,
+            outcome=Outcome(True, step * (rows - 1)), step=step, planned_rows=rows,
+            meta=meta_of(name, arm, controller, arm.effort_limit),
         )  # fmt: skip
-        return cls(**arguments)
 
     @classmethod
     def from_record(cls, record: Record, name: str = "recorded") -> Run:
@@ -277,20 +305,75 @@ class Run:
             arm=record.arm, signals=record.signals(), controller=record.controller, name=name,
         )  # fmt: skip
 
-    @classmethod
-    def load(cls, path: str | Path) -> Run:
-        """Read a run; nothing in the file is executed.
 
-        Raises
-        ------
-        FileFormatError
-            Missing, cut short, altered, of another format, or not a run.
-        """
-        arrays, signals, meta = run_file.read(path)
-        outcome, step, planned, *_ = (
-            meta.pop(name) for name in ("outcome", "step", "planned_rows", "rows", "joints")
-        )
-        return cls(
-            **arrays, signals=signals, outcome=Outcome(**outcome), step=float(step),
-            planned_rows=int(planned), meta=meta,
+def _times(t: ArrayLike) -> FloatArray:
+    """Return times that increase, from 0 on."""
+    time = checks.floats("t", t)
+    if time.ndim != 1 or len(time) < 2:
+        raise ArgumentError("t", "(N,) with at least 2 rows", f"shape {time.shape}")
+    backwards = np.flatnonzero(np.diff(time) <= 0.0)
+    if backwards.size:
+        k = int(backwards[0]) + 1
+        raise ArgumentError("t", "times that increase", f"{time[k]:g} s in row {k}")
+    return np.asarray(time - time[0])
+
+
+def _rows(name: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) -> FloatArray:
+    array = checks.floats(name, value)
+    if array.shape not in shapes:
+        expected = f"shape {shapes[0]} (rows, joints)"
+        raise ArgumentError(name, expected, f"shape {array.shape}")
+    return array.copy()
+
+
+def _uniform_step(time: FloatArray) -> float:
+    step = float(time[-1]) / (len(time) - 1)
+    checks.number("t's step", step, low=checks.STEPS[0], high=checks.STEPS[1])
+    off = np.abs(time - step * np.arange(len(time)))
+    worst = int(np.argmax(off))
+    if off[worst] > JITTER * step:
+        raise ArgumentError(
+            "t", f"a step of {step:g} s throughout (or resample={step:.3g})",
+            f"row {worst} off by {off[worst]:.3g} s",
         )  # fmt: skip
+    return step
+
+
+def _interpolated(grid: FloatArray, time: FloatArray, array: FloatArray) -> Any:
+    columns = array.reshape(len(time), -1).T
+    found = np.stack([np.interp(grid, time, column) for column in columns], axis=1)
+    return found.reshape(len(grid), *array.shape[1:])
+
+
+def describe_run(
+    experiment: Experiment, controller: Controller, name: str, dynamics: str
+) -> dict[str, Any]:
+    """Return the `Run.meta` of a run about to be recorded, with the dynamics that made it."""
+    table = descriptions.to_dict(experiment) | {"dynamics": dynamics}
+    about = {"seed": experiment.seed, "experiment": table}
+    return meta_of(name, experiment.arm, controller, experiment.torque_limit) | about
+
+
+def meta_of(
+    name: str, arm: Arm, controller: Controller | None, effort_limit: FloatArray
+) -> dict[str, Any]:
+    """Return the `Run.meta` of a run that no experiment of ours has made."""
+    import pinocchio
+    import scipy
+
+    elsewhere = {"kind": "custom", "repr": "recorded elsewhere"}
+    return {
+        "name": name,
+        "versions": {
+            "fpid_pin": __version__,
+            "pin": pinocchio.__version__,
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": platform.python_version(),
+        },
+        "platform": platform.platform(),
+        "effort_limit": effort_limit.tolist(),
+        "experiment": elsewhere,
+        "controller": elsewhere if controller is None else descriptions.to_dict(controller),
+        "arm": descriptions.to_dict(arm),
+    }

@@ -1,23 +1,20 @@
-"""Checkpoints of a search: arrays and a JSON text, nothing pickled, whole or not at all."""
+"""Checkpoints of a search: its arrays, its configuration, and the versions that made them."""
 
 from __future__ import annotations
 
+import json
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fpid_pin import checks, sealed
+from fpid_pin import npz
 from fpid_pin._version import __version__
-from fpid_pin.archive import Member
-from fpid_pin.exceptions import FileFormatError, FpidWarning, TuningError
-from fpid_pin.files import replacing
-from fpid_pin.simulation.run_table import from_json, to_json
+from fpid_pin.exceptions import FpidError, FpidWarning, TuningError
 
-FORMAT = 2
 KIND = "checkpoint"
 _MOST_NAMED = 4
 
@@ -40,68 +37,49 @@ def plain(configuration: Mapping[str, Any]) -> Any:
 
     Objects of a user's own appear as their repr; its address changes from process to process.
     """
-    return from_json(re.sub(r" at 0x[0-9a-fA-F]+", "", to_json(configuration)))
+    return json.loads(re.sub(r" at 0x[0-9a-fA-F]+", "", json.dumps(configuration)))
 
 
-def write(path: Path, arrays: Mapping[str, Any], meta: Mapping[str, Any]) -> None:
-    """Write a checkpoint in place of the last one, atomically.
+def write(
+    path: Path, done: int, arrays: Mapping[str, Any], configuration: Mapping[str, Any]
+) -> None:
+    """Write a checkpoint after `done` generations in place of the last one, atomically.
 
     Raises
     ------
     FileFormatError
         The file cannot be written.
     """
-    text = to_json(dict(meta) | {"versions": versions()})
-    with replacing(path) as temporary, open(temporary, "wb") as file:
-        sealed.write(file, KIND, FORMAT, text, arrays)
+    table = {"configuration": configuration, "done": done, "versions": versions()}
+    npz.write(path, KIND, table, arrays)
 
 
-def read(
-    path: Path, expect: Callable[[dict[str, Any], Mapping[str, Member]], None]
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the arrays and the meta table of a checkpoint.
-
-    Parameters
-    ----------
-    path
-        The file.
-    expect
-        Called with the meta table and with types and shapes of the arrays before these are read;
-        raises an `FpidError` for what it does not accept.
+def read(path: Path, configuration: Any) -> tuple[int, npz.Arrays]:
+    """Return how many generations are done, and the arrays after them.
 
     Raises
     ------
     FileFormatError
-        See `sealed.read`.
+        Damaged, or no checkpoint.
+    TuningError
+        Of another configuration; the line says what differs, there and here.
+
+    Warns
+    -----
+    FpidWarning
+        Other versions wrote it.
     """
-
-    def table_of(text: str, members: Mapping[str, Member]) -> dict[str, Any]:
-        try:
-            meta = from_json(text)
-        except ValueError as error:
-            raise FileFormatError(f"meta: expected the table of a search, got {error}") from None
-        checks.instance("meta", meta, dict, "the table of a search")
-        for name in ("configuration", "versions"):
-            checks.instance(f"meta.{name}", meta.get(name), dict, "a table")
-        checks.integer("meta.done", meta.get("done"), low=0)
-        expect(meta, members)
-        return dict(meta)
-
-    return sealed.read(path, KIND, (FORMAT,), table_of)
+    arrays, table = npz.read(path, KIND)
+    agree(path, table, configuration)
+    return int(table["done"]), arrays
 
 
 def is_empty(path: Path) -> bool:
     """Return whether a file is a checkpoint of a search that has no generation yet."""
-
-    def none(meta: dict[str, Any], members: Mapping[str, Member]) -> None:
-        if meta["done"] or members:
-            raise FileFormatError("a generation is done")
-
     try:
-        read(path, none)
-    except FileFormatError:
+        return not npz.read(path, KIND)[1]["done"]
+    except FpidError:
         return False
-    return True
 
 
 def agree(path: Path, meta: Mapping[str, Any], configuration: Any) -> None:

@@ -8,9 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError
 
 # In place of +inf where several costs are compared: crowding distances of inf would be NaN.
 _HUGE = 1e300
@@ -122,31 +120,10 @@ class Evolution:
         state["generation"] = int(self._algorithm.n_iter)
         return state
 
-    def layout(self) -> dict[str, tuple[str, tuple[int, ...]]]:
-        """Return the types and shapes of what `state` holds."""
-        one, size = (self._algorithm.pop_size,), self._algorithm.problem.n_var
-        table: dict[str, tuple[str, tuple[int, ...]]] = {
-            "points": ("<f", (*one, size)),
-            "costs": ("<f", (*one, self._costs)),
-            "random": ("<U", ()),
-            "generation": ("<i", ()),
-        }
-        if self._costs > 1:
-            table |= {"rank": ("<i", one), "crowding": ("<f", one)}
-        return table
-
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Take up what `state` returned: everything after is the same to the last bit.
-
-        Raises
-        ------
-        ArgumentError
-            Something that no search has left behind.
-        """
+        """Take up what `state` returned: everything after is the same to the last bit."""
         from pymoo.core.population import Population
 
-        checks.floats("points", state["points"], low=0.0, high=1.0)
-        checks.floats("costs", state["costs"], finite=False)
         algorithm = self._algorithm
         costs = state["costs"] if self._costs == 1 else np.minimum(state["costs"], _HUGE)
         population = Population.new("X", state["points"], "F", costs)
@@ -155,10 +132,6 @@ class Evolution:
             population.set("crowding", state["crowding"].tolist())
         algorithm.pop = population
         algorithm.is_initialized = True
-        algorithm.n_iter = checks.integer("generation", state["generation"], low=1)
+        algorithm.n_iter = int(state["generation"])
         algorithm.start_time = 0.0
-        try:
-            algorithm.random_state.bit_generator.state = json.loads(str(state["random"]))
-        except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-            kind = type(error).__name__
-            raise ArgumentError("random", "the state of a random generator", kind) from None
+        algorithm.random_state.bit_generator.state = json.loads(str(state["random"]))

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 
 import numpy as np
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
-from fpid_pin.exceptions import FpidWarning
+from fpid_pin.exceptions import FpidWarning, WorkersDied
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment, evaluate, simulate
 from fpid_pin.tuning.robust import over_scenarios
@@ -30,8 +30,9 @@ class Objective:
     costs
         One column each.
     executor
-        Shares out the runs; None: in this process. One that breaks is left alone from then on, with
-        a warning, and the work goes on in this process: the results are the same.
+        Shares out the runs; None: in this process. One whose workers die twice over the same runs
+        is left alone from then on, with a warning, and the work goes on in this process: the
+        results are the same.
     """
 
     def __init__(
@@ -68,9 +69,9 @@ class Objective:
             table = evaluate(
                 experiments, runs, self._costs, executor=self._executor, progress=progress
             )
-        except BrokenExecutor as error:
+        except WorkersDied as error:
             warnings.warn(
-                f"the executor broke ({error}); going on in this process, with the same results",
+                f"{error}; going on in this process, with the same results",
                 FpidWarning,
                 stacklevel=2,
             )

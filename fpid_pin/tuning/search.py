@@ -9,11 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.archive import Member
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError, FileFormatError, TuningError
-from fpid_pin.files import discard, kind_of, require_file
-from fpid_pin.locks import locked
+from fpid_pin.exceptions import TuningError
+from fpid_pin.files import discard, kind_of, locked, require_file
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.tuning import checkpoint as files
 from fpid_pin.tuning.evolution import Evolution
@@ -111,52 +109,21 @@ class Search:
             states = [evolution.state() for evolution in self.evolutions]
             arrays |= {name: np.array([state[name] for state in states]) for name in states[0]}
             arrays |= {f"history_{name}": np.array(rows) for name, rows in self._records.items()}
-        meta = {"configuration": self._configuration, "done": self.done}
-        files.write(self._checkpoint, arrays, meta)
+        files.write(self._checkpoint, self.done, arrays, self._configuration)
 
     def _restore(self, path: Path) -> None:
-        def expect(meta: dict[str, Any], members: Mapping[str, Member]) -> None:
-            files.agree(path, meta, self._configuration)
-            if meta["done"] > self._settings.generations:
-                raise TuningError(
-                    f"{path}: generations is {self._settings.generations} here, and "
-                    f"{meta['done']} are done"
-                )
-            self._expect_arrays(meta["done"], members)
-
-        arrays, meta = files.read(path, expect)
-        done = int(meta["done"])
+        done, arrays = files.read(path, self._configuration)
+        if done > self._settings.generations:
+            raise TuningError(
+                f"{path}: generations is {self._settings.generations} here, and {done} are done"
+            )
         if done:
-            try:
-                for k, evolution in enumerate(self.evolutions):
-                    evolution.restore({name: array[k] for name, array in arrays.items()
-                                       if not name.startswith("history_")})  # fmt: skip
-            except ArgumentError as error:
-                raise FileFormatError(f"{path}: {error}") from None
+            for k, evolution in enumerate(self.evolutions):
+                evolution.restore({name: array[k] for name, array in arrays.items()
+                                   if not name.startswith("history_")})  # fmt: skip
             for name in _RECORDS:
                 self._records[name] = list(arrays[f"history_{name}"])
         self.done = done
-
-    def _expect_arrays(self, done: int, members: Mapping[str, Member]) -> None:
-        """Refuse arrays that are not those of this search after `done` generations."""
-        seeds, size, costs = len(self.evolutions), self.space.size, self._costs
-        wanted: dict[str, tuple[str, tuple[int, ...]]] = {}
-        if done:
-            several = (done, seeds, costs)
-            wanted = {
-                "history_best": ("<f", several),
-                "history_mean": ("<f", several),
-                "history_best_parameters": ("<f", (done, seeds, size)),
-                "history_diverged": ("<i", (done, seeds)),
-                "history_simulated": ("<i", (done,)),
-            }
-            for name, (kind, shape) in self.evolutions[0].layout().items():
-                wanted[name] = (kind, (seeds, *shape))
-        found = {name: (member.dtype[:2], member.shape) for name, member in members.items()}
-        for name in sorted(wanted.keys() | found.keys()):
-            if wanted.get(name) != found.get(name):
-                expected = f"type and shape {wanted.get(name)}"
-                raise ArgumentError(name, expected, f"{found.get(name)}")
 
     # ------------------------------------------------------------------ generations
 

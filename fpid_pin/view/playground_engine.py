@@ -1,53 +1,49 @@
 """The engine of a playground: `kernels.rollout` as JavaScript, and the memory that it runs on.
 
-The memory is one array of numbers in which each array of a robot (`kernels.records`) has its place.
-Its contents at t = 0 are those that Python's own robots start from; what a slider sets is written
-over them by the page.
+The memory is one array of numbers in which each array of a robot (`kernels.records`) has its place,
+the same one whatever the law. Its contents at t = 0 are those that Python's own robots start from;
+what a slider sets is written over them by the page.
 """
 
 from __future__ import annotations
 
 import base64
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from fpid_pin.arms.bodies import bodies_of
-from fpid_pin.checks import FloatArray
-from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.law import Controller
 from fpid_pin.control.order_changes import NODES
-from fpid_pin.control.start import start_all
-from fpid_pin.control.supervisor import Supervisor
-from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.export.javascript import HELPERS, JavaScript
-from fpid_pin.export.kinds import INT, Array, words
-from fpid_pin.export.law import INPUTS, bundle, real, stand_ins
+from fpid_pin.export.kinds import INT, Array, bundle, real, words
+from fpid_pin.export.law import INPUTS, stand_ins
 from fpid_pin.export.printer import Program
-from fpid_pin.fractional.design import modes_of
-from fpid_pin.fractional.step_integrals import integrate_step
-from fpid_pin.kernels.records import Rows, Sensing
+from fpid_pin.fractional.design import integrate_step, modes_of
+from fpid_pin.kernels.records import GIVEN, Rows, Sensing
 from fpid_pin.kernels.rollout import rollout
 from fpid_pin.simulation.blocks import BLOCK_ROWS
 from fpid_pin.simulation.engine import Robot, horizon_of
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.plant import plant_of
+from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.simulation.sensors import Sensors, SensorState
+from fpid_pin.view.playground_law import OWN_SIGNALS, SIGNALS, Law
 
 #: Orders between which the page interpolates what depends on them, by a polynomial through all:
 #: Chebyshev's points, ends included. With 48 the weights of 24 modes come out within rounding.
-POINTS = 48
+POINTS = 0.5 - 0.5 * np.cos(np.pi * np.arange(48) / 47)
+POINTS[-1] = 1.0
 #: The most samples that measurements can be late in a page.
 MOST_DELAY = 63
-#: Signals of a joint that the page plots.
-KEPT = ("kp", "ki", "kd", "integral_order", "derivative_order")
 #: What a page never changes of a controller and of a tree of bodies.
 _CONSTANT = {
-    "robot": ("first_operators", "declares", "inertia", "estimates", "surface", "torque", "adapt"),
+    "robot": (
+        "first_operators", "declares", "inertia", "estimates", "surface", "torque", "adapt",
+        "feedforward", "compensates",
+    ),
     "bodies": ("parent", "slides"),
-}
+}  # fmt: skip
+#: Arrays of a controller that differ from law to law at t = 0.
+_OF_LAW = ("robot", "law", "own", "ops")
 
 
 def encoded(values: Any) -> str:
@@ -55,46 +51,20 @@ def encoded(values: Any) -> str:
     return base64.b64encode(np.ascontiguousarray(values, "<f8").tobytes()).decode("ascii")
 
 
-def require_playable(
-    controller: Controller, experiment: Experiment, others: Sequence[AdaptiveFpid] = ()
-) -> AdaptiveFpid:
-    """Return a controller that a page can hold beside `others`.
-
-    Raises
-    ------
-    ArgumentError, DesignError
-        It cannot; the message says why.
-    """
-    controller = controller.on(experiment.arm, step=experiment.step)
-    if not isinstance(controller, AdaptiveFpid):
-        kind = type(controller).__name__
-        raise ArgumentError("controller", "an AdaptiveFpid (a page has no other laws)", kind)
-    horizon = horizon_of(experiment.duration)
-    modes = modes_of(controller.design, (0.3, 0.7), step=experiment.step, horizon=horizon)
-    if not modes.shared_poles:
-        kind = type(controller.design).__name__
-        raise DesignError(f"design: expected one with shared poles, got {kind}")
-    if others and controller.design != others[0].design:
-        raise ArgumentError("design", "the same for all controllers of a page", "another")
-    return controller
-
-
-def supervisor_of(e: Experiment, controller: AdaptiveFpid) -> Supervisor:
-    """Return a law's supervisor; where it has none, the quiet one of a page's switch."""
-    if controller.supervisor is not None:
-        return controller.supervisor
-    q, v, _ = e.motion(np.linspace(0.0, e.duration, 2001))
-    bound = float(f"{1.01 * float(np.hypot(q, v).max()):.3g}")
-    own = {"observer": controller.observer} if controller.observer else {}
-    return Supervisor.quiet(m_x=float(f"{2.0 * bound + 1.0:.3g}"), reference_bound=bound, **own)
+def _padded(values: Any, names: Sequence[str], width: int) -> Any:
+    """Return rows of numbers as records of these fields, and further ones up to a width."""
+    wide = np.zeros((len(values), width))
+    wide[:, : values.shape[1]] = values
+    fields = [*names, *(f"unused_{k}" for k in range(len(names), width))]
+    return wide.view([(name, np.float64) for name in fields])[:, 0]
 
 
 class Engine:
-    """The printed rollout of one experiment and its controllers, and all that it starts from.
+    """The printed rollouts of one experiment and its laws, and all that they start from.
 
     Parameters
     ----------
-    experiment, controllers
+    experiment, laws
         What the page begins with.
     steps
         Steps that the page offers [s].
@@ -102,169 +72,135 @@ class Engine:
     Attributes
     ----------
     text
-        JavaScript that returns ``{rollout}``.
+        JavaScript that returns the rollouts, one for each law.
 
     Raises
     ------
-    ArmError
-        A joint that the kernels do not have.
+    FpidError
+        A joint that the kernels do not have, or a law with a line that cannot be printed.
     """
 
-    def __init__(
-        self, experiment: Experiment, controllers: list[AdaptiveFpid], steps: list[float]
-    ) -> None:
-        self._experiment, self._controllers, self._steps = experiment, controllers, steps
-        self._horizon = horizon_of(experiment.duration)
-        # Orders may come to move: the records of laws whose orders do have room for that. What the
-        # model adds for a supervisor is set in the page.
-        moving = [
-            dataclasses.replace(
-                c, supervisor=None, order_learning_rate=np.maximum(c.order_learning_rate, 1e-300)
-            )
-            for c in controllers
-        ]
-        self._states = start_all(
-            moving, experiment.arm, step=experiment.step, horizon=self._horizon
-        )
-        self._arrays = self._bundles()
+    def __init__(self, experiment: Experiment, laws: Sequence[Law], steps: list[float]) -> None:
+        self._experiment, self._laws, self._steps = experiment, laws, steps
+        self._width = max(len(law.state.record.names) for law in laws)
+        self._common = self._arrays()
+        self._own = [self._controller(law) for law in laws]
+        # The place of each array, with room for the largest of any law.
         self._places: dict[str, int] = {}
         at = 0
-        for name, values in self._named():
-            # A joint's record and its numbers are the same memory.
-            self._places[name] = self._places["c.joints"] if name == "c.numbers" else at
-            at += 0 if name == "c.numbers" else words(values).size
+        for name in [*self._common, *(f"c.{name}" for name in self._own[0])]:
+            kept = name in self._common
+            each = [self._common[name]] if kept else [own[name[2:]] for own in self._own]
+            # A joint's records and its numbers are the same memory.
+            again = name in ("c.numbers", "c.law")
+            self._places[name] = self._places["c.joints"] if again else at
+            at += 0 if again else max(words(values).size for values in each)
         self._words = at
         self.text = self._print()
 
-    def _bundles(self) -> dict[str, Any]:
-        """Return the arrays of the robot, as `kernels.rollout.rollout` takes them."""
-        e, n, state = self._experiment, self._experiment.arm.n, self._states[0]
+    def _arrays(self) -> dict[str, Any]:
+        """Return the arrays that all laws share, by the names of `kernels.rollout.rollout`."""
+        e, n, state = self._experiment, self._experiment.arm.n, self._laws[0].state
         robot = Robot(e, state, dynamics="compiled", limit=np.full(n, np.inf))
         sensors = SensorState(e.sensors or Sensors(), e.seed, n, e.step).records(0, 0).joints
-        block = np.zeros((BLOCK_ROWS, n))
-        # Without friction's part of the rotor inertias: it depends on step and slider.
-        return {
-            "c": state.c,
+        block, kept = np.zeros((BLOCK_ROWS, n)), OWN_SIGNALS + len(SIGNALS)
+        bundles: dict[str, Any] = {
+            # Without friction's part of the rotor inertias: it depends on step and slider.
             "plant": robot._arrays._replace(bodies=bodies_of(robot.plant.arm)),
             "sensing": Sensing(
                 sensors, np.zeros((MOST_DELAY + 1, 2, n)), np.zeros((BLOCK_ROWS, 2, n))
             ),
             "rows": Rows(
                 np.stack([block] * 3), block[np.newaxis], np.stack([block] * 3),
-                self._columns(KEPT), np.stack([block] * len(KEPT)), robot.sums,
+                np.zeros(kept, dtype=np.int64), np.stack([block] * kept), robot.sums,
             ),
-            "inputs": state.inputs, "torque": state.torque, "counts": np.zeros(5, dtype=np.int64),
         }  # fmt: skip
+        found = {
+            f"{name}.{member}": values
+            for name, arrays in bundles.items()
+            for member, values in arrays._asdict().items()
+        }
+        counts = np.zeros(5, dtype=np.int64)
+        return found | {"inputs": state.inputs, "torque": state.torque, "counts": counts}
 
-    def _columns(self, names: Sequence[str]) -> Any:
-        return np.array([self._states[0].record.names.index(name) for name in names])
-
-    def _named(self) -> list[tuple[str, Any]]:
-        """Return the arrays by the names that the page has for them."""
-        found: list[tuple[str, Any]] = []
-        for name, arrays in self._arrays.items():
-            members = arrays._asdict().items() if hasattr(arrays, "_asdict") else [("", arrays)]
-            found += [(f"{name}.{member}".rstrip("."), values) for member, values in members]
-        state = self._states[0]
-        return [(name, state.joints if name == "c.joints" else v) for name, v in found]
+    def _controller(self, law: Law) -> dict[str, Any]:
+        """Return the arrays of a law's controller; `law` has the joints' whole records."""
+        state, numbers = law.state, law.state.c.numbers
+        wide = _padded(numbers, GIVEN.names, self._width)  # type: ignore[arg-type]
+        own = _padded(numbers, state.record.names, self._width)
+        flat = np.stack([wide[name] for name in wide.dtype.names], axis=1)
+        return {**state.c._asdict(), "joints": wide, "numbers": flat, "law": own}
 
     def _print(self) -> str:
-        alike = [
-            name
-            for name in ("feedforward", "compensates")
-            if len({int(state.c.robot[name][0]) for state in self._states}) == 1
-        ]
-        constants = _CONSTANT | {"robot": (*_CONSTANT["robot"], *alike)}
-        bundles = [
-            bundle(
-                name, self._arrays[name], {
-                    place.removeprefix(f"{name}."): str(at) for place, at in self._places.items()
-                },
-                record=self._states[0].record if name == "c" else None, constants=constants,
-            )
-            for name in ("c", "plant", "sensing", "rows")
+        program, n = Program(JavaScript()), self._experiment.arm.n
+        functions = [law.functions for law in self._laws]
+
+        def bundled(name: str, head: str, arrays: dict[str, Any]) -> Any:
+            texts = {member: str(self._places[f"{head}.{member}"]) for member in arrays}
+            return bundle(name, arrays, texts, constants=_CONSTANT)
+
+        shared = [
+            bundled(name, name, {
+                key.partition(".")[2]: values
+                for key, values in self._common.items() if key.startswith(f"{name}.")
+            })
+            for name in ("plant", "sensing", "rows")
         ]  # fmt: skip
-        program = Program(JavaScript(), stand_ins(self._states[0].controller))
-        n = self._experiment.arm.n
-        run = program.add(rollout, [*bundles, real(INPUTS, n), real(n), Array(INT, (5,))])
-        return f"{HELPERS}{program.text}return {{rollout: {run.name}}};\n"
+        names = []
+        for law, own in zip(self._laws, self._own, strict=True):
+            program.stand_ins = stand_ins(law.state.controller, "law")
+            # Laws of the same functions and arrays run on the same rollout.
+            c = bundled(f"c{functions.index(law.functions)}", "c", own)
+            kinds = [c, *shared, real(INPUTS, n), real(n), Array(INT, (5,))]
+            names.append(program.add(rollout, kinds).name)
+        return f"{HELPERS}{program.text}return [{', '.join(names)}];\n"
 
     # ------------------------------------------------------------------ for the page
 
     def table(self) -> dict[str, Any]:
         """Return what the page needs to set the memory up, plain values."""
-        named = dict(self._named())
-        memory = {name: words(values) for name, values in named.items() if name != "c.numbers"}
-        order = ("integral_order", "derivative_order")
-        return {
-            "words": self._words,
-            "places": self._places,
-            "shapes": {name: list(np.shape(v)) for name, v in named.items()},
-            "fields": {
-                name: {field: k for k, field in enumerate(v.dtype.names)}
-                for name, v in named.items()
-                if v.dtype.names
-            },
-            # The others are 0 at t = 0.
-            "memory": {name: encoded(values) for name, values in memory.items() if values.any()},
-            "orderColumns": self._columns(order).tolist(),
-            "laws": [self._law(k) for k in range(len(self._controllers))],
-            "points": encoded(self._points),
-            "steps": [{"step": h, **self._at_step(h)} for h in self._steps],
-            "block": BLOCK_ROWS,
-            "nodes": NODES,
-            "kept": list(KEPT),
-            "payload": encoded(self._payload()),
-            "generator": self._generator(),
+        arrays = self._common | {f"c.{name}": values for name, values in self._own[0].items()}
+        fields = {
+            name: {field: k for k, field in enumerate(values.dtype.names)}
+            for name, values in arrays.items()
+            if values.dtype.names and name != "c.law"
         }
-
-    def _law(self, index: int) -> dict[str, Any]:
-        """Return what a controller starts from, and what its supervisor is made from."""
-        e, law, state = self._experiment, self._controllers[index], self._states[index]
-        s = supervisor_of(e, law)
-        parts = {"c.robot": state.c.robot, "c.joints": state.joints, "c.ops": state.c.ops}
+        start = {
+            name: encoded(words(values))
+            for name, values in arrays.items()
+            # The others are 0 at t = 0, and those of a law come with it.
+            if name[2:] not in (*_OF_LAW, "joints", "numbers", "poles", "modes", "table")
+            and words(values).any()
+        }
+        design = next((law.design for law in self._laws if law.design is not None), None)
+        modes = max(own["modes"].shape[2] for own in self._own)
+        laws = [
+            law.table(self._experiment)
+            | {"start": {f"c.{name}": encoded(words(own[name])) for name in _OF_LAW}}
+            for law, own in zip(self._laws, self._own, strict=True)
+        ]
         return {
-            "start": {name: encoded(words(values)) for name, values in parts.items()},
-            "guarded": law.safeguards is not None,
-            "kick": law.initialisation == "grunwald_letnikov",
-            "observer": law.observer,
-            "supervisor": {
-                "kind": s.kind, "p11": s.p[0, 0], "p12": s.p[0, 1], "p22": s.p[1, 1],
-                "k0": s.k0, "k1": s.k1, "reference_bound": s.reference_bound,
-                "half_smallest": 0.5 * float(np.linalg.eigvalsh(s.p)[0]),
-                "layer": s.boundary_layer, "own_gravity": int(s.gravity_bound is None),
-                "lookahead": s.lookahead or 0.0, "target": s.target, "trigger": s.trigger,
-                "observer": s.observer, "bound": s.bound(e.arm.n).tolist(),
-            },
+            "n": self._experiment.arm.n, "modes": modes, "width": self._width,
+            "words": self._words, "places": self._places, "fields": fields, "start": start,
+            "laws": laws, "block": BLOCK_ROWS, "nodes": NODES, "points": encoded(POINTS),
+            "steps": [{"step": h} | self._at_step(design, h) for h in self._steps],
+            "payload": encoded(self._payload()), "generator": self._generator(),
         }  # fmt: skip
 
-    @property
-    def _points(self) -> FloatArray:
-        points = 0.5 - 0.5 * np.cos(np.pi * np.arange(POINTS) / (POINTS - 1))
-        points[-1] = 1.0
-        return points
+    def _at_step(self, design: Any, h: float) -> dict[str, Any]:
+        """Return poles, and what depends on the order at `POINTS`, for a step."""
+        if design is None:
+            return {"poles": "", "weights": ""}
+        horizon = horizon_of(self._experiment.duration)
+        modes = modes_of(design, POINTS, step=h, horizon=horizon)
+        poles = words(integrate_step(modes.poles, h))
+        return {"poles": encoded(poles), "weights": encoded(modes.table().T.ravel())}
 
-    def _at_step(self, h: float) -> dict[str, Any]:
-        """Return poles, and what depends on the order at `POINTS` orders, for a step."""
-        design = self._controllers[0].design
-        modes = modes_of(design, self._points, step=h, horizon=self._horizon)
-        poles = np.stack(list(integrate_step(modes.poles.reshape(1, -1), h)), axis=-1)
-        # Shared by several orders: those of the descriptions, to the last bit.
-        orders = np.array([c.orders(self._experiment.arm.n) for c in self._controllers])
-        known = np.unique([1.0 - orders[:, 0], orders[:, 1]])
-        exact = modes_of(design, known, step=h, horizon=self._horizon)
-        return {
-            "poles": encoded(poles.ravel()),
-            "weights": encoded(modes.table().T.ravel()),
-            "known": encoded(known),
-            "exact": encoded(exact.table().T.ravel()),
-        }
-
-    def _payload(self) -> FloatArray:
+    def _payload(self) -> Any:
         """Return what a kilogram at the tool adds to the bodies' records, (n, fields)."""
         arm = plant_of(self._experiment).arm
         more, less = (words(bodies_of(a)).reshape(arm.n, -1) for a in (arm.with_payload(1.0), arm))
-        return np.asarray(more - less).ravel()
+        return (more - less).ravel()
 
     def _generator(self) -> dict[str, str]:
         """Return the state of the sensors' random numbers, two integers of 128 bits."""

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -17,18 +18,24 @@ from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.plant import plant_of
+from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
 from fpid_pin.view.document import as_text, asset, closed, document
 from fpid_pin.view.page import licences, meshcat_file
-from fpid_pin.view.playground_engine import Engine, require_playable, supervisor_of
+from fpid_pin.view.playground_engine import Engine
+from fpid_pin.view.playground_law import Law, supervisor_of
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.scene import still_scene, to_script_json
 
 #: Points of a curve: two for each of so many spans of time.
 SHOWN = 1200
+#: What the page calls numbers of a law.
+_SIGNALS = {
+    "kp": "Kp", "ki": "Ki", "kd": "Kd", "integral_order": "λ", "derivative_order": "μ",
+    "u_law": "torque of the law itself [N m]", "u_model": "torque by the model [N m]",
+    "u_s": "torque of the supervisor [N m]",
+}  # fmt: skip
 _SCRIPTS = (
     "playground_settings", "playground_plots", "playground_scene", "bodies", "playground_controls",
     "playground",
@@ -74,7 +81,9 @@ def playground(
     experiment
         Where the sliders begin.
     controllers
-        One or several `AdaptiveFpid` of one design with shared poles; a choice on the page.
+        Laws by their functions (`Controller`'s first two forms), one or several, whose fractional
+        operators are of one design with shared poles. Several can be on the plots at once; a law
+        of one's own has a slider for each field that is a number.
     path
         The file; it appears whole or not at all. None: for a notebook, nothing is written.
     title
@@ -87,8 +96,8 @@ def playground(
     Raises
     ------
     ArgumentError, ArmError, DesignError
-        What the page cannot hold: another law, integrator or disturbance, CRONE's poles, an arm
-        with other joints than revolute and prismatic ones.
+        What the page cannot hold: a law in plain Python, another integrator or disturbance,
+        CRONE's poles, an arm with other joints than revolute and prismatic ones.
     """
     text = playground_html(experiment, controllers, title=title)
     if path is None:
@@ -101,41 +110,36 @@ def playground_html(
 ) -> str:
     """Return the text of the page that `playground` makes."""
     checks.instance("experiment", experiment, Experiment, "an Experiment")
-    laws: list[AdaptiveFpid] = []
-    for c in [controllers] if isinstance(controllers, Controller) else controllers:
-        laws.append(require_playable(c, experiment, laws))
+    laws: list[Law] = []
+    for controller in [controllers] if isinstance(controllers, Controller) else controllers:
+        laws.append(Law(controller, experiment, laws))
     if not laws:
         raise ArgumentError("controllers", "at least one controller", "none")
     if experiment.integrator != "semi_implicit_euler":
         raise ArgumentError("integrator", "semi_implicit_euler in a page", experiment.integrator)
-    steps = settings.steps_of(experiment)
+    steps = settings.steps_of(experiment, laws)
     engine = Engine(experiment, laws, steps)
-    starts = [settings.start_settings(experiment, c, k) for k, c in enumerate(laws)]
     shown = engine.table() | settings.outside(experiment) | {"shown": SHOWN}
-    title = title or f"{experiment.arm.name}, adaptive fractional PID"
+    names = _names(laws)
+    what = names[0] if len(names) == 1 else f"{len(names)} controllers"
+    title = title or f"{experiment.arm.name}, {what}"
     outside = to_script_json({key: shown[key] for key in ("duration", "shown", "disturbance")})
+    page = to_script_json(_page(experiment, laws, steps, title))
+    body = Template(asset("playground.html"))
     return document(
         title,
         style=asset("uPlot.min.css") + asset("playground.css"),
-        body=_BODY.format(title=as_text(title), engine=_worker(engine, shown)),
+        body=body.substitute(title=as_text(title), engine=_worker(engine, shown)),
         scripts=[
             meshcat_file("dist/main.min.js"),
             asset("uPlot.iife.min.js"),
             f"const SCENE = {to_script_json(_scene(experiment))}, ENGINE = {outside}, "
-            f"PAGE = {to_script_json(_page(experiment, laws, starts, steps, title))};",
+            f"PAGE = {page};",
             *(asset(f"{name}.js") for name in _SCRIPTS),
         ],
-        comment=licences(_credits(experiment)) + _uplot_licence(),
-    )
-
-
-def _credits(e: Experiment) -> list[str]:
-    return [e.arm.credit] if e.arm.credit else []
-
-
-def _uplot_licence() -> str:
-    return "\nThe plots are drawn by uPlot (github.com/leeoniya/uPlot):\n" + asset(
-        "uPlot.LICENSE.txt"
+        comment=licences([experiment.arm.credit] if experiment.arm.credit else [])
+        + "\nThe plots are drawn by uPlot (github.com/leeoniya/uPlot):\n"
+        + asset("uPlot.LICENSE.txt"),
     )
 
 
@@ -155,77 +159,45 @@ def _scene(e: Experiment) -> dict[str, Any]:
     return still_scene([e.arm], [e.arm.name], stage([e.arm], [motion]))
 
 
-def _page(
-    e: Experiment, laws: list[AdaptiveFpid], starts: list[dict[str, Any]], steps: list[float],
-    title: str,
-) -> dict[str, Any]:  # fmt: skip
-    notes: list[str] = []
+def _names(laws: Sequence[Law]) -> list[str]:
+    """Return what the page calls the laws: by name, or by kind and number."""
+    found: list[str] = []
+    for law in laws:
+        kind = "adaptive FPID" if isinstance(law.controller, AdaptiveFpid) else ""
+        name = law.controller.name or kind or type(law.controller).__name__
+        found.append(f"{name} {len(found) + 1}" if name in found else name)
+    return found
+
+
+def _page(e: Experiment, laws: Sequence[Law], steps: list[float], title: str) -> dict[str, Any]:
+    alone = replace(laws[0].controller, supervisor=None)
     with warnings.catch_warnings():
         # What the description has to say about limits it said when it was made.
         warnings.simplefilter("ignore", FpidWarning)
-        alone = replace(laws[0], supervisor=None)
         run = simulate(replace(e, dynamics="compiled"), alone)
     need = np.abs(plant_of(e).arm.gravity_vector(np.asarray(e.q0)))
     peak = np.maximum(np.abs(run.torque).max(axis=0) if len(run.t) else need, 0.1)
+    start, names = settings.start_settings(e, laws), _names(laws)
     return {
         "title": title,
         "joints": list(e.arm.joint_names),
-        "names": [law.name or f"adaptive FPID {k + 1}" for k, law in enumerate(laws)],
-        "starts": starts,
+        "start": start,
         "steps": steps,
-        "groups": settings.control_groups(e, laws, starts),
-        "presets": presets(
-            e, starts[0], steps, [float(x) for x in peak],
-            supervisor_of(e, laws[0]).reference_bound, supervisor_of(e, laws[0]).kind,
-        ),
-        "toml": settings.toml_tables(e, laws),
-        "notes": notes,
-    }  # fmt: skip
+        "laws": [_law(e, law, name) for law, name in zip(laws, names, strict=True)],
+        "groups": settings.shared_groups(e, start),
+        "presets": presets(e, laws, steps, peak.tolist()),
+        "toml": settings.toml_tables(e, laws, names),
+    }
 
 
-# The engine is no script of the page, but the text that its worker is made from.
-_BODY = """<header><h1>{title}</h1>
-<label id="laws">Controller <select id="controller"></select></label>
-<label>Preset <select id="preset"><option value="">choose …</option></select></label>
-<div class="tools"><button id="undo" type="button">Undo</button>
-<button id="redo" type="button">Redo</button><button id="reset" type="button">Reset</button>
-<button id="pin" type="button">Pin this run</button>
-<button id="unpin" type="button" hidden>Unpin</button><button id="link" type="button">Link</button>
-<button id="toml" type="button">Copy TOML</button></div></header>
-<p id="message" role="status" hidden></p>
-<main>
-<section id="views" aria-label="What the run does">
-<div id="tabs" role="tablist" aria-label="View">
-<button role="tab" data-view="error" aria-controls="error" type="button">Error</button>
-<button role="tab" data-view="torque" aria-controls="torque" type="button">Torque</button>
-<button role="tab" data-view="gains" aria-controls="gains" type="button">Gains</button>
-<button role="tab" data-view="arm" aria-controls="arm" type="button">Arm</button>
-<button role="tab" data-view="table" aria-controls="table" type="button">Table</button></div>
-<div id="bar"><p id="outcome" role="status" aria-live="polite">Starting …</p>
-<label><span>Show</span> <select id="joint" aria-label="Joints shown"></select></label>
-<div id="legend"><span class="key dashed"><i></i>pinned</span></div></div>
-<section class="card" id="arm" aria-label="The arm"><div id="stage" role="img"
- aria-label="The arm in three dimensions; translucent green: where it should be"></div>
-<div id="clock"><button id="play" type="button">Play</button>
-<input id="seek" type="range" min="0" max="1" step="any" value="0" aria-label="time">
-<output id="time">0.00 s</output></div></section>
-<section class="card" id="error"><h2>Error <small>rad</small></h2>
-<div class="plot" id="plot-error"></div></section>
-<section class="card" id="torque"><h2>Torque <small>N m, after the drives' limits</small></h2>
-<div class="plot" id="plot-torque"></div></section>
-<section class="card" id="gains"><h2>Gains <select id="gain" aria-label="Which gain or order">
-<option value="kp">Kp</option><option value="ki">Ki</option><option value="kd">Kd</option>
-<option value="integral_order">λ</option><option value="derivative_order">μ</option></select></h2>
-<div class="plot" id="plot-gains"></div></section>
-<section class="card" id="table"><table><caption hidden>Metrics</caption><thead><tr>
-<th scope="col">the smaller the better</th><th scope="col">now</th><th scope="col">pinned</th>
-<th scope="col">change</th></tr></thead><tbody id="metrics"></tbody></table></section>
-</section>
-<section id="controls" aria-label="Settings"></section>
-</main>
-<dialog id="giving" aria-labelledby="giving-head"><h2 id="giving-head">TOML</h2>
-<textarea id="given" readonly aria-label="Text to copy" spellcheck="false"></textarea>
-<div class="tools"><button id="copy" type="button">Copy</button>
-<button id="save" type="button">Save as file</button><button id="close" type="button">Close</button>
-<span id="copied" role="status"></span></div></dialog>
-<script type="text/plain" id="engine">{engine}</script>"""
+def _law(e: Experiment, law: Law, name: str) -> dict[str, Any]:
+    """Return what the page has to know of a law beside its engine."""
+    operators = law.state.controller.operators.values()
+    return {
+        "name": name,
+        "fpid": isinstance(law.controller, AdaptiveFpid),
+        "groups": settings.law_groups(e, law),
+        "orders": [x.order for x in operators if isinstance(x.order, str)],
+        "bound": settings.tidy(supervisor_of(e, law.controller).reference_bound * 1.0001),
+        "signals": [[signal, _SIGNALS.get(signal, signal)] for signal in law.signals],
+    }

@@ -26,7 +26,7 @@ def alone(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def pool():
-    with fp.tuning.WorkerPool(2, retries=0) as made:
+    with fp.tuning.WorkerPool(2) as made:
         yield made
 
 
@@ -124,7 +124,7 @@ def test_the_run_that_kills_its_workers_is_found_and_no_other_is_blamed(tmp_path
     made = dataclasses.replace(made, controllers={"one": fp.PdGravity(kp=50.0, kd=10.0)})
     # Each death costs a new worker, which takes seconds to begin.
     monkeypatch.setattr("fpid_pin.campaign.execution.MOST_DEATHS", 2)
-    with fp.tuning.WorkerPool(1, retries=0) as processes:
+    with fp.tuning.WorkerPool(1) as processes:
         data = run(made, tmp_path / "l.sqlite", 4, executor=processes, chunk=2)
     assert np.flatnonzero(data.outcome[:, 0] == "failed").tolist() == [worst]
     assert (data.outcome == "completed").sum() == 3

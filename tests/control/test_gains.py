@@ -1,34 +1,48 @@
-"""Suggested gains work on arms that nobody has tuned, and ceilings are where the loop breaks."""
+"""Suggested gains suit arms that nobody tuned, in boxes that are stable; ceilings are where loops
+break. Judged by loops that are written out here."""
 
 import dataclasses
+import itertools
+import logging
 import warnings
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.control import Controller
-from fpid_pin.control.ceilings import gain_ceilings
-from fpid_pin.control.gains import impossible_joints, suggest_gains
-from fpid_pin.control.sampled import critical_derivative
+from fpid_pin.control import Controller, Safeguards, explain_gains, gain_ceilings, suggest_gains
+from fpid_pin.control.ceilings import critical_derivative
+from fpid_pin.control.gains import impossible_joints
 from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional import Crone, ExponentialSum
 from fpid_pin.references import Hold, Sinusoid
 
-
-def around_home(arm, **others):
-    phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-    reference = Sinusoid(amplitude=0.3, frequency=1.0, phase=phase, offset=arm.home)
-    return fp.Experiment(arm=arm, reference=reference, **others)
+TWO = fp.Arm.two_link()
 
 
-@pytest.mark.parametrize("name", ["asr_twodof", "kinova", "xarm7"])
+def arm_named(name):
+    return TWO if name == "two_link" else fp.Arm.from_example(name)
+
+
+@pytest.fixture(scope="module")
+def kinova():
+    """An arm at a step at which much has to be lowered."""
+    arm = fp.Arm.from_example("kinova")
+    return arm, explain_gains(arm, step=2e-3)
+
+
+@pytest.mark.parametrize("name", ["asr_twodof", "xarm7"])
 def test_suggested_gains_follow_a_sinusoid_without_tuning(name):
     arm = fp.Arm.from_example(name)
     law = suggest_gains(arm, step=2e-3)
-    run = fp.simulate(around_home(arm, duration=6.0, step=2e-3), law)
+    phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
+    reference = Sinusoid(amplitude=0.3, frequency=1.0, phase=phase, offset=arm.home)
+    run = fp.simulate(
+        fp.Experiment(arm, reference, duration=5.0, step=2e-3, dynamics="compiled"), law
+    )
     assert run.outcome.completed
     assert (run.metrics.rms_tail < 0.05).all()
     highest = np.asarray(law.safeguards.maximum)
@@ -36,75 +50,213 @@ def test_suggested_gains_follow_a_sinusoid_without_tuning(name):
         assert (gains <= most).all()
 
 
-@pytest.mark.parametrize(
-    ("name", "mu"), [("two_link", 1.0), ("two_link", 0.8), ("panda", 0.95), ("ur10", 1.0)]
-)
+@pytest.mark.parametrize(("name", "mu"), [("two_link", 0.8), ("panda", 0.95), ("ur10", 1.0)])
 def test_the_loop_breaks_where_the_sampled_bound_says(name, mu):
-    arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
     # No gravity, no friction, one pose: the derivative term alone, raised until it breaks.
-    arm = arm.with_gravity(0.0).with_friction(viscous=0.0).with_limits(effort=0.0)
+    arm = arm_named(name).with_gravity(0.0).with_friction(viscous=0.0).with_limits(effort=0.0)
     law = fp.AdaptiveFpid(
         kp=0.0, ki=0.0, kd=1.0, derivative_order=mu, learning_rate=0.0, scale="inertia"
     )
     limit = gain_ceilings(arm, law, poses=1).kd_limit[0]
-    parts = np.array([0.9, 0.97, 1.03, 1.1])
-    start = np.full(arm.n, 1e-7)
     experiment = fp.Experiment(
-        arm=arm, reference=Hold(arm.home), q0=arm.home, v0=start, duration=0.5
+        arm, Hold(arm.home), v0=np.full(arm.n, 1e-7), duration=0.5, dynamics="compiled"
     )
-    runs = fp.simulate(experiment, [dataclasses.replace(law, kd=limit * x) for x in parts])
+    laws = [dataclasses.replace(law, kd=limit * x) for x in (0.9, 0.97, 1.03, 1.1)]
     # A loop that has broken throws the arm about until it finds a pose that it can bear.
-    peaks = [np.abs(run.v).max() for run in runs]
+    peaks = [np.abs(r.v).max() for r in fp.simulate(experiment, laws)]
     assert max(peaks[:2]) < 1e-5
     assert min(peaks[2:]) > 1e-3
 
 
-def test_the_worst_pose_is_among_those_looked_at_and_more_poses_bind_more():
-    arm = fp.Arm.from_example("panda")
-    law = suggest_gains(arm)
-    few, many = (gain_ceilings(arm, law, poses=k) for k in (1, 200))
-    assert few.pose == pytest.approx(arm.home)
-    assert (many.kd < few.kd).all()
-    assert (many.pose >= arm.lower).all()
-    assert (many.pose <= arm.upper).all()
-    assert many.kd == pytest.approx(0.5 * many.kd_limit)
-    assert (law.kd <= many.kd * (1.0 + 1e-9)).all()
+@pytest.mark.parametrize("step", [1e-3, 4e-3])
+def test_a_joint_that_friction_stops_within_a_step_bears_half_of_two_over_the_step(step):
+    arm = fp.Arm.planar(lengths=(0.3,), masses=(0.1,), gravity=0.0).with_friction(viscous=1e3)
+    law = fp.AdaptiveFpid(
+        kp=0.0, ki=0.0, kd=1.0, derivative_order=1.0, learning_rate=0.0, scale="inertia"
+    )
+    inertia = arm.mass_matrix(arm.home)[0, 0]
+    limit = gain_ceilings(arm, law, step=step).kd_limit[0] * inertia  # N m s/rad
+    assert limit == pytest.approx(2.0 * inertia / step + 1e3, rel=1e-9)
+    # q'+ = q' - h (Kd + F_v) q'/(M + h F_v)
+    factors = [
+        1.0 - step * (part * limit + 1e3) / (inertia + step * 1e3) for part in (0.999, 1.001)
+    ]
+    assert factors[1] < -1.0 < factors[0]
 
 
-def test_an_integer_derivative_bears_two_over_the_step():
-    for step in (1e-3, 2e-3):
-        found = critical_derivative(ExponentialSum(modes=24), 1.0, step=step, horizon=20.0)
-        assert found == pytest.approx(2.0 / step, rel=1e-12)
-
-
-def test_a_lower_order_bears_more_in_its_own_units():
+def test_an_integer_derivative_bears_two_over_the_step_and_lower_orders_more():
     design = ExponentialSum(modes=24)
+    for step in (1e-3, 2e-3):
+        found = critical_derivative(design, 1.0, step=step, horizon=20.0)
+        assert found == pytest.approx(2.0 / step, rel=1e-12)
     found = [critical_derivative(design, mu, step=1e-3, horizon=20.0) for mu in (1.0, 0.9, 0.7)]
     assert found == sorted(found)
     crone = Crone(low=1e-2, high=1e3, n=5)
     assert critical_derivative(crone, 0.9, step=1e-3, horizon=20.0) > 2000.0
 
 
+def test_the_worst_pose_is_as_bad_as_any_of_many_drawn(kinova):
+    arm, found = kinova
+    law, rng = found.controller, np.random.default_rng(8)
+    ceilings = gain_ceilings(arm, law, step=2e-3)
+    # At order 1 the bound is h/2 lambda_max; another order only has another factor.
+    kd = np.asarray(law.kd) * law.scale_on(arm)
+
+    def load(q):
+        felt = np.linalg.inv(arm.mass_matrix(q) + 1e-3 * np.diag(arm.viscous_friction))
+        return np.abs(np.linalg.eigvals(felt @ np.diag(kd))).max()
+
+    lower, upper = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
+    drawn = [load(rng.uniform(lower, upper)) for _ in range(200)]
+    # Nearly singular, which samples miss; by how much depends on the last bits of a search.
+    assert load(ceilings.pose) >= max(drawn)
+    assert ((ceilings.pose >= arm.lower) & (ceilings.pose <= arm.upper)).all()
+    assert ceilings.kd == pytest.approx(0.5 * ceilings.kd_limit)
+    few = gain_ceilings(arm, law, step=2e-3, poses=1)
+    assert few.pose == pytest.approx(arm.home)
+    assert (ceilings.kd < few.kd).all()
+
+
+def grows(arm, law, gains, q, step, duration=5.0):
+    """Kick the arm, linearised at rest at q, under a law whose gains stand still."""
+    model, n = arm.model.copy(), arm.n
+    data = model.createData()
+    upper = np.triu(pin.crba(model, data, q))
+    inertia = upper + np.triu(upper, 1).T
+    stiffness = pin.computeGeneralizedGravityDerivatives(model, data, q)
+    implicit = np.linalg.inv(inertia + step * np.diag(arm.viscous_friction))
+    fixed = dataclasses.replace(
+        law, kp=gains[0], ki=gains[1], kd=gains[2], learning_rate=0.0, safeguards=None
+    )
+    loop = fixed.start(arm.with_limits(effort=0.0), step=step)
+    still, x = np.zeros(n), np.zeros(n)
+    v = np.random.default_rng(0).normal(size=n)
+    moved = []
+    for _ in range(round(duration / step)):
+        tau = loop.torque(q + x, v, q, still, still)
+        v = v + step * implicit @ (tau - stiffness @ x - arm.viscous_friction * v)
+        x = x + step * v
+        moved.append(np.abs(x).max())
+        if moved[-1] > 1e6:
+            return True
+    half = len(moved) // 2
+    return max(moved[half:]) > 0.9 * max(moved[:half])
+
+
+def some_gains(low, high, count, rng):
+    """Yield some corners at which joints are alike, random corners, and random gains inside."""
+    for corner in itertools.product((0.0, 1.0), repeat=3):
+        yield low + np.array(corner)[:, np.newaxis] * (high - low)
+    for k in range(count):
+        part = rng.random(low.shape)
+        yield low + (part if k % 2 else np.round(part)) * (high - low)
+
+
+@pytest.mark.parametrize(("name", "step"), [("ur5", 4e-3), ("kinova", 2e-3), ("finger_edu", 4e-3)])
+def test_no_gains_of_the_suggested_box_are_unstable_where_they_stand_still(name, step, kinova):
+    rng, arm = np.random.default_rng(3), arm_named(name)
+    law = kinova[1].controller if name == "kinova" else suggest_gains(arm, step=step)
+    low, high = Safeguards.bounds_of(law.safeguards, arm.n)
+    lower, upper = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
+    ceilings = gain_ceilings(arm, law, step=step, seed=5)
+    for k, gains in enumerate(some_gains(low, high, 6, rng)):
+        q = (ceilings.pose, arm.home, rng.uniform(lower, upper))[k % 3]
+        assert not grows(arm, law, gains, q, step), (k, gains)
+    # And the check itself finds what is unstable.
+    assert grows(arm, law, np.stack([low[0], low[1], 1.1 * ceilings.kd_limit]), ceilings.pose, step)
+
+
+def zeros_within(arm, law, ratio, largest):
+    """Count zeros of det(M s^2 + F s + G' + s (Kp + Ki s^-lambda + Kd s^mu)) by their argument.
+
+    In continuous time and without modes, in the sector of damping ratios below `ratio`.
+    """
+    q, n = arm.home, arm.n
+    stiffness = pin.computeGeneralizedGravityDerivatives(arm.model, arm.model.createData(), q)
+    turn = np.pi - np.arccos(ratio)
+    radius = np.geomspace(0.05, largest, 2000)
+    angle = np.linspace(-turn, turn, 1000)
+    path = np.concatenate([
+        largest * np.exp(1j * angle), radius[::-1] * np.exp(1j * turn),
+        0.05 * np.exp(1j * angle[::-1]), radius * np.exp(-1j * turn),
+    ])  # fmt: skip
+    lam, mu = float(np.mean(law.integral_order)), float(np.mean(law.derivative_order))
+    scaled = [law.scale_on(arm) * np.asarray(k) for k in (law.kp, law.ki, law.kd)]
+    s = path[:, np.newaxis]
+    own = arm.viscous_friction * s + scaled[0] + scaled[1] * s**-lam + scaled[2] * s**mu
+    whole = arm.mass_matrix(q) * s[:, :, np.newaxis] ** 2 + stiffness
+    signs, _ = np.linalg.slogdet(whole + own[:, :, np.newaxis] * np.eye(n))
+    return round(np.ptp(np.unwrap(np.angle(signs))[[0, -1]]) / (2.0 * np.pi))
+
+
+@pytest.mark.parametrize(("name", "bandwidth"), [("two_link", 10.0), ("ur10", 20.0)])
+def test_the_damping_ratio_at_home_is_that_of_the_fractional_loop(name, bandwidth):
+    arm = arm_named(name)
+    found = explain_gains(arm, bandwidth, adaptive=False)
+    low, high = 0.0, 1.0
+    for _ in range(10):
+        middle = 0.5 * (low + high)
+        empty = zeros_within(arm, found.controller, middle, 0.25 * np.pi / 1e-3) == 0
+        low, high = (middle, high) if empty else (low, middle)
+    # Six modes and a step of 1 ms on the one side, neither on the other.
+    assert found.damping_ratio == pytest.approx(low, abs=0.05)
+    assert found.damping_ratio >= found.least_damping_ratio
+    assert found.damping_ratio > 0.38
+    assert found.notes == () if name == "two_link" else found.notes
+
+
+def test_what_is_lowered_is_said_and_logged(kinova, caplog):
+    arm, found = kinova
+    kp = np.asarray(found.controller.kp)
+    text = str(found)
+    assert "derivative order 0.6 instead of 0.95: at a step of 2 ms" in text
+    for joint, k in zip(arm.joint_names, kp, strict=True):
+        assert (f"joint {joint}: Kp at" in text) == (k < 0.99 * 100.0)
+    assert kp.min() < 99.0 < kp.max() + 1e-9
+    assert found.bandwidth == pytest.approx(np.sqrt(kp))
+    arm = fp.Arm.from_example("asr_twodof")
+    with caplog.at_level(logging.INFO, logger="fpid_pin"):
+        suggest_gains(arm, 40.0, step=4e-3, adaptive=False)
+    notes = explain_gains(arm, 40.0, step=4e-3, adaptive=False).notes
+    assert notes
+    assert [record.getMessage() for record in caplog.records] == [
+        f"asr_twodof: {note}" for note in notes
+    ]
+
+
+def test_a_search_that_gets_stuck_begins_again_at_less_bandwidth():
+    # From the full bandwidth it ends at gains that are unstable.
+    found = explain_gains(
+        fp.Arm.from_example("finger_edu"), step=4e-3, derivative_order=0.95, adaptive=False
+    )
+    assert float(found.controller.derivative_order) == 0.95
+    assert found.least_damping_ratio > 0.05
+    assert found.damping_ratio > 0.25
+
+
+def test_an_arm_for_which_no_stable_gains_are_found_is_warned_of():
+    # Upright, it falls over within a sample.
+    arm = fp.Arm.planar(lengths=(0.1,), masses=(1.0,))
+    with pytest.warns(fp.FpidWarning, match="at a step of 500 ms no gains are found"):
+        suggest_gains(arm, step=0.5, adaptive=False)
+
+
 def test_bandwidth_sets_the_speed():
-    arm = fp.Arm.two_link()
-    slow, fast = (suggest_gains(arm, w) for w in (5.0, 20.0))
+    slow, fast = (suggest_gains(TWO, w, adaptive=False) for w in (5.0, 20.0))
     assert np.asarray(fast.kp) == pytest.approx(16.0 * np.asarray(slow.kp))
     assert (np.asarray(fast.kd) > np.asarray(slow.kd)).all()
+    # Fixed gains do not adapt.
+    assert not np.any(slow.learning_rate)
+    assert slow.safeguards is None
 
 
 def test_friction_counts_in_the_scale_and_the_effort_limit_bounds_it():
-    arm = fp.Arm.two_link()
-    rough = arm.with_friction(viscous=1.0, dry=1.0)
-    added = np.asarray(suggest_gains(rough).scale) - np.asarray(suggest_gains(arm).scale)
+    rough = TWO.with_friction(viscous=1.0, dry=1.0)
+    found = [np.asarray(suggest_gains(arm, adaptive=False).scale) for arm in (rough, TWO)]
+    added = found[0] - found[1]
     assert added == pytest.approx(np.full(2, 1.0 / 10.0 + 1.0 / (0.09 * 100.0)))
-    weak = arm.with_gravity(0.0).with_limits(effort=2.0)
+    weak = TWO.with_gravity(0.0).with_limits(effort=2.0)
     assert (np.asarray(suggest_gains(weak).scale) * 100.0 * 0.05 <= 2.0 + 1e-12).all()
-
-
-def test_fixed_gains_do_not_adapt():
-    law = suggest_gains(fp.Arm.two_link(), adaptive=False)
-    assert not np.any(law.learning_rate)
-    assert law.safeguards is None
 
 
 @pytest.mark.parametrize(
@@ -112,36 +264,35 @@ def test_fixed_gains_do_not_adapt():
     [("bravo7_no_ee", "joint2", "gravity at home"), ("talos_arm", "gripper_left_joint", "dry")],
 )
 def test_joints_that_no_gains_can_move_are_named(name, joint, why):
-    arm = fp.Arm.from_example(name)
-    (line,) = impossible_joints(arm)
+    (line,) = impossible_joints(fp.Arm.from_example(name))
     assert joint in line
     assert why in line
-    with pytest.warns(fp.FpidWarning, match=joint):
-        suggest_gains(arm)
 
 
-def test_no_warning_where_there_is_nothing_to_warn_of():
+def test_only_what_there_is_to_warn_of_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        suggest_gains(fp.Arm.from_example("ur5"))
+        suggest_gains(TWO)
+    weak = TWO.with_limits(effort=(5.0, 100.0))
+    with pytest.warns(fp.FpidWarning, match="joint1: gravity at home"):
+        suggest_gains(weak, adaptive=False)
 
 
 def test_a_configuration_can_ask_for_suggested_gains():
     law = descriptions.from_dict({"kind": "suggested_fpid", "bandwidth": 12.0}, Controller)
     assert isinstance(law, SuggestedFpid)
-    arm = fp.Arm.two_link()
-    experiment = fp.Experiment(arm=arm, reference=Sinusoid(0.3), duration=0.1)
-    one, other = fp.simulate(experiment, law), fp.simulate(experiment, law.on(arm))
+    experiment = fp.Experiment(arm=TWO, reference=Sinusoid(0.3), duration=0.1)
+    one, other = fp.simulate(experiment, law), fp.simulate(experiment, law.on(TWO))
     assert (one.torque == other.torque).all()
 
 
 @pytest.mark.parametrize(
     ("build", "message"),
     [
-        (lambda: suggest_gains(fp.Arm.two_link(), 0.0), "bandwidth: expected a number > 0"),
+        (lambda: suggest_gains(TWO, 0.0), "bandwidth: expected a number > 0"),
         (lambda: SuggestedFpid(bandwidth=-1.0), "bandwidth"),
         (lambda: SuggestedFpid(integral_order=1.2), r"integral_order: expected a number in \[0, 1"),
-        (lambda: gain_ceilings(fp.Arm.two_link(), fp.ComputedTorque()), "expected an AdaptiveFpid"),
+        (lambda: gain_ceilings(TWO, fp.ComputedTorque()), "expected an AdaptiveFpid"),
     ],
 )
 def test_bad_arguments_to_gains_are_named(build, message):

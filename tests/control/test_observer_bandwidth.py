@@ -5,12 +5,14 @@ import functools
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.cli.config import parse
-from fpid_pin.control import observer_bandwidth, suggest_observer
-from fpid_pin.disturbances import Pulse
+from fpid_pin.control import suggest_observer
+from fpid_pin.control.linear import linear_arm
+from fpid_pin.control.linear_law import linearised
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidWarning
 from fpid_pin.references import Hold, Sinusoid
 
@@ -34,29 +36,28 @@ def following(arm, duration, **others):
     return fp.Experiment(arm, reference, v0=v0, duration=duration, **others)
 
 
-@pytest.mark.parametrize("name", ["two_link", "ur5", "panda"])
+@pytest.mark.parametrize("name", ["two_link", "ur5"])
 def test_noise_makes_the_torque_vary_by_as_much_more_as_was_allowed(name):
-    # A lower order, such as panda's own 0.65, spreads noise over older samples; less is added then.
-    arm = arm_of(name)
-    law = fp.suggest_gains(arm, adaptive=False, derivative_order=0.95)
-    omega = suggest_observer(arm, law)
+    arm, law, omega = suggested(name)
     assert 20.0 < omega < 300.0
     sensors = fp.Sensors(velocity_noise=0.05)
-    experiment = fp.Experiment(arm, Hold(arm.home), sensors=sensors, duration=1.0)
+    experiment = fp.Experiment(
+        arm, Hold(arm.home), sensors=sensors, duration=1.0, dynamics="compiled"
+    )
     both = [law, dataclasses.replace(law, observer=omega)]
     alone, observed = (r.metrics.total_variation.sum() for r in fp.simulate(experiment, both))
     # The rule looks at the newest sample of noise only; older ones are a few hundredths.
     assert observed / alone == pytest.approx(1.25, abs=0.03)
 
 
-@pytest.mark.parametrize("name", ["ur5", "panda"])
-@pytest.mark.parametrize(("payload", "late"), [(0.0, 2), (3.0, 0), (3.0, 2)])
-def test_it_is_stable_under_a_load_that_nobody_told_of_and_late_measurements(name, payload, late):
-    arm, law, omega = suggested(name)
+@pytest.mark.parametrize(("payload", "late"), [(0.0, 2), (3.0, 2)])
+def test_it_is_stable_under_a_load_that_nobody_told_of_and_late_measurements(payload, late):
+    arm, law, omega = suggested("ur5")
     observed = dataclasses.replace(law, feedforward=True, observer=omega)
     experiment = following(
-        arm, 2.0, plant=fp.Plant(arm=arm.with_payload(payload)), sensors=fp.Sensors(delay=late)
-    )
+        arm, 2.0, plant=fp.Plant(arm=arm.with_payload(payload)), sensors=fp.Sensors(delay=late),
+        dynamics="compiled",
+    )  # fmt: skip
     run, alone = fp.simulate(experiment, [observed, law])
     assert run.outcome.completed
     assert run.metrics.rms_tail.max() < 0.3 * alone.metrics.rms_tail.max()
@@ -65,7 +66,7 @@ def test_it_is_stable_under_a_load_that_nobody_told_of_and_late_measurements(nam
     assert tail < 2.0 * np.abs(np.diff(alone.torque[-500:], axis=0)).sum()
 
 
-@pytest.mark.parametrize(("late", "ratio"), [(2, 0.6), (8, 0.6), (8, 1.0), (14, 1.8)])
+@pytest.mark.parametrize(("late", "ratio"), [(2, 0.6), (8, 1.0), (14, 1.8)])
 def test_the_edge_of_stability_is_the_simulation_s(late, ratio):
     # A planar arm without gravity is linear about rest; its true inertia is a multiple of the
     # model's. A push dies away just below the bandwidth found, and grows just above.
@@ -74,14 +75,19 @@ def test_the_edge_of_stability_is_the_simulation_s(late, ratio):
     law = fp.AdaptiveFpid(
         kp=100.0, ki=200.0, kd=20.0, derivative_order=0.95, learning_rate=0.0, scale="inertia"
     )
-    system = observer_bandwidth._law(arm, law, STEP)
-    loop = observer_bandwidth._Loop(arm, system, arm.home, ratio, STEP, late)
-    assert loop.stable(0.0)
-    edge = observer_bandwidth._largest(loop, 1.0 / STEP)
+    plant = linear_arm(arm, arm.home, step=STEP, inertia=ratio, late=late)
+
+    def beyond(omega):
+        observed = dataclasses.replace(law, observer=omega)
+        linear = linearised(observed, arm, arm.home, step=STEP, horizon=10.0)
+        return np.abs(np.linalg.eigvals(linear.closed_loop(plant))).max() - 1.0
+
+    assert beyond(0.0) < 0.0
+    edge = brentq(beyond, 1.0, 1.0 / STEP, rtol=1e-2)
     assert 30.0 < edge < 900.0
     experiment = fp.Experiment(
         arm, Hold(arm.home), v0=np.full(2, 1e-6), plant=fp.Plant(arm=true), duration=2.0,
-        sensors=fp.Sensors(delay=late),
+        sensors=fp.Sensors(delay=late), dynamics="compiled",
     )  # fmt: skip
     growth = []
     for part in (0.9, 1.1):
@@ -91,35 +97,34 @@ def test_the_edge_of_stability_is_the_simulation_s(late, ratio):
     assert growth[0] < 1.0 < growth[1]
 
 
+def test_every_law_may_have_one():
+    """Noise is what binds here; an FPID of orders 1 is a PID, and computed torque has k1 M."""
+    arm = arm_of("two_link")
+    fpid = fp.AdaptiveFpid(100.0, 200.0, 20.0, learning_rate=0.0, scale="inertia")
+    found = [suggest_observer(arm, x) for x in (fpid, fp.Pid(100.0, 200.0, 20.0, scale="inertia"))]
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+    # Observer and law answer noise with l2 M and k1 M, so the sums are in proportion.
+    omega = suggest_observer(arm, fp.ComputedTorque(100.0, 20.0))
+    gain = (1.0 - np.exp(-omega * STEP)) ** 2 / STEP
+    assert np.hypot(20.0 + gain, 20.0) == pytest.approx(1.25 * np.hypot(20.0, 20.0), rel=1e-6)
+
+
 def test_late_measurements_cost_bandwidth_and_then_all_of_it():
-    arm = arm_of("ur5")
-    law = fp.suggest_gains(arm, bandwidth=20.0, adaptive=False)
-    omegas = [suggest_observer(arm, law, delay=delay) for delay in (0.0, 0.002)]
-    assert omegas[0] >= omegas[1] > 0.0
-    with pytest.warns(FpidWarning, match="ur5: the law alone is not stable .* 60 ms late"):
+    arm, law, omega = suggested("two_link")
+    assert omega >= suggest_observer(arm, law, delay=0.004) > 0.0
+    with pytest.warns(FpidWarning, match="two_link: the law alone is not stable .* 60 ms late"):
         assert suggest_observer(arm, law, delay=0.06) == 0.0
 
 
-def test_less_noise_is_a_slower_observer_and_none_is_none():
-    arm, law, omega = suggested("two_link")
-    assert suggest_observer(arm, law, noise=0.1) < omega < suggest_observer(arm, law, noise=0.5)
-    assert suggest_observer(arm, law, noise=0.0) < 1e-3
-
-
 def test_it_comes_with_the_gains():
-    arm = fp.Arm.two_link()
-    law = fp.suggest_gains(arm, feedforward=True, observer="suggested")
-    assert law.feedforward
-    assert law.observer == suggest_observer(arm, fp.suggest_gains(arm))
+    arm, law, omega = suggested("two_link")
     table = {"kind": "suggested_fpid", "feedforward": True, "observer": "suggested"}
-    described = descriptions.from_dict(table, fp.Controller)
-    assert described.on(arm).observer == law.observer
-    slower = described.on(arm, step=2e-3)
-    assert slower.observer == suggest_observer(arm, slower, step=2e-3) < law.observer
-    experiment = following(arm, 0.1)
-    run, same = fp.simulate(experiment, described), fp.simulate(experiment, law)
-    assert (run.torque == same.torque).all()
-    assert (run.u_model == same.u_model).all()
+    ours = descriptions.from_dict({**table, "adaptive": False}, fp.Controller).on(arm)
+    assert ours.feedforward
+    assert ours.observer == omega
+    assert np.array_equal(ours.kd, law.kd)
+    slower = fp.suggest_gains(arm, adaptive=False, observer="suggested", step=2e-3)
+    assert slower.observer == suggest_observer(arm, slower, step=2e-3) < omega
 
 
 def test_a_file_may_ask_for_it_and_give_it_to_the_rivals(tmp_path):
@@ -155,20 +160,6 @@ def test_a_file_may_ask_for_it_and_give_it_to_the_rivals(tmp_path):
         parse(text.replace('"suggested"\n', '"quick"\n', 1), "own.toml", tmp_path)
 
 
-def test_suggested_and_plain_laws_share_a_call_and_keep_their_bits():
-    arm = fp.Arm.two_link()
-    plant = fp.Plant(disturbance=Pulse(1.0))
-    laws = [
-        fp.SuggestedFpid(),
-        fp.SuggestedFpid(observer="suggested"),
-        fp.SuggestedFpid(bandwidth=8.0, observer=30.0),
-        fp.SuggestedFpid(feedforward=True),
-    ]
-    experiment = following(arm, 0.2, plant=plant)
-    for run, law in zip(fp.simulate(experiment, laws), laws, strict=True):
-        assert (run.torque == fp.simulate(experiment, law).torque).all()
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -182,8 +173,8 @@ def test_suggested_and_plain_laws_share_a_call_and_keep_their_bits():
             "delay: expected a number >= 0, got -1",
         ),
         (
-            lambda: suggest_observer(fp.Arm.two_link(), fp.ComputedTorque()),
-            "controller: expected an AdaptiveFpid",
+            lambda: suggest_observer(fp.Arm.two_link(), "fpid"),
+            "controller: expected a control law",
         ),
     ],
 )

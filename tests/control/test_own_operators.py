@@ -209,6 +209,8 @@ def test_orders_set_on_the_way_are_those_of_a_law_that_had_them_from_the_start(r
         ({"shown": {"x": "nope"}}, "shown.x: expected a number of the law, got nope"),
         ({"operators": {"d": Derivative(0.5)}, "design": fp.fractional.L1()},
          "design: expected one with modes, got L1"),
+        ({"operators": {"d": Derivative(0.5)}, "initialisation": "riemann_liouville"},
+         "initialisation: expected one of caputo, grunwald_letnikov, got"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_declared_is_one_line(declared, line):
@@ -226,3 +228,16 @@ def test_orders_that_move_want_shared_poles():
     )  # fmt: skip
     with pytest.raises(DesignError, match="orders: expected a design with shared poles, got Crone"):
         law.start(ARM, step=STEP)
+
+
+@pytest.mark.parametrize("name", ["bandwidth", "limit", "q"])
+def test_a_field_with_a_name_that_all_laws_have_is_refused(name):
+    """It would be lost, or taken for the observer's."""
+    fields = [(name, float, 3.0)]
+    methods = {"torque": staticmethod(lambda c: c.e)}
+    kind = dataclasses.make_dataclass(
+        "Hiding", fields, bases=(fp.Controller,), namespace=methods, frozen=True, eq=False
+    )
+    with pytest.raises(ArgumentError, match=f"{name}: expected another name") as caught:
+        kind().start(ARM, step=STEP)
+    assert "\n" not in str(caught.value)

@@ -192,6 +192,8 @@ def test_a_push_beyond_r_min_is_told_with_both_numbers():
     supervised(small).start(arm, step=1e-3)
     with pytest.warns(fp.FpidWarning, match="r_min"):
         supervised(small).start(arm, step=2e-3)
+    # Friction that stops a joint within a step leaves a push less to do.
+    supervised(R).start(arm.with_friction(viscous=1e4), step=1e-3)
     # The others do not reserve for it, or learn what it is.
     for guard in (F, dataclasses.replace(R, observer=100.0), dataclasses.replace(R, kind="paper")):
         supervised(guard).start(arm, step=1e-3)

@@ -82,9 +82,6 @@ def test_a_drive_s_limit_counts_where_it_is_the_lower_one():
     assert run.metrics.saturated == pytest.approx(at.mean(axis=0))
     assert at.any()
     assert (plant.effort_limit < arm.effort_limit).all()
-    without = dataclasses.replace(run, meta=dict(run.meta))
-    del without.meta["effort_limit"]
-    assert np.isnan(without.metrics.saturated).all()
 
 
 def test_rate_of_a_sinusoidal_torque():

@@ -10,8 +10,8 @@ import pytest
 from bounded import finished
 
 from fpid_pin.exceptions import ExportError
-from fpid_pin.export import build, c99, javascript, law
-from fpid_pin.export.kinds import BOOL, INT, REAL, Array, Record
+from fpid_pin.export import build, c99, javascript
+from fpid_pin.export.kinds import INT, REAL, Array, array_kind, bundle
 from fpid_pin.export.printer import Program
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.layout import record_type
@@ -60,7 +60,13 @@ def helped(pairs, k):
     return best
 
 
-KINDS = [Array(Record.of("pair", PAIR), (2,)), Array(REAL, (4, 2)), REAL, INT, Array(REAL, (3,))]
+KINDS = [
+    array_kind("pair", np.zeros(2, PAIR), ()),
+    Array(REAL, (4, 2)),
+    REAL,
+    INT,
+    Array(REAL, (3,)),
+]
 
 
 def cases():
@@ -143,12 +149,14 @@ def test_the_text_is_the_equations():
     program.add(functions.clip, [REAL, REAL])
     assert program.text.endswith(
         "static real_t clip(real_t x, real_t limit)\n{\n"
-        "    if (isfinite(x) != 0) {\n        if (x > limit) {\n            x = limit;\n"
+        "    if (isfinite(x)) {\n        if (x > limit) {\n            x = limit;\n"
         "        } else if (x < -limit) {\n            x = -limit;\n        }\n    }\n"
         "    return x;\n}\n"
     )
-    pole, mode = Record.of("pole", records.POLE), Record.of("mode", records.MODE)
-    kinds = [Record.of("operator", records.OPERATOR), Array(pole, (24,)), Array(mode, (24,))]
+    poles = array_kind("pole", np.zeros(24, records.POLE))
+    modes = array_kind("mode", np.zeros(24, records.MODE))
+    operator_ = array_kind("operator", np.zeros(1, records.OPERATOR), ()).element
+    kinds = [operator_, poles, modes]
     for language, line in (
         (c99.C99(), "mode->x = past + pole->b1 * rate + pole->b0 * rate_ + pole->b2 * m;"),
         (javascript.JavaScript(), "y += M[mode /* weight */] * past;"),
@@ -262,7 +270,7 @@ def test_a_kernel_that_is_none_or_has_no_text_is_refused():
     with pytest.raises(ExportError, match="expected a kernel in a file"):
         Program(c99.C99()).add(typed_in["f"], [Array(REAL, (3,))])
     with pytest.raises(ExportError, match="takes 5 arguments, given 1"):
-        Program(c99.C99()).add(mixed, [BOOL])
+        Program(c99.C99()).add(mixed, [INT])
 
 
 # ---------------------------------------------------------------- bundles and constants
@@ -318,7 +326,7 @@ def arms_of(texts):
     pairs["x"], pairs["count"] = (1.5, 2.5), 3
     table = np.arange(12.0).reshape(3, 4)
     arrays = Arms(pairs, table, np.zeros(1))
-    return arrays, law.bundle("arms", arrays, texts)
+    return arrays, bundle("arms", arrays._asdict(), texts)
 
 
 @pytest.mark.usefixtures("gcc")

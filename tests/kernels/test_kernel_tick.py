@@ -59,7 +59,9 @@ class WrittenOut:
             v_hat, self.xi = self.predicted + self.l1 * miss, self.xi + self.l2 * miss
         else:
             v_hat = v
-        if self.own_model:
+        if isinstance(law, fp.PdGravity):
+            u = law.kp * e + law.kd * rate + law.ki * self.int_e + arm.gravity_vector(q)
+        elif self.own_model:
             a = a_ref + law.k1 * rate + law.k0 * e + law.ki * self.int_e
             u = arm.inverse_dynamics(q, v, a)
         else:
@@ -130,6 +132,7 @@ LAWS = {
     "paper, a bound": fpid(dataclasses.replace(PAPER, gravity_bound=(30.0, 8.0), observer=20.0)),
     "quiet": fpid(fp.Supervisor.quiet(1.4, 1.0)),
     "reserve": fpid(fp.Supervisor(1.4, 1.0, disturbance_bound=(0.15, 0.05), lookahead=0.02)),
+    "PD + gravity": fp.PdGravity(kp=40.0, kd=10.0, ki=20.0),
     "computed torque": fp.ComputedTorque(k0=50.0, k1=12.0, ki=30.0),
     "computed torque, guarded": fp.ComputedTorque(
         k0=50.0, k1=12.0, observer=40.0, supervisor=fp.Supervisor(1.2, 1.0, observer=40.0)

@@ -7,12 +7,11 @@ import sys
 
 import numpy as np
 import pytest
-from scipy.io import loadmat
+from scipy.io import loadmat, savemat
 
 import fpid_pin as fp
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation import limit_report
-from fpid_pin.simulation.run_tables import columns, units
 
 ARM = fp.Arm.two_link()
 NAMES = ("t", "q", "v", "q_ref", "v_ref", "torque")
@@ -51,29 +50,15 @@ def test_csv_is_what_a_recorded_reference_reads(run, tmp_path):
     assert (q == run.q).all()
 
 
-def test_matlab_s_file_has_arrays_signals_and_names(run, tmp_path):
-    file = loadmat(run.to_mat(tmp_path / "run.mat"), squeeze_me=True, struct_as_record=False)
-    for name in NAMES:
+def test_a_dict_is_what_matlab_s_file_takes(run, tmp_path):
+    savemat(tmp_path / "run.mat", run.to_dict(), oned_as="column")
+    file = loadmat(tmp_path / "run.mat", squeeze_me=True, struct_as_record=False)
+    for name in (*NAMES, *run.signals):
         assert (file[name] == getattr(run, name)).all(), name
-    for name, array in run.signals.items():
-        assert (getattr(file["signals"], name) == array).all(), name
     assert tuple(file["joint_names"]) == ARM.joint_names
     assert json.loads(file["meta"])["controller"]["kind"] == "adaptive_fpid"
     assert file["step"] == run.step
     assert file["outcome"] == "completed at 0.2 s"
-
-
-def test_matlab_s_names_are_made_to_fit(run, tmp_path):
-    given = {"3 odd-name": run.t, "λ" * 80: run.q}
-    other = fp.Run.from_arrays(run.t, run.q, run.q_ref, run.torque, arm=ARM, signals=given)
-    file = loadmat(other.to_mat(tmp_path / "run.mat"), struct_as_record=False, squeeze_me=True)
-    assert (file["signals"].s3_odd_name == run.t).all()
-    twice = fp.Run.from_arrays(
-        run.t, run.q, run.q_ref, run.torque, arm=ARM, signals={"a b": run.t, "a-b": run.t}
-    )
-    with pytest.raises(ArgumentError, match="signals: expected one that becomes a_b in MATLAB"):
-        twice.to_mat(tmp_path / "twice.mat")
-    assert not (tmp_path / "twice.mat").exists()
 
 
 def test_a_dataframe_has_columns_and_says_what_they_are(run):
@@ -116,7 +101,7 @@ def test_a_package_that_is_missing_is_named_with_its_extra(
 def test_a_signal_called_as_an_array_is_refused(run):
     other = fp.Run.from_arrays(run.t, run.q, run.q_ref, run.torque, arm=ARM, signals={"q": run.t})
     with pytest.raises(ArgumentError, match="signals: expected other names than t, q"):
-        columns(other)
+        other.columns()
 
 
 # ---------------------------------------------------------------------- in
@@ -304,7 +289,7 @@ def test_units_are_those_of_joints_that_turn_and_of_those_that_slide(tmp_path):
     (tmp_path / "arm.urdf").write_text(CRANE)
     arm = fp.Arm.from_urdf(tmp_path / "arm.urdf")
     run = fp.Run.from_arrays(np.arange(3.0), *(np.zeros((3, 2)),) * 3, arm=arm)
-    found = units(run)
+    found = run.to_dataframe().attrs["units"]
     assert (found["q.turn"], found["v_ref.turn"], found["torque.turn"]) == ("rad", "rad/s", "N m")
     assert (found["q.slide"], found["v_ref.slide"], found["torque.slide"]) == ("m", "m/s", "N")
     assert "<td>mm, N</td>" in run._repr_html_()

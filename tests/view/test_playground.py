@@ -4,6 +4,7 @@ import dataclasses
 import json
 import re
 import tomllib
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from bounded import until
 import fpid_pin as fp
 from fpid_pin.cli.config import load, parse
 from fpid_pin.cli.main import main
-from fpid_pin.exceptions import ArgumentError, DesignError
+from fpid_pin.exceptions import ArgumentError, DesignError, ExportError
+from fpid_pin.view.playground_law import Law
 from fpid_pin.view.playground_page import playground_html
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.playground_settings import start_settings, steps_of
@@ -32,7 +34,8 @@ def law(orders="symbol", **changes):
 @pytest.fixture(scope="module")
 def page_file(tmp_path_factory):
     path = tmp_path_factory.mktemp("playground") / "page.html"
-    fp.view.playground(experiment(), [law(name=MARKUP), law("integer")], path, title=MARKUP)
+    laws = [law(name=MARKUP), law("integer"), fp.ComputedTorque(k0=100.0, k1=20.0)]
+    fp.view.playground(experiment(), laws, path, title=MARKUP)
     return path
 
 
@@ -66,13 +69,13 @@ class Visit:
         until(self.page, expression)
 
     def settled(self):
-        self.until(
-            "window.playground && playground.state.got > 0 && !playground.state.busy"
-            " && (!playground.model.pinned || playground.state.pinned !== null)"
-        )
+        self.until("window.playground && playground.state.got > 0 && !playground.state.busy")
 
     def now(self, key):
         return self.page.evaluate(f"playground.model.now[{json.dumps(key)}]")
+
+    def rms(self):
+        return self.page.evaluate("playground.state.runs[0].metrics.rms")
 
     def text(self, selector):
         return self.page.inner_text(selector)
@@ -88,9 +91,12 @@ class Visit:
 
     def whole(self):
         """Run the settings and return every sample."""
-        self.page.evaluate("playground.ask(playground.model.now, 'now', true)")
-        self.until("playground.state.now.whole !== undefined && !playground.state.busy")
-        return self.page.evaluate("[playground.state.now.whole, playground.state.now.outcome]")
+        self.page.evaluate("playground.keep(true); playground.ask()")
+        self.settled()
+        return self.page.evaluate(
+            "(({whole, outcome}) => [Object.fromEntries(['q', 'v', 'torque'].map((name) =>"
+            " [name, Array.from(whole[name])])), outcome])(playground.state.runs[0])"
+        )
 
 
 @pytest.fixture
@@ -103,7 +109,10 @@ def visit(browser, page_file):
 
 def same_as_python(opened, tmp_path, tolerance=1e-9):
     """Hold a page's run against that of its own TOML, run by Python."""
-    text = opened.page.evaluate("playground.toToml(playground.model.now)")
+    text = opened.page.evaluate(
+        "playground.toToml(playground.settingsOf(playground.model.now,"
+        "playground.model.now.controller))"
+    )
     config = parse(text, "copied.toml", tmp_path)
     assert config.experiment.dynamics == "compiled"
     run = fp.simulate(config.experiment, next(iter(config.controllers.values())))
@@ -128,7 +137,7 @@ def test_the_pages_run_is_pythons_compiled_run(visit, tmp_path):
     run = same_as_python(visit, tmp_path)
     again = fp.simulate(dataclasses.replace(experiment(), dynamics="compiled"), law())
     assert np.array_equal(run.torque, again.torque)  # the TOML is the description
-    metrics = visit.page.evaluate("playground.state.now.metrics")
+    metrics = visit.page.evaluate("playground.state.runs[0].metrics")
     for name, values in metrics.items():
         assert np.allclose(values, getattr(run.metrics, name), rtol=1e-9)
 
@@ -194,21 +203,21 @@ def test_a_reference_without_a_formula_is_carried_as_samples(browser, tmp_path):
 
 @pytest.mark.browser
 def test_a_slider_moves_the_run_and_undo_takes_it_back(visit):
-    before = visit.page.evaluate("playground.state.now.metrics.rms")
+    before = visit.rms()
     assert visit.page.is_disabled("#undo")
     visit.slide("integral_order", 0.3)
-    assert visit.now("integral_order") == [0.3, 0.3]
-    after = visit.page.evaluate("playground.state.now.metrics.rms")
+    assert visit.now("0.integral_order") == [0.3, 0.3]
+    after = visit.rms()
     assert after != before
     visit.slide("kp", 0.75)
     visit.page.click("#undo")
     visit.page.keyboard.press("Control+z")
     visit.settled()
-    assert visit.now("integral_order") == [0.901, 0.931]
-    assert visit.page.evaluate("playground.state.now.metrics.rms") == before
+    assert visit.now("0.integral_order") == [0.901, 0.931]
+    assert visit.rms() == before
     visit.page.click("#redo")
     visit.settled()
-    assert visit.page.evaluate("playground.state.now.metrics.rms") == after
+    assert visit.rms() == after
     visit.page.click("#reset")
     assert visit.page.is_disabled("#reset")
 
@@ -220,15 +229,15 @@ def test_a_keyboard_moves_sliders_joint_by_joint(visit):
     for _ in range(3):
         visit.page.keyboard.press("ArrowLeft")
     visit.settled()
-    assert visit.now("integral_order") == [0.901, 0.928]
+    assert visit.now("0.integral_order") == [0.901, 0.928]
     visit.page.fill("[aria-label^='μ, as a number']", "0.5")
     visit.page.keyboard.press("Tab")
     visit.settled()
-    assert visit.now("derivative_order") == [0.5, 0.5]
+    assert visit.now("0.derivative_order") == [0.5, 0.5]
     visit.page.fill("[aria-label^='μ, as a number']", "1.7")
     visit.page.keyboard.press("Tab")
     assert "expected 0 to 1" in visit.text("#message")
-    assert visit.now("derivative_order") == [0.5, 0.5]
+    assert visit.now("0.derivative_order") == [0.5, 0.5]
 
 
 @pytest.mark.browser
@@ -244,6 +253,35 @@ def test_a_pinned_run_stays_beside_the_one_that_moves(visit):
 
 
 @pytest.mark.browser
+def test_several_laws_are_on_the_plots_at_once(visit, tmp_path):
+    assert visit.page.evaluate("playground.plots.error.curves.length") == 2  # the joints
+    visit.page.check("#beside input >> nth=1")
+    visit.page.check("#beside input >> nth=2")
+    visit.settled()
+    # One joint, a colour for each law.
+    curves = "playground.plots.error.curves.map(({kind}) => kind)"
+    assert visit.page.evaluate(curves) == [0, 1, 2]
+    assert visit.page.evaluate("playground.state.runs.map((r) => r.controller)") == [0, 1, 2]
+    assert "computed torque" in visit.text("#metrics-head")
+    # What all share moves all, what is a law's own that law alone.
+    runs = "playground.state.runs.map((r) => r.metrics.rms[0])"
+    before = visit.page.evaluate(runs)
+    visit.slide("kp", 0.9)
+    after = visit.page.evaluate(runs)
+    assert [a != b for a, b in zip(before, after, strict=True)] == [True, False, False]
+    visit.slide("payload", 0.3)
+    last = visit.page.evaluate(runs)
+    assert all(a != b for a, b in zip(after, last, strict=True))
+    # The sliders are those of the law that is chosen; the others stay on the plots.
+    visit.page.select_option("#controller", "2")
+    visit.settled()
+    assert visit.page.locator("#integral_order").count() == 0
+    assert visit.page.locator("#k0").count() == 1
+    assert visit.page.evaluate("playground.state.runs.length") == 3
+    same_as_python(visit, tmp_path)
+
+
+@pytest.mark.browser
 def test_the_address_carries_settings_and_pinned_run(visit, browser):
     visit.page.click("#pin")
     visit.settled()
@@ -253,8 +291,7 @@ def test_the_address_carries_settings_and_pinned_run(visit, browser):
     want = visit.page.evaluate("[playground.model.now, playground.model.pinned]")
     with Visit(browser, visit.path, link) as other:
         assert other.page.evaluate("[playground.model.now, playground.model.pinned]") == want
-        shown = "playground.state.now.metrics.rms"
-        assert other.page.evaluate(shown) == visit.page.evaluate(shown)
+        assert other.rms() == visit.rms()
 
 
 @pytest.mark.browser
@@ -271,7 +308,10 @@ def test_the_address_carries_settings_and_pinned_run(visit, browser):
 def test_a_link_that_makes_no_sense_says_so_and_is_ignored(browser, page_file, link, said):
     with Visit(browser, page_file, link) as opened:
         assert said in opened.text("#message")
-        start = start_settings(experiment(), law(), 0)
+        laws = [
+            Law(x, experiment()) for x in (law(), law("integer"), fp.ComputedTorque(100.0, 20.0))
+        ]
+        start = start_settings(experiment(), laws)
         assert opened.page.evaluate("playground.model.now") == start
         assert opened.errors == []
 
@@ -314,8 +354,8 @@ def test_on_a_phone_all_is_in_reach_and_nothing_sticks_out(browser, page_file):
     with Visit(browser, page_file, width=400, height=800) as opened:
         wide = "document.documentElement.scrollWidth <= 400"
         assert opened.page.evaluate(wide)
-        for view in ("torque", "gains", "arm", "table", "error"):
-            opened.page.tap(f"[role=tab][data-view={view}]")
+        for view in ("torque", "signal", "arm", "table", "error"):
+            opened.page.tap(f"label:has(#view-{view})")
             assert opened.page.is_visible(f"#{view}")
             assert opened.page.evaluate(wide)
         slider = opened.page.locator("#kp")
@@ -324,7 +364,7 @@ def test_on_a_phone_all_is_in_reach_and_nothing_sticks_out(browser, page_file):
         assert box["height"] >= 32  # a finger's
         opened.page.touchscreen.tap(box["x"] + 0.9 * box["width"], box["y"] + box["height"] / 2)
         opened.settled()
-        assert opened.now("kp")[0] > 10.0
+        assert opened.now("0.kp")[0] > 10.0
         assert opened.page.locator("#error").bounding_box()["y"] >= 0  # stays in sight
 
 
@@ -365,18 +405,25 @@ def test_the_page_is_small_and_without_addresses(page_file):
 def test_presets_fit_any_arm():
     arm = fp.Arm.planar(lengths=(1.0, 0.8, 0.5), masses=(1.0, 1.0, 0.5))
     job = fp.Experiment(arm, fp.references.Sinusoid(0.4))
-    start = start_settings(job, fp.suggest_gains(arm, bandwidth=5.0), 0)
-    for preset in presets(job, start, steps_of(job), [20.0, 8.0, 2.0], 1.0, "sampled"):
+    laws = [Law(fp.suggest_gains(arm, bandwidth=5.0), job)]
+    start = start_settings(job, laws)
+    for preset in presets(job, laws, steps_of(job, laws), [20.0, 8.0, 2.0]):
         for some in (preset["now"], preset["pinned"] or {}):
             for key, value in some.items():
                 assert type(value) is type(start[key])
                 assert np.shape(value) == np.shape(start[key])
 
 
+@dataclass(frozen=True, eq=False)
+class InPython(fp.Controller):
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        return q_ref - q
+
+
 @pytest.mark.parametrize(
     ("controller", "error", "said"),
     [
-        (fp.ComputedTorque(k0=100.0, k1=20.0), ArgumentError, "AdaptiveFpid"),
+        (InPython(), ExportError, "law by its functions"),
         (law(design=fp.fractional.Crone(1e-2, 1e3, 3)), DesignError, "shared poles"),
     ],
 )

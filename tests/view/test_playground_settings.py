@@ -4,13 +4,16 @@ import dataclasses
 import json
 import re
 import shutil
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from bounded import finished
+from numpy.typing import ArrayLike
 
 import fpid_pin as fp
 from fpid_pin.cli.config import parse
+from fpid_pin.control.law import Derivative
 from fpid_pin.view.document import asset
 from fpid_pin.view.playground_page import playground_html
 
@@ -19,9 +22,10 @@ DURATION = 0.25
 ASK = """
 const asked = JSON.parse(require("fs").readFileSync(process.argv[2]));
 const said = asked.map((changes) => {
-  const S = {...fresh(changes.controller ?? 0), ...changes};
+  const now = {...fresh(), ...changes}, S = settingsOf(now, now.controller);
   const {q, v, torque, metrics, outcome} = simulate(S);
-  return {toml: toToml(S), q: [...q], v: [...v], torque: [...torque], metrics, outcome};
+  return {toml: toToml(S), q: [...q], v: [...v], torque: [...torque], metrics, outcome,
+    link: fromLink(toLink(now, null)).now, now};
 });
 process.stdout.write(JSON.stringify(said));
 """
@@ -35,13 +39,63 @@ def fpid(**others):
     )  # fmt: skip
 
 
+@fp.described("played_law")
+@dataclass(frozen=True, eq=False)
+class Played(fp.Controller):
+    """A law of one's own: an order in a field, memory, and a gain that a joint learns."""
+
+    kp: ArrayLike
+    kd: ArrayLike = 6.0
+    order: ArrayLike = 0.6
+    offset: float = 0.0
+    rate: ArrayLike = 0.2
+    kind_of_use: str = "any"
+
+    memory = ("s", "gain")
+    operators = {"d_s": Derivative("order", of="s")}
+
+    @staticmethod
+    def surface(c):
+        c.s = c.e + 0.1 * c.e_dot
+
+    @staticmethod
+    def torque(c):
+        return c.kp * c.e + (c.kd + c.gain) * c.d_s + c.offset
+
+    @staticmethod
+    def adapt(c):
+        c.gain += c.h * c.rate * c.s * c.d_s
+
+
+@fp.described("entangled_law")
+@dataclass(frozen=True, eq=False)
+class Entangled(fp.Controller):
+    """A law whose number is no multiple of a field: a page has no slider for it."""
+
+    frequency: float = 8.0
+    damping: float = 0.8
+
+    def numbers(self, arm, step, horizon):
+        return {"kp": self.frequency**2, "kd": 2.0 * self.damping * self.frequency}
+
+    @staticmethod
+    def torque(c):
+        return c.kp * c.e + c.kd * c.e_dot
+
+
 LAWS = [
     fp.paper_controller(supervised=False),
     fpid(feedforward=True, observer=60.0, initialisation="grunwald_letnikov"),
     fpid(supervisor=dataclasses.replace(GUARD, kind="paper", observer=0.0, trigger=0.0),
          safeguards=fp.Safeguards(minimum=1.0, maximum=80.0, sigma=0.05)),
-    fpid(order_learning_rate=0.02, initialisation="riemann_liouville", regressors="integer"),
+    fpid(order_learning_rate=0.02, initialisation="grunwald_letnikov", regressors="integer"),
+    fp.Pid(kp=60.0, ki=20.0, kd=(9.0, 4.0), scale="inertia", feedforward=True),
+    fp.ComputedTorque(k0=100.0, k1=20.0, ki=5.0, observer=50.0, supervisor=dataclasses.replace(
+        GUARD, observer=50.0)),
+    fp.SlotineLi(slope=5.0, damping=8.0, leakage=0.1),
+    Played(kp=40.0), Entangled(),
 ]  # fmt: skip
+NAMES = ["paper", "kick", "guarded", "moving", "pid", "torque", "slotine", "own", "entangled"]
 
 
 class Page:
@@ -60,11 +114,10 @@ class Page:
         self.script.write_text("\n".join(parts), encoding="utf-8")
 
     def run(self, asked):
-        """Return what the page makes of settings, each a change of a described controller's."""
+        """Return what the page makes of settings, each a change of the described ones."""
         path = self.folder / "asked.json"
         path.write_text(json.dumps(asked))
-        command = ["node", str(self.script), str(path)]
-        done = finished(command, timeout=240)
+        done = finished(["node", str(self.script), str(path)])
         assert done.returncode == 0, done.stderr[-1000:]
         return json.loads(done.stdout)
 
@@ -72,6 +125,7 @@ class Page:
         """Hold runs against those of their own TOML, run by Python; return these."""
         runs = []
         for changes, mine in zip(asked, self.run(asked), strict=True):
+            assert mine["link"] == mine["now"], changes
             config = parse(mine["toml"], "copied.toml", self.folder)
             assert config.experiment.dynamics == "compiled"
             run = fp.simulate(config.experiment, next(iter(config.controllers.values())))
@@ -94,6 +148,14 @@ def page(tmp_path_factory):
     return Page(tmp_path_factory.mktemp("page"), job, LAWS)
 
 
+def controls_of(page, law):
+    """Return the sliders of a law and those that all share, by key."""
+    groups = [*page.table["laws"][law]["groups"], *page.table["groups"]]
+    start = page.table["start"]
+    controls = [control for group in groups for control in group["controls"]]
+    return {c["key"] if c["key"] in start else f"{law}.{c['key']}": c for c in controls}
+
+
 def places_of(control, start, steps):
     """Return two values of a slider, as its setting has them; of a switch the other one."""
     scale, low, high = control["scale"], control["low"], control["high"]
@@ -102,7 +164,8 @@ def places_of(control, start, steps):
     if scale == "stops":
         return [steps[0], steps[-2]]
     if scale == "gain":
-        return [[0.4 * x for x in start], [1.9 * x for x in start]]
+        factors = np.array([0.4, 1.9])
+        return [(factor * np.array(start)).tolist() for factor in factors]
     if scale in ("log", "log0", "limit"):
         low = control["least"] or low
         found = [low * (high / low) ** 0.4, low * (high / low) ** 0.7]
@@ -114,37 +177,50 @@ def places_of(control, start, steps):
 
 
 @pytest.mark.filterwarnings("ignore::fpid_pin.FpidWarning")
-@pytest.mark.parametrize("controller", range(len(LAWS)))
-def test_every_slider_from_every_preset_is_as_its_toml(page, controller):
-    controls = [c for group in page.table["groups"] for c in group["controls"]]
-    start, asked = page.table["starts"][controller], []
-    assert len(controls) > 20
+@pytest.mark.parametrize("law", range(len(LAWS)), ids=NAMES)
+def test_every_slider_from_every_preset_is_as_its_toml(page, law):
+    start, asked = page.table["start"], []
+    controls = controls_of(page, law)
     assert len(page.table["presets"]) > 10
     for k, preset in enumerate(page.table["presets"]):
-        base = {**preset["now"], "controller": controller}
-        for control in controls:
-            key = control["key"]
+        # What a preset says of the first law it says of this one, where that has such a setting.
+        own = {re.sub(r"^0\.", f"{law}.", key): value for key, value in preset["now"].items()}
+        base = {key: value for key, value in own.items() if key in start} | {"controller": law}
+        for number, (key, control) in enumerate(controls.items()):
             values = places_of(control, base.get(key, start[key]), page.table["steps"])
-            # From the description to both places, else to one of them.
-            asked += [
-                {**base, key: value} for value in (values if k == 0 else values[k % 2 - 1 :][:1])
-            ]
+            # From the description to both places, else to one of them; presets are about the first
+            # law, others take turns with their sliders.
+            if k > 0:
+                values = values[k % 2 - 1 :][:1] if law == 0 or (number + k) % 4 == 0 else []
+            asked += [{**base, key: value} for value in values]
     page.check(asked)
 
 
+def test_a_law_has_a_slider_for_each_field_that_is_a_number(page):
+    fields = {c["key"] for c in controls_of(page, NAMES.index("own")).values()}
+    assert fields >= {"kp", "kd", "order", "offset", "rate", "supervised"}
+    assert "kind_of_use" not in fields
+    fields = {c["key"] for c in controls_of(page, NAMES.index("slotine")).values()}
+    assert fields >= {"slope", "damping", "adaptation_rate", "initial", "leakage"}
+    fields = {c["key"] for c in controls_of(page, NAMES.index("entangled")).values()}
+    assert "frequency" not in fields
+    assert "damping" in fields
+
+
 def test_orders_that_come_to_move_have_the_bounds_of_the_description(page):
-    start = page.table["starts"][0]["integral_order"]
+    start = page.table["start"]["0.integral_order"]
     asked = [
-        {"order_learning_rate": 0.05}, {"order_learning_rate": 0.5, "derivative_order": [0.1, 0.2]},
-        {"order_learning_rate": 0.5, "integral_order": [0.0, start[1]]},
-    ]  # fmt: skip
+        {"0.order_learning_rate": 0.05},
+        {"0.order_learning_rate": 0.5, "0.derivative_order": [0.1, 0.2]},
+        {"0.order_learning_rate": 0.5, "0.integral_order": [0.0, start[1]]},
+    ]
     for run in page.check(asked):
         assert run.signals["integral_order"].min() >= 0.02
         assert run.signals["derivative_order"].min() >= 0.3
 
 
 def test_a_start_from_before_begins_with_the_kick_of_its_order_and_step(page):
-    asked = [{}, {"derivative_order": [0.6, 0.7]}, {"step": 0.002}, {"step": 0.01}]
+    asked = [{}, {"1.derivative_order": [0.6, 0.7]}, {"step": 0.002}, {"step": 0.01}]
     runs = page.check([{"controller": 1, **changes} for changes in asked])
     first = [np.abs(run.torque[0]).max() for run in runs]
     assert len({round(x, 6) for x in first}) == 4, "a kick depends on order and step"

@@ -4,10 +4,9 @@ const element = (id) => document.getElementById(id);
 const worker = new Worker(URL.createObjectURL(
   new Blob([element("engine").textContent], {type: "text/javascript"})));
 const stage = new Stage(element("stage"));
-const plots = {
-  error: new Plot(element("plot-error")), torque: new Plot(element("plot-torque")),
-  gains: new Plot(element("plot-gains"))};
-const state = {now: null, pinned: null, sent: 0, got: 0, busy: false, waiting: null, latency: []};
+const plots = Object.fromEntries(["error", "torque", "signal"].map((name) =>
+  [name, new Plot(element(`plot-${name}`))]));
+const state = {runs: null, pinned: null, got: 0, busy: false, waiting: false, latency: []};
 
 function say(text, bad = false) {
   const box = element("message");
@@ -20,47 +19,38 @@ function say(text, bad = false) {
 
 const model = {
   now: fresh(), pinned: null, past: [], future: [], committed: null,
-  snapshot() { return JSON.stringify([this.now, this.pinned]); },
   // `final`: the hand has let go, which is what undo goes back to.
   change(some, final) {
     Object.assign(this.now, some);
     if (final) this.commit();
     refresh();
-    ask(this.now, "now");
+    ask();
   },
   commit() {
-    const snapshot = this.snapshot();
+    const snapshot = JSON.stringify([this.now, this.pinned]);
     if (snapshot === this.committed) return;
     if (this.committed !== null) this.past.push(this.committed);
-    if (this.past.length > 200) this.past.shift();
+    this.past.splice(0, this.past.length - 200);
     this.committed = snapshot;
     this.future = [];
     remember();
-    buttons();
   },
   go(from, to) {
-    if (!from.length) return;
     to.push(this.committed);
     this.committed = from.pop();
     this.load(...JSON.parse(this.committed));
   },
   load(now, pinned) {
-    const repin = !same(pinned, this.pinned);
-    [this.now, this.pinned] = [now, pinned];
-    if (repin) {
-      state.pinned = null;
-      if (pinned) ask(pinned, "pinned");
-    }
+    Object.assign(this, {now, pinned});
     remember();
     refresh();
-    ask(this.now, "now");
+    ask();
   },
 };
 
 function remember() {
-  const link = toLink(model.now, model.pinned);
   try {
-    history.replaceState(null, "", `#${link}`);
+    history.replaceState(null, "", `#${toLink(model.now, model.pinned)}`);
   } catch {
     // A page inside another has no address of its own; its link button still has one to copy.
   }
@@ -68,174 +58,177 @@ function remember() {
 
 // ------------------------------------------------------------------ runs
 
-// One run at a time; of those that were asked for meanwhile only the newest.
-const queue = {now: null, pinned: null};
-const answers = new Map();
-function ask(settings, role, whole = false) {
+// One message at a time; of those that were asked for meanwhile only the newest.
+let whole = false;
+function ask() {
   clearTimeout(state.scene);
-  queue[role] = {settings: clone(settings), role, whole, asked: performance.now()};
-  pump();
+  state.asked = performance.now();
+  state.waiting = true;
+  if (!state.busy) send();
 }
-function pump() {
-  if (state.busy) return;
-  const next = queue.pinned ?? queue.now;
-  if (!next) return;
-  queue[next.role] = null;
-  state.busy = true;
-  state.sent += 1;
-  answers.set(state.sent, next);
+function send() {
+  const {now, pinned} = model, laws = [now.controller, ...now.beside];
+  const runs = [...new Set(laws)].map((law) => settingsOf(now, law));
+  Object.assign(state, {busy: true, waiting: false, sent: state.asked, hasPinned: pinned !== null});
+  if (pinned) runs.push(settingsOf(pinned, pinned.controller));
   document.body.classList.add("busy");
-  worker.postMessage({id: state.sent, settings: next.settings, whole: next.whole});
+  worker.postMessage({runs, signal: element("signal-name").value, whole});
 }
-worker.onmessage = ({data}) => {
-  const asked = answers.get(data.id);
-  answers.delete(data.id);
+worker.onmessage = ({data: {runs, fault}}) => {
   state.busy = false;
-  if (data.fault) say(`The engine stopped: ${data.fault}`, true);
+  if (fault) say(`The engine stopped: ${fault}`, true);
   else {
-    state[asked.role] = {...data, settings: asked.settings};
-    const start = performance.now();
-    if (asked.role === "now" || state.now) draw();
-    state.drawing = performance.now() - start;
-    if (asked.role === "now") {
-      state.latency.push(performance.now() - asked.asked);
-      state.got += 1;
-    }
+    state.pinned = state.hasPinned ? runs.pop() : null;
+    state.runs = runs;
+    draw();
+    state.latency.push(performance.now() - state.sent);
+    state.got += 1;
   }
-  document.body.classList.toggle("busy", Boolean(queue.now ?? queue.pinned));
-  pump();
+  document.body.classList.toggle("busy", state.waiting);
+  if (state.waiting) send();
 };
 worker.onerror = (event) => say(`The engine could not start: ${event.message}`, true);
 
 // ------------------------------------------------------------------ what is seen
 
+const total = (...x) => x.reduce((a, b) => a + b);
 const METRICS = [
   ["rms", "error, rms", "rad", Math.max], ["rms_tail", "… second half", "rad", Math.max],
-  ["iae", "∫|e| dt", "rad s", (...x) => x.reduce((a, b) => a + b)],
-  ["peak_torque", "largest torque", "N m", Math.max],
-  ["energy", "∫u² dt", "N²m²s", (...x) => x.reduce((a, b) => a + b)],
-  ["total_variation", "torque's ups and downs", "N m", (...x) => x.reduce((a, b) => a + b)]];
+  ["iae", "∫|e| dt", "rad s", total], ["peak_torque", "largest torque", "N m", Math.max],
+  ["energy", "∫u² dt", "N²m²s", total], ["total_variation", "torque's ups and downs", "N m", total]];
 
-const chosen = () => {
-  const value = element("joint").value;
-  return value === "all" ? JOINTS.map((_, j) => j) : [Number(value)];
+const several = () => model.now.beside.length > 0;
+const chosen = () => (element("joint").value === "all" ? JOINTS.map((_, j) => j)
+  : [Number(element("joint").value)]);
+const key = (text, kind) => {
+  const one = make("span", {class: "key"}, make("i"), text);
+  one.style.setProperty("--joint", colour(kind));
+  return one;
 };
 
 function table() {
-  const body = element("metrics"), joints = chosen();
-  body.replaceChildren();
-  for (const [key, text, unit, gather] of METRICS) {
-    const of = (run) => (run ? gather(...joints.map((j) => run.metrics[key][j])) : null);
-    const now = of(state.now), pinned = of(state.pinned), row = body.insertRow();
-    row.append(make("th", {scope: "row"}, text, make("small", {}, unit)));
-    const cell = (text_, kind = "") => row.append(make("td", {class: kind}, text_));
-    const word = (x) => (x === null ? "–" : Number.isFinite(x) ? label(tidy(x, 3)) : "–");
-    cell(word(now));
-    cell(word(pinned));
-    const change = pinned ? (100 * (now - pinned)) / pinned : NaN;
-    const small = Math.abs(change) < 0.05;
-    cell(!Number.isFinite(change) ? "–" : small ? "0 %" : `${change > 0 ? "+" : "−"}${
-      label(tidy(Math.abs(change), 2))} %`,
-      Number.isFinite(change) && !small ? (change < 0 ? "better" : "worse") : "");
-  }
+  const {runs, pinned} = state, all = [...runs, ...(pinned ? [pinned] : [])], joints = chosen();
+  const names = runs.map(({controller}) => (several() ? PAGE.laws[controller].name : "now"));
+  const head = ["the smaller the better", ...names, ...(pinned ? ["pinned"] : [])];
+  // Two runs: by how much the first is better or worse. More: the best of them.
+  if (all.length === 2) head.push("change");
+  element("metrics-head").replaceChildren(...head.map((text) => make("th", {scope: "col"}, text)));
+  element("metrics").replaceChildren(...METRICS.map(([metric, text, unit, gather]) => {
+    const values = all.map((run) => gather(...joints.map((j) => run.metrics[metric][j])));
+    const [now, other] = values, change = (100 * (now - other)) / other, best = Math.min(...values);
+    const cells = values.map((x) => make("td", {class: values.length > 2 && x === best ? "better" : ""},
+      Number.isFinite(x) ? label(tidy(x, 3)) : "–"));
+    if (values.length === 2) {
+      const kind = Math.abs(change) < 0.05 ? "" : change < 0 ? "better" : "worse";
+      const said = `${change > 0 ? "+" : "−"}${label(tidy(Math.abs(change), 2))} %`;
+      cells.push(make("td", {class: kind}, !Number.isFinite(change) ? "–" : kind ? said : "0 %"));
+    }
+    return make("tr", {}, make("th", {scope: "row"}, text, make("small", {}, unit)), ...cells);
+  }));
 }
 
 function draw() {
-  const {now, pinned} = state;
-  if (!now) return;
-  const joints = chosen(), lost = !now.outcome.completed;
-  const gain = element("gain").value, of = (run, name) => run?.plots[name] ?? null;
-  plots.error.show(of(now, "error"), of(pinned, "error"), joints, lost);
-  plots.torque.show(of(now, "torque"), of(pinned, "torque"), joints, lost);
-  plots.gains.show(of(now, gain), of(pinned, gain), joints, lost);
+  const {runs, pinned} = state;
+  if (!runs) return;
+  for (const [name, plot] of Object.entries(plots)) {
+    const curves = (run, dashed) => (run?.plots[name] ? chosen().map((j) => ({
+      values: run.plots[name][j], kind: several() ? run.controller : j, dashed,
+      lost: !run.outcome.completed})) : []);
+    plot.show([...curves(pinned, true), ...runs.flatMap((run) => curves(run, false))]);
+  }
   table();
   // The arm comes after the curves, when a slider rests: without a graphics card it takes longer
   // than all else, and would keep the next curves waiting.
   clearTimeout(state.scene);
-  state.scene = setTimeout(() => stage.show(state.now.frames, state.pinned?.frames),
+  state.scene = setTimeout(() => stage.show(state.runs[0].frames, state.pinned?.frames),
     stage.frames ? 150 : 0);
-  const {outcome} = now, box = element("outcome");
+  const lost = runs.find(({outcome}) => !outcome.completed), box = element("outcome");
   box.className = lost ? "bad" : "good";
-  box.textContent = lost
-    ? `Diverged at ${label(tidy(outcome.time, 5))} s, ${outcome.joint}: ${outcome.cause}.`
-    : `Ran all ${label(ENGINE.duration)} s, ${now.rows.toLocaleString("en")} samples, in ${
-      Math.round(now.milliseconds)} ms.`;
+  const {time, joint, cause} = lost?.outcome ?? {};
+  const who = several() && lost ? `${PAGE.laws[lost.controller].name}: diverged` : "Diverged";
+  const spent = Math.round(runs.reduce((sum, run) => sum + run.milliseconds, 0));
+  box.textContent = lost ? `${who} at ${label(tidy(time, 5))} s, ${joint}: ${cause}.`
+    : `Ran all ${label(ENGINE.duration)} s, ${runs[0].rows.toLocaleString("en")} samples, in ${spent} ms.`;
 }
 
-let redraw = () => {};
+let redraw = () => {}, built = null;
 function refresh() {
+  const {controller, beside} = model.now;
+  if (built !== controller) {
+    built = controller;
+    redraw = buildControls(element("controls"), controller);
+    element("controller").value = controller;
+    element("signal-name").replaceChildren(...PAGE.laws[controller].signals.map(([name, text]) =>
+      make("option", {value: name}, text)));
+  }
+  document.querySelectorAll("#beside input").forEach((box, k) => {
+    box.checked = k === controller || beside.includes(k);
+    box.disabled = k === controller;
+  });
+  // Laws are told apart by colour, so joints one at a time.
+  element("joint").options[0].hidden = several();
+  if (several() && element("joint").value === "all") element("joint").value = "0";
+  const laws = [controller, ...beside];
+  element("legend").replaceChildren(
+    ...(several() ? laws.map((k) => key(PAGE.laws[k].name, k)) : chosen().map((j) => key(JOINTS[j], j))),
+    ...(model.pinned ? [make("span", {class: "key dashed"}, make("i"), "pinned")] : []));
   redraw();
-  buttons();
-}
-
-function buttons() {
   element("undo").disabled = !model.past.length;
   element("redo").disabled = !model.future.length;
-  element("reset").disabled = same(model.now, fresh(model.now.controller));
+  element("reset").disabled = same({...model.now, controller: 0}, fresh());
   element("unpin").hidden = !model.pinned;
 }
 
 // ------------------------------------------------------------------ commands
 
 const commands = {
-  undo() { model.go(model.past, model.future); },
-  redo() { model.go(model.future, model.past); },
+  undo() { if (model.past.length) model.go(model.past, model.future); },
+  redo() { if (model.future.length) model.go(model.future, model.past); },
   reset() {
-    model.now = fresh(model.now.controller);
-    model.commit();
-    refresh();
-    ask(model.now, "now");
+    model.change({...fresh(), controller: model.now.controller}, true);
     say("");
     element("preset").value = "";
   },
   pin() {
     model.pinned = clone(model.now);
-    model.commit();
-    ask(model.pinned, "pinned");
-    say("Pinned: dashed lines, the grey path, and the table's second column.");
+    model.change({}, true);
+    say("Pinned: dashed lines, the grey path, and a column of its own in the table.");
   },
   unpin() {
-    model.pinned = state.pinned = null;
-    model.commit();
-    draw();
-    buttons();
+    model.pinned = null;
+    model.change({}, true);
     say("");
   },
   link() { give(`${location.href.split("#")[0]}#${toLink(model.now, model.pinned)}`, "Link"); },
-  toml() { give(toToml(model.now), "TOML"); },
+  toml() { give(toToml(settingsOf(model.now, model.now.controller)), "TOML"); },
+  play() { stage.play(!stage.playing); },
+  close() { element("giving").close(); },
+  async copy() {
+    const text = element("given");
+    try {
+      await navigator.clipboard.writeText(text.value);
+      element("copied").textContent = "Copied.";
+    } catch {
+      text.select();
+      element("copied").textContent = document.execCommand("copy") ? "Copied." : "Select and copy it.";
+    }
+  },
 };
 for (const [name, command] of Object.entries(commands)) {
   element(name).addEventListener("click", () => command());
 }
-element("play").addEventListener("click", () => stage.play(!stage.playing));
 
 // A text to take away: shown, so that it can be taken by hand where there is no clipboard.
 function give(text, what) {
   element("given").value = text;
-  element("giving").querySelector("h2").textContent = what;
+  element("giving-head").textContent = what;
   element("save").hidden = what !== "TOML";
+  element("save").href = `data:application/toml;charset=utf-8,${encodeURIComponent(text)}`;
   element("copied").textContent = "";
   element("giving").showModal();
   element("given").setSelectionRange(0, 0);
   element("given").scrollTop = 0;
 }
-element("copy").addEventListener("click", async () => {
-  const text = element("given");
-  try {
-    await navigator.clipboard.writeText(text.value);
-    element("copied").textContent = "Copied.";
-  } catch {
-    text.select();
-    element("copied").textContent = document.execCommand("copy") ? "Copied." : "Select and copy it.";
-  }
-});
-element("save").addEventListener("click", () => {
-  const blob = new Blob([element("given").value], {type: "application/toml"});
-  const a = make("a", {href: URL.createObjectURL(blob), download: "playground.toml"});
-  a.click();
-  URL.revokeObjectURL(a.href);
-});
-element("close").addEventListener("click", () => element("giving").close());
 
 document.addEventListener("keydown", (event) => {
   const typing = event.target.matches("input[type=text], textarea, select");
@@ -244,51 +237,48 @@ document.addEventListener("keydown", (event) => {
     (event.shiftKey ? commands.redo : commands.undo)();
   } else if (event.key === " " && event.target === document.body) {
     event.preventDefault();
-    stage.play(!stage.playing);
+    commands.play();
   }
 });
 
-// Presets and controllers.
-const preset = element("preset");
-PAGE.presets.forEach(({name}, k) => preset.append(make("option", {value: k}, name)));
-preset.addEventListener("change", () => {
-  const {now, pinned, text} = PAGE.presets[preset.value] ?? {};
+// Presets, controllers, joints, signals.
+PAGE.presets.forEach(({name}, k) => element("preset").append(make("option", {value: k}, name)));
+element("preset").addEventListener("change", ({target}) => {
+  const {now, pinned, text} = PAGE.presets[target.value] ?? {};
   if (!now) return;
-  model.load({...fresh(now.controller ?? 0), ...clone(now)},
-    pinned ? {...fresh(pinned.controller ?? 0), ...clone(pinned)} : null);
-  model.commit();
+  model.pinned = pinned ? {...fresh(), ...clone(pinned)} : null;
+  model.change({...fresh(), ...clone(now)}, true);
   say(text);
 });
-const law = element("controller");
-PAGE.names.forEach((name, k) => law.append(make("option", {value: k}, name)));
-element("laws").hidden = PAGE.names.length < 2;
-law.addEventListener("change", () => {
-  const start = fresh(Number(law.value)), mine = ["integral_order", "derivative_order", "kp", "ki",
-    "kd", "learning_rate", "order_learning_rate", "k0", "k1", "sigma", "dead_zone", "supervised", "m_x",
-    "controller"];
-  model.change(Object.fromEntries(mine.map((key) => [key, start[key]])), true);
+PAGE.laws.forEach(({name}, k) => {
+  element("controller").append(make("option", {value: k}, name));
+  const box = make("input", {type: "checkbox", value: k});
+  box.addEventListener("change", () => model.change({beside: box.checked
+    ? [...model.now.beside, k] : model.now.beside.filter((other) => other !== k)}, true));
+  element("beside").append(make("label", {}, box, name));
 });
-
-// The choice of joints, which is the plots' legend.
-const joint = element("joint");
-joint.append(make("option", {value: "all"}, "all joints"));
-JOINTS.forEach((name, j) => joint.append(make("option", {value: j}, name)));
-joint.addEventListener("change", draw);
-element("gain").addEventListener("change", draw);
-JOINTS.forEach((name, j) => {
-  const key = make("span", {class: "key"}, make("i"), name);
-  key.style.setProperty("--joint", `var(--joint-${j % 7})`);
-  element("legend").append(key);
+for (const id of ["laws", "beside"]) element(id).hidden = PAGE.laws.length < 2;
+element("controller").addEventListener("change", ({target}) => {
+  const controller = Number(target.value), {beside, controller: before} = model.now;
+  model.change({controller, beside: several()
+    ? [before, ...beside].filter((k) => k !== controller) : []}, true);
 });
+element("joint").append(make("option", {value: "all"}, "all joints"),
+  ...JOINTS.map((name, j) => make("option", {value: j}, name)));
+element("joint").addEventListener("change", () => {
+  refresh();
+  draw();
+});
+element("signal-name").addEventListener("change", ask);
 function colours() {
-  const palette = dark.matches ? DARK : LIGHT;
-  palette.forEach((c, j) => document.documentElement.style.setProperty(`--joint-${j}`, c));
+  JOINTS.forEach((_, j) =>
+    document.documentElement.style.setProperty(`--joint-${j % 7}`, colour(j)));
 }
 colours();
 dark.addEventListener("change", () => {
   colours();
   Object.values(plots).forEach((plot) => plot.build());
-  draw();
+  refresh();
 });
 
 // Time: one for the arm and all plots.
@@ -311,44 +301,15 @@ stage.toggled = (on) => {
   element("play").textContent = on ? "Pause" : "Play";
 };
 
-// On a narrow screen one view at a time, above the sliders.
-const tabs = [...document.querySelectorAll("[role=tab]")];
-function show(tab) {
-  tabs.forEach((one) => {
-    one.setAttribute("aria-selected", String(one === tab));
-    one.tabIndex = one === tab ? 0 : -1;
-  });
-  document.body.dataset.view = tab.dataset.view;
-}
-tabs.forEach((tab, k) => {
-  tab.addEventListener("click", () => show(tab));
-  tab.addEventListener("keydown", ({key}) => {
-    const next = {ArrowRight: k + 1, ArrowLeft: k - 1}[key];
-    if (next === undefined) return;
-    const to = tabs[(next + tabs.length) % tabs.length];
-    show(to);
-    to.focus();
-  });
-});
-show(tabs[0]);
-
-redraw = buildControls(element("controls"));
-const linked = fromLink(location.hash.slice(1));
-law.value = linked.now.controller;
-const refreshed = redraw;
-redraw = () => {
-  law.value = model.now.controller;
-  refreshed();
-};
-model.load(linked.now, linked.pinned);
-model.commit();
-if (linked.faults.length) say(`The link was not understood: ${linked.faults.join("; ")}.`, true);
-else if (PAGE.notes.length) say(PAGE.notes.join(" "));
-window.addEventListener("hashchange", () => {
-  const again = fromLink(location.hash.slice(1));
-  if (toLink(again.now, again.pinned) === toLink(model.now, model.pinned)) return;
-  model.load(again.now, again.pinned);
+function open() {
+  const {now, pinned, faults} = fromLink(location.hash.slice(1));
+  if (state.asked && toLink(now, pinned) === toLink(model.now, model.pinned)) return;
+  model.load(now, pinned);
   model.commit();
-});
+  if (faults.length) say(`The link was not understood: ${faults.join("; ")}.`, true);
+}
+open();
+window.addEventListener("hashchange", open);
 if (reduced.matches) stage.toggled(false); else stage.play(true);
-window.playground = {model, state, ask, toToml, toLink, fromLink, stage, plots, commands};
+window.playground = {model, state, ask, toToml, settingsOf, toLink, fromLink, stage, plots, commands,
+  keep(all) { whole = all; }};

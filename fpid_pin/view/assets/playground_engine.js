@@ -1,17 +1,18 @@
 "use strict";
 // Runs an experiment on the printed kernels, in a Web Worker or in node: what the settings say is
 // written into a memory that starts as the description's, then blocks of ticks are made.
-// E (the engine's table), M (the memory) and K (the kernels) stand before this script.
+// E (the engine's table), M (the memory) and K (the rollouts) stand before this script.
 const decode = (text) => new Float64Array(
   Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
-const AT = E.places;
-const START = Object.entries(E.memory).map(([name, text]) => [AT[name], decode(text)]);
-const POINTS = decode(E.points), PAYLOAD = decode(E.payload);
-const STEPS = E.steps.map((one) => ({step: one.step, poles: decode(one.poles),
-  weights: decode(one.weights), known: decode(one.known), exact: decode(one.exact)}));
-const N = E.shapes.torque[0], MODES = E.shapes["c.modes"][2], WIDTH = 3 + MODES, B = E.block;
+const decoded = (table) => Object.entries(table).map(([name, text]) => [E.places[name], decode(text)]);
+const AT = E.places, N = E.n, B = E.block, MODES = E.modes, WIDTH = 3 + MODES;
+const START = decoded(E.start), POINTS = decode(E.points), PAYLOAD = decode(E.payload);
+const LAWS = E.laws.map((law) => ({...law, start: decoded(law.start)}));
+const STEPS = E.steps.map(({step, poles, weights}) =>
+  ({step, poles: decode(poles), weights: decode(weights)}));
+const ROWS = E.reference.rows ? decode(E.reference.rows) : null;
 
-// The place of a field of record k of an array.
+// The place of a field of record k of an array; of a law's own number of joint j.
 const place = (name, k, field) => {
   const fields = E.fields[name];
   return AT[name] + k * Object.keys(fields).length + fields[field];
@@ -19,65 +20,74 @@ const place = (name, k, field) => {
 const write = (name, k, values) => {
   for (const [field, value] of Object.entries(values)) M[place(name, k, field)] = Number(value);
 };
-const read = (name, k, field) => M[place(name, k, field)];
-const clip = (x, low, high) => Math.min(Math.max(x, low), high);
+const numberOf = (j, column) => AT["c.joints"] + j * E.width + column;
+const own = (value, j) => (Array.isArray(value) ? value[j % value.length] : value);
 
-// c1, c0, c2 and the modes' weights at an order: those of the description to the last bit, others
-// by the polynomial through Chebyshev's points (barycentric form, second kind).
-function weightsAt(one, order) {
-  const k = one.known.indexOf(order);
-  if (k >= 0) return one.exact.subarray(k * WIDTH, (k + 1) * WIDTH);
+// c1, c0, c2 and the modes' weights at an order, by the polynomial through Chebyshev's points
+// (barycentric form, second kind).
+function weightsAt({weights}, order) {
   const out = new Float64Array(WIDTH), last = POINTS.length - 1;
   let total = 0;
   for (let i = 0; i <= last; i++) {
-    if (order === POINTS[i]) return one.weights.subarray(i * WIDTH, (i + 1) * WIDTH);
+    if (order === POINTS[i]) return weights.subarray(i * WIDTH, (i + 1) * WIDTH);
     const share = (i % 2 ? -1 : 1) * (i === 0 || i === last ? 0.5 : 1) / (order - POINTS[i]);
     total += share;
-    for (let m = 0; m < WIDTH; m++) out[m] += share * one.weights[i * WIDTH + m];
+    for (let m = 0; m < WIDTH; m++) out[m] += share * weights[i * WIDTH + m];
   }
-  for (let m = 0; m < WIDTH; m++) out[m] /= total;
-  return out;
+  return out.map((x) => x / total);
 }
 
-function setOperators(S, one, law) {
-  M.set(one.poles, AT["c.poles"]);
-  const moves = S.order_learning_rate > 0;
-  for (let j = 0; j < N; j++) {
-    [1 - read("c.joints", j, "integral_order"), read("c.joints", j, "derivative_order")]
-      .forEach((order, which) => {
-        const k = 2 * j + which, w = weightsAt(one, order);
-        write("c.ops", k, {order, c1: w[0], c0: w[1], c2: w[2], variable: moves,
-          order_column: moves ? E.orderColumns[which] : -1,
-          initial_output: law.kick ? one.step ** -order : 0});
-        for (let m = 0; m < MODES; m++) write("c.modes", k * MODES + m, {weight: w[3 + m], x: 0});
-      });
-  }
-  for (let a = 0; moves && a < E.nodes; a++) {
-    const w = weightsAt(one, a / (E.nodes - 1));
-    for (let i = 0; i < WIDTH; i++) M[AT["c.table"] + i * E.nodes + a] = w[i];
-  }
+// Operators as `control.state` and `fractional.design` make them, for this step and these orders.
+function setOperators(S, law, step) {
+  const count = law.operators.length, moves = (S.order_learning_rate ?? 1) > 0;
+  if (!count) return;
+  M.set(step.poles, AT["c.poles"]);
+  law.operators.forEach((operator, i) => {
+    for (let j = 0; j < N; j++) {
+      const k = j * count + i, variable = operator.adapts && moves;
+      if (operator.order >= 0) {
+        const given = M[numberOf(j, operator.order)];
+        write("c.ops", k, {order: operator.integral ? 1 - given : given});
+      }
+      const order = M[place("c.ops", k, "order")], [c1, c0, c2, ...modes] = weightsAt(step, order);
+      write("c.ops", k, {c1, c0, c2, variable, order_column: variable ? operator.order : -1,
+        initial_output: law.kick ? step.step ** -order : 0});
+      modes.forEach((weight, m) => write("c.modes", k * MODES + m, {weight, x: 0}));
+    }
+    for (let a = 0; operator.adapts && moves && a < E.nodes; a++) {
+      const weights = weightsAt(step, a / (E.nodes - 1));
+      for (let m = 0; m < WIDTH; m++) M[AT["c.table"] + m * E.nodes + a] = weights[m];
+    }
+  });
 }
 
+// A law's numbers, as `Controller.numbers` gives them.
 function setLaw(S, law) {
-  for (const [name, text] of Object.entries(law.start)) M.set(decode(text), AT[name]);
-  const guards = !law.guarded && (S.sigma > 0 || S.dead_zone > 0), moves = S.order_learning_rate > 0;
+  for (const [at, values] of law.start) M.set(values, at);
   for (let j = 0; j < N; j++) {
-    const old = (field) => read("c.joints", j, field), set = (values) => write("c.joints", j, values);
-    if (guards) set({kp_min: 0, ki_min: 0, kd_min: 0});
-    for (const gain of ["kp", "ki", "kd"]) {
-      const value = clip(S[gain][j], old(`${gain}_min`), old(`${gain}_max`));
-      const gamma = `gamma_${gain[1]}`;
-      set({[gain]: value, [`${gain}_0`]: value, [gamma]: old(gamma) * S.learning_rate});
+    const at = (name) => numberOf(j, law.fields[name]);
+    const set = (values) => Object.entries(values).forEach(([name, x]) => { M[at(name)] = x; });
+    set({h: S.step, ...(S.knows_limit ? {limit: S.effort_limit[j]} : {})});
+    if (!law.guarded && (S.sigma > 0 || S.dead_zone > 0) && "kp_min" in law.fields) {
+      set({kp_min: 0, ki_min: 0, kd_min: 0});
     }
-    // Orders that move start within their bounds, and mu above 0: e - e(0) is its limit.
-    for (const name of ["integral_order", "derivative_order"]) {
-      if (!moves) set({[`${name}_min`]: 0, [`${name}_max`]: 1});
-      const least = moves && name[0] === "d" ? 2 ** -1022 : 0;
-      const order = clip(Math.max(S[name][j], least), old(`${name}_min`), old(`${name}_max`));
-      set({[name]: order, [`${name}_0`]: order, [`${name}_rate`]: S.order_learning_rate});
+    if (S.order_learning_rate === 0) {
+      set({integral_order_min: 0, integral_order_max: 1, derivative_order_min: 0,
+        derivative_order_max: 1});
+    } else if (S.order_learning_rate > 0) {
+      // Orders that move start above 0: e - e(0) is the limit of mu.
+      set({derivative_order_min: Math.max(M[at("derivative_order_min")], 2 ** -1022)});
     }
-    set({h: S.step, k0: S.k0[j], k1: S.k1[j], sigma: S.sigma, dead_zone: S.dead_zone});
-    if (S.knows_limit) set({limit: S.effort_limit[j]});
+    for (const [key, columns] of Object.entries(law.moves)) {
+      for (const [column, slope, offset] of columns) {
+        M[numberOf(j, column)] = offset[j] + slope[j] * own(S[key], j);
+      }
+    }
+    // Projection counts from the start.
+    for (const name of Object.keys(law.fields).filter((one) => `${one}_min` in law.fields)) {
+      const start = Math.min(Math.max(M[at(name)], M[at(`${name}_min`)]), M[at(`${name}_max`)]);
+      set({[name]: start, [`${name}_0`]: start});
+    }
   }
 }
 
@@ -97,17 +107,15 @@ function setAssistance(S, law) {
     robot({lookahead: Math.max(s.lookahead, S.step), target: s.target * most,
       trigger: s.trigger * most});
   }
-  s.bound.forEach((bound, j) => write("c.joints", j, {bound}));
+  s.bound.forEach((bound, j) => { M[numberOf(j, law.fields.bound)] = bound; });
 }
 
 function setPlant(S) {
-  const fields = Object.keys(E.fields["plant.bodies"]).length;
-  const keep = Math.exp(-E.cutoff * S.step);
+  const fields = Object.keys(E.fields["plant.bodies"]).length, keep = Math.exp(-E.cutoff * S.step);
+  PAYLOAD.forEach((more, k) => { M[AT["plant.bodies"] + k] += S.payload * more; });
   for (let i = 0; i < N; i++) {
-    for (let f = 0; f < fields; f++) {
-      M[AT["plant.bodies"] + i * fields + f] += S.payload * PAYLOAD[i * fields + f];
-    }
-    M[place("plant.bodies", i, "armature")] += S.step * S.viscous_friction[i];
+    M[AT["plant.bodies"] + i * fields + E.fields["plant.bodies"].armature] +=
+      S.step * S.viscous_friction[i];
     write("plant.joints", i, {limit: S.effort_limit[i], viscous: S.viscous_friction[i],
       dry: S.dry_friction[i]});
     write("sensing.joints", i, {noise_q: S.position_noise, noise_v: S.velocity_noise,
@@ -117,108 +125,89 @@ function setPlant(S) {
   }
 }
 
-// Signals from outside are formulas, or rows that Python sampled.
-const own = (value, j) => (Array.isArray(value) ? value[j % value.length] : value);
-function sampler(S) {
-  const {reference, disturbance} = E, d = S.disturbance_frequency;
-  const table = reference.rows ? decode(reference.rows) : null;
-  const count = table ? table.length / (3 * N) : 0;
-  return (first) => {
+// What is given from outside in a block of rows: formulas, or rows that Python sampled.
+function sample(S, first) {
+  const {reference, disturbance} = E, count = ROWS ? ROWS.length / (3 * N) : 0;
+  const parts = [{amplitude: S.disturbance, frequency: S.disturbance_frequency, ...disturbance},
+    ...disturbance.others];
+  for (let j = 0; j < N; j++) {
+    const at = AT["rows.reference"] + j, forces = AT["rows.forces"] + j;
+    const w = own(reference.frequency, j) * S.reference_speed, phase = own(reference.phase, j);
+    const a = own(reference.amplitude, j) * S.reference_size, offset = own(reference.offset, j);
     for (let k = 0; k < B; k++) {
-      const t = (first + k) * S.step;
-      for (let j = 0; j < N; j++) {
-        const at = AT["rows.reference"] + k * N + j, part = B * N;
-        if (table) {
-          const row = Math.min(first + k, count - 1);
-          for (let i = 0; i < 3; i++) M[at + i * part] = table[(i * count + row) * N + j];
-        } else {
-          const w = own(reference.frequency, j) * S.reference_speed;
-          const a = own(reference.amplitude, j) * S.reference_size;
-          const angle = t * w + own(reference.phase, j);
-          M[at] = own(reference.offset, j) + a * Math.sin(angle);
-          M[at + part] = a * w * Math.cos(angle);
-          M[at + 2 * part] = -a * (w * w) * Math.sin(angle);
-        }
-        let force = S.disturbance[j] * Math.cos(t * d + own(disturbance.phase, j));
-        for (const other of disturbance.others) {
-          force += other.kind === "pulse"
-            ? (t >= other.start - 1e-9 && t < other.end - 1e-9 ? own(other.torque, j) : 0)
-            : own(other.amplitude, j) * Math.cos(t * own(other.frequency, j) + own(other.phase, j));
-        }
-        M[AT["rows.forces"] + k * N + j] = force;
+      const angle = (first + k) * S.step * w + phase, row = Math.min(first + k, count - 1);
+      M[at + k * N] = ROWS ? ROWS[row * N + j] : offset + a * Math.sin(angle);
+      M[at + (B + k) * N] = ROWS ? ROWS[(count + row) * N + j] : a * w * Math.cos(angle);
+      M[at + (2 * B + k) * N] = ROWS ? ROWS[(2 * count + row) * N + j]
+        : -a * (w * w) * Math.sin(angle);
+      M[forces + k * N] = 0;
+    }
+    for (const part of parts) {
+      const size = own(part.amplitude ?? part.torque, j);
+      const rate = own(part.frequency, j), shift = own(part.phase, j);
+      for (let k = 0; k < B; k++) {
+        const t = (first + k) * S.step;
+        M[forces + k * N] += part.kind !== "pulse" ? size * Math.cos(t * rate + shift)
+          : t >= part.start - 1e-9 && t < part.end - 1e-9 ? size : 0;
       }
     }
-  };
-}
-
-// A number as Python's %.3g writes it.
-function brief(x) {
-  const [digits, power] = x.toExponential(2).split("e");
-  if (power >= -4 && power < 3) return String(Number(x.toPrecision(3)));
-  return `${Number(digits)}e${power[0]}${power.slice(1).padStart(2, "0")}`;
-}
-
-// Why a run has ended, in the words of `simulation.simulator`.
-function outcome(row, S) {
-  for (let j = 0; j < N; j++) {
-    const q = M[AT["plant.q"] + j], v = M[AT["plant.v"] + j], u = M[AT.torque + j];
-    const slow = Math.abs(v) <= E.runaway;
-    if (slow && Number.isFinite(q) && Number.isFinite(u)) continue;
-    const cause = !Number.isFinite(v) ? "speed is not finite"
-      : !slow ? `speed ${brief(Math.abs(v))} rad/s is beyond ${E.runaway} rad/s`
-        : !Number.isFinite(u) ? "torque is not finite" : "angle is not finite";
-    return {completed: false, time: row * S.step, joint: E.joints[j], cause};
   }
-  return {completed: false, time: row * S.step, joint: "", cause: "not finite"};
 }
 
-const MOTION = ["q", "v", "torque"];
+// Why a run has ended, in the words of `simulation.engine`; a speed as Python's %.3g writes it.
+function outcome(row, S) {
+  const at = (name, j) => M[AT[name] + j], slow = (j) => Math.abs(at("plant.v", j)) <= E.runaway;
+  const finite = (name, j) => Number.isFinite(at(name, j));
+  const sound = (j) => slow(j) && finite("plant.q", j) && finite("torque", j);
+  const j = Math.max(E.joints.findIndex((_, k) => !sound(k)), 0), speed = Math.abs(at("plant.v", j));
+  const [digits, power] = speed.toExponential(2).split("e");
+  const brief = Math.abs(power) < 3 ? String(Number(speed.toPrecision(3)))
+    : `${Number(digits)}e${power[0]}${power.slice(1).padStart(2, "0")}`;
+  const cause = !finite("plant.v", j) ? "speed is not finite"
+    : !slow(j) ? `speed ${brief} rad/s is beyond ${E.runaway} rad/s`
+      : !finite("torque", j) ? "torque is not finite" : "angle is not finite";
+  return {completed: false, time: row * S.step, joint: E.joints[j], cause};
+}
 
 function simulate(S) {
-  const law = E.laws[S.controller];
+  const law = LAWS[S.controller];
   M.fill(0);
   for (const [at, values] of START) M.set(values, at);
   setLaw(S, law);
   setAssistance(S, law);
-  setOperators(S, STEPS.find((each) => each.step === S.step), law);
+  setOperators(S, law, STEPS.find((each) => each.step === S.step));
   setPlant(S);
+  M.set(law.columns, AT["rows.columns"]);
   const rows = Math.round(E.duration / S.step) + 1, out = {};
-  for (const name of [...MOTION, "q_ref", ...E.kept]) out[name] = new Float64Array(rows * N);
-  const noisy = S.position_noise > 0 || S.velocity_noise > 0;
-  const sample = sampler(S), draw = noisy ? normals(E.generator) : null;
+  const kept = {q: "rows.motion", v: "rows.motion", torque: "rows.motion", q_ref: "rows.reference"};
+  law.kept.forEach((name) => { kept[name] = "rows.kept"; });
+  const places = Object.entries(kept).map(([name, array], k) =>
+    [name, AT[array] + {"rows.motion": k, "rows.reference": 0, "rows.kept": k - 4}[array] * B * N]);
+  for (const [name] of places) out[name] = new Float64Array(rows * N);
+  const draw = S.position_noise > 0 || S.velocity_noise > 0 ? normals(E.generator) : null;
   const rubs = S.dry_friction.some((f) => f > 0);
   let ended = -1;
   for (let first = 0; first < rows && ended < 0; first += B) {
     const count = Math.min(B, rows - first);
-    sample(first);
-    if (noisy) for (let i = 0; i < 2 * B * N; i++) M[AT["sensing.noise"] + i] = draw(i);
+    sample(S, first);
+    for (let i = 0; draw && i < 2 * B * N; i++) M[AT["sensing.noise"] + i] = draw(i);
     M.set([first, count, 0, rows - 1, rubs ? 1 : 0], AT.counts);
     // The kernels have the places of all other arrays in them.
-    ended = K.rollout(AT.inputs, AT.torque, AT.counts);
-    const copy = (name, at) => out[name].set(M.subarray(at, at + count * N), first * N);
-    MOTION.forEach((name, i) => copy(name, AT["rows.motion"] + i * B * N));
-    copy("q_ref", AT["rows.reference"]);
-    E.kept.forEach((name, i) => copy(name, AT["rows.kept"] + i * B * N));
+    ended = K[S.controller](AT.inputs, AT.torque, AT.counts);
+    for (const [name, at] of places) out[name].set(M.subarray(at, at + count * N), first * N);
   }
   const lost = ended >= 0 && ended < rows, valid = lost ? ended : rows;
   const end = lost ? outcome(valid, S) : {completed: true, time: (rows - 1) * S.step};
-  for (const name of Object.keys(out)) out[name] = out[name].subarray(0, valid * N);
-  return {...out, rows: valid, planned: rows, step: S.step, outcome: end, metrics: metrics(S.step)};
+  for (const [name] of places) out[name] = out[name].subarray(0, valid * N);
+  return {...out, rows: valid, step: S.step, outcome: end, metrics: metrics(S.step)};
 }
 
 function metrics(h) {
-  const table = {ise: [], iae: [], itae: [], rms: [], rms_tail: [], energy: [], total_variation: [],
-    peak_torque: []};
-  for (let j = 0; j < N; j++) {
-    const sum = (field) => read("rows.sums", j, field);
-    table.ise.push(h * sum("square"));
-    table.iae.push(h * sum("absolute"));
-    table.itae.push(h * sum("aged"));
-    table.rms.push(Math.sqrt(sum("square") / sum("rows")));
-    table.rms_tail.push(Math.sqrt(sum("late") / sum("late_rows")));
-    table.energy.push(h * sum("effort"));
-    table.total_variation.push(sum("changes"));
-    table.peak_torque.push(sum("peak"));
-  }
-  return table;
+  const each = (value) => E.joints.map((_, j) => value((field) => M[place("rows.sums", j, field)]));
+  return {
+    ise: each((sum) => h * sum("square")), iae: each((sum) => h * sum("absolute")),
+    itae: each((sum) => h * sum("aged")), energy: each((sum) => h * sum("effort")),
+    rms: each((sum) => Math.sqrt(sum("square") / sum("rows"))),
+    rms_tail: each((sum) => Math.sqrt(sum("late") / sum("late_rows"))),
+    total_variation: each((sum) => sum("changes")), peak_torque: each((sum) => sum("peak"))};
 }

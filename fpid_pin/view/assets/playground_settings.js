@@ -1,54 +1,61 @@
 "use strict";
-// Settings: one table of numbers that the sliders move, a link carries and TOML spells out.
+// Settings: one table that the sliders move, a link carries and TOML spells out.
 const NONE = 1e300;
+const JOINTS = PAGE.joints;
 const tidy = (x, digits = 3) => Number(x.toPrecision(digits));
 const clone = (thing) => JSON.parse(JSON.stringify(thing));
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
-const fresh = (controller = 0) => clone(PAGE.starts[controller]);
-const CONTROLS = PAGE.groups.flatMap((group) => group.controls);
-const CONTROL = Object.fromEntries(CONTROLS.map((control) => [control.key, control]));
-const JOINTS = PAGE.joints;
+const fresh = () => clone(PAGE.start);
+
+// A law's setting has the law's number before its name; all laws share the others.
+const keyOf = (name, law) => (name in PAGE.start ? name : `${law}.${name}`);
+
+// What the run of one law is made with, by plain names.
+function settingsOf(now, law) {
+  const found = {};
+  for (const [key, value] of Object.entries(now)) {
+    const [head, name] = key.split(".");
+    if (name === undefined) found[key] = value;
+    else if (Number(head) === law) found[name] = value;
+  }
+  return {...found, controller: law, beside: []};
+}
 
 // What a setting may be; the words of a refusal, or null.
 function refusal(key, value) {
-  const start = PAGE.starts[0][key];
-  if (start === undefined) return `${key}: no such setting`;
-  const one = (x) => typeof x === "number" && Number.isFinite(x);
-  if (Array.isArray(start)) {
-    if (!Array.isArray(value) || value.length !== start.length || !value.every(one)) {
-      return `${key}: expected ${start.length} numbers`;
-    }
-  } else if (typeof start === "boolean") {
-    if (typeof value !== "boolean") return `${key}: expected true or false`;
-  } else if (!one(value)) return `${key}: expected a number`;
-  const all = [value].flat();
-  if (/order$/.test(key) && all.some((x) => x < 0 || x > 1)) return `${key}: expected 0 to 1`;
-  if (key !== "q0" && all.some((x) => x < 0)) return `${key}: expected 0 or more`;
-  if (key === "step" && !PAGE.steps.includes(value)) {
-    return `step: expected one of ${PAGE.steps.join(", ")} s`;
+  const start = PAGE.start[key], name = key.split(".").pop(), law = PAGE.laws[parseInt(key, 10)];
+  if (start === undefined) return `${name}: no such setting`;
+  const all = [value].flat(), laws = key === "beside";
+  if (typeof start === "boolean") {
+    return typeof value === "boolean" ? null : `${name}: expected true or false`;
   }
-  if (key === "controller" && !(value in PAGE.starts)) return "controller: there is no such one";
-  if (key === "m_x" && !(value > CONTROL.m_x.low - 0.05)) {
-    return `m_x: expected more than ${tidy(CONTROL.m_x.low - 0.05)}, the reference's own size`;
+  if (!all.every(Number.isFinite) || (!laws && all.length !== [start].flat().length)) {
+    return `${name}: expected ${Array.isArray(start) ? `${start.length} numbers` : "a number"}`;
   }
-  if (key === "delay" && (value > 63 || value % 1)) return "delay: expected 0 to 63 samples";
+  const beyond = (low, high) => all.some((x) => x < low || x > high);
+  if (laws || key === "controller") {
+    return all.every((k) => k in PAGE.laws) ? null : `${name}: there is no such controller`;
+  }
+  if (law?.orders.includes(name)) return beyond(0, 1) ? `${name}: expected 0 to 1` : null;
+  if (name === "m_x") return beyond(law.bound, NONE) ? `m_x: expected at least ${law.bound}` : null;
+  if (key === "step") {
+    return PAGE.steps.includes(value) ? null : `step: expected one of ${PAGE.steps.join(", ")} s`;
+  }
+  if (key === "delay" && (beyond(0, 63) || value % 1)) return "delay: expected 0 to 63 samples";
   if (key === "effort_limit" && all.some((x) => x <= 0)) return "effort_limit: expected more than 0";
-  return null;
+  const negative = key === "q0" || [start].flat().some((x) => x < 0);
+  return !negative && beyond(0, Infinity) ? `${name}: expected 0 or more` : null;
 }
 
 // ------------------------------------------------------------------ the link
 
-const spell = (value) => [value].flat().map((x) => (x === NONE ? "none" : String(x))).join(",");
-
 function toLink(now, pinned) {
   const query = new URLSearchParams();
   const add = (settings, head) => {
-    const start = fresh(settings.controller);
-    if (settings.controller) query.set(`${head}controller`, settings.controller);
-    for (const key of Object.keys(start)) {
-      if (key !== "controller" && !same(settings[key], start[key])) {
-        query.set(head + key, spell(settings[key]));
-      }
+    for (const key of Object.keys(PAGE.start).filter((k) => !same(settings[k], PAGE.start[k]))) {
+      const [law, name] = key.split("."), own = Number(law) === settings.controller;
+      const text = [settings[key]].flat().map((x) => (x === NONE ? "none" : String(x))).join(",");
+      query.set(head + (name && own ? name : key), text);
     }
   };
   add(now, "");
@@ -61,15 +68,12 @@ function toLink(now, pinned) {
 
 function fromLink(text) {
   const query = new URLSearchParams(text), faults = [];
+  const number = (x) => (x === "none" ? NONE : x.trim() === "" ? NaN : Number(x));
   const take = (head) => {
-    const index = Number(query.get(`${head}controller`) ?? 0);
-    const settings = fresh(index in PAGE.starts ? index : 0);
+    const settings = fresh(), law = Number(query.get(`${head}controller`) ?? 0);
     for (const [name, spelt] of query) {
-      if (!name.startsWith(head) || name === "pinned") continue;
-      const key = name.slice(head.length);
-      if (key.includes(".") || key === "controller" || key === "t") continue;
-      const start = settings[key];
-      const number = (x) => (x === "none" ? NONE : x.trim() === "" ? NaN : Number(x));
+      if (!name.startsWith(head) || name === "pinned" || (!head && name.startsWith("pin."))) continue;
+      const key = keyOf(name.slice(head.length), law), start = PAGE.start[key];
       const value = typeof start === "boolean" ? {true: true, false: false}[spelt]
         : Array.isArray(start) ? spelt.split(",").map(number) : number(spelt);
       const wrong = refusal(key, value);
@@ -84,33 +88,33 @@ function fromLink(text) {
 
 function tomlValue(value) {
   if (typeof value === "string") {
-    return '"' + value.replace(/[\u0000-\u001f"\\\u007f]/g, (c) => (c === '"' || c === "\\" ? "\\" + c
-      : "\\u" + c.charCodeAt(0).toString(16).padStart(4, "0"))) + '"';
+    const escaped = (c) => (c === '"' || c === "\\" ? `\\${c}`
+      : `\\u${c.charCodeAt(0).toString(16).padStart(4, "0")}`);
+    return `"${value.replace(/[\u0000-\u001f"\\\u007f]/g, escaped)}"`;
   }
-  if (typeof value === "number") {
-    return Math.abs(value) >= NONE ? (value < 0 ? "-inf" : "inf") : Object.is(value, -0) ? "0"
-      : String(value);
-  }
-  if (typeof value === "boolean") return String(value);
+  if (typeof value === "number" && Math.abs(value) >= NONE) return value < 0 ? "-inf" : "inf";
+  if (typeof value !== "object") return String(value);
   if (Array.isArray(value)) return `[${value.map(tomlValue).join(", ")}]`;
   const pairs = Object.entries(value).map(([key, item]) => `${key} = ${tomlValue(item)}`);
-  return pairs.length ? `{ ${pairs.join(", ")} }` : "{}";
+  return `{ ${pairs.join(", ")} }`;
 }
 
-function toToml(settings) {
-  const S = settings, start = fresh(S.controller), base = clone(PAGE.toml);
-  const own = (value) => (value.every((x) => x === value[0]) ? value[0] : value);
-  const law = base.controllers[S.controller];
-  for (const key of ["kp", "ki", "kd", "integral_order", "derivative_order", "k0", "k1"]) {
-    law[key] = own(S[key]);
-  }
-  if (S.learning_rate !== 1) {
-    const scaled = (x) => (Array.isArray(x) ? x.map(scaled) : x * S.learning_rate);
-    law.learning_rate = scaled(law.learning_rate);
-  }
-  law.order_learning_rate = S.order_learning_rate;
-  if (law.safeguards || S.sigma > 0 || S.dead_zone > 0) {
-    law.safeguards = {...law.safeguards, sigma: S.sigma, dead_zone: S.dead_zone};
+// The described configuration with what was moved in its place; of one law, see settingsOf.
+function toToml(S) {
+  const {arm, reference, plant, sensors, simulation, others, movable, controllers} = clone(PAGE.toml);
+  const law = controllers[S.controller], start = settingsOf(PAGE.start, S.controller);
+  const {fpid} = PAGE.laws[S.controller], moved = (key) => !same(S[key], start[key]);
+  const scaled = (x, factor) => (Array.isArray(x) ? x.map((y) => scaled(y, factor)) : x * factor);
+  const rest = {...S};
+  const take = (...names) => names.forEach((name) => delete rest[name]);
+  take("controller", "beside", "payload", "knows_limit", "disturbance", "disturbance_frequency",
+    "reference_size", "reference_speed", "differentiated", "supervised", "m_x");
+  if (fpid) {
+    take("learning_rate", "sigma", "dead_zone");
+    law.learning_rate = scaled(law.learning_rate, S.learning_rate);
+    if (moved("sigma") || moved("dead_zone")) {
+      law.safeguards = {...law.safeguards, sigma: S.sigma, dead_zone: S.dead_zone};
+    }
   }
   if (S.supervised) {
     law.supervisor.m_x = S.m_x;
@@ -120,44 +124,31 @@ function toToml(settings) {
   for (const one of [law, law.supervisor ?? {}]) {
     if (one.observer) one.observer = Math.min(one.observer, 1 / S.step);
   }
-  const arm = base.arm, plant = base.plant;
-  const limited = !same(S.effort_limit, start.effort_limit);
-  if (S.knows_limit && (limited || !start.knows_limit)) {
-    arm.changes = [...(arm.changes ?? []), {limits: {effort: own(S.effort_limit)}}];
+  if (S.knows_limit && (moved("effort_limit") || moved("knows_limit"))) {
+    arm.changes = [...(arm.changes ?? []), {limits: {effort: S.effort_limit}}];
   }
-  plant.effort_limit = own(S.effort_limit);
-  plant.viscous_friction = own(S.viscous_friction);
-  plant.dry_friction = own(S.dry_friction);
   if (S.payload > 0) plant.payload = {mass: S.payload};
-  const reference = base.reference;
-  if (S.reference_size !== 1 || S.reference_speed !== 1) {
-    const times = (x, factor) => (Array.isArray(x) ? x.map((y) => y * factor) : x * factor);
-    reference.amplitude = times(reference.amplitude, S.reference_size);
-    reference.frequency = times(reference.frequency, S.reference_speed);
+  if (moved("reference_size")) reference.amplitude = scaled(reference.amplitude, S.reference_size);
+  if (moved("reference_speed")) reference.frequency = scaled(reference.frequency, S.reference_speed);
+  if (moved("differentiated")) sensors.velocity = S.differentiated ? "differentiated" : "measured";
+  if (movable || S.disturbance.some((x) => x > 0)) {
+    others.unshift({kind: "cosine", amplitude: S.disturbance, frequency: S.disturbance_frequency,
+      phase: ENGINE.disturbance.phase});
   }
-  const disturbances = [...base.others];
-  if (base.movable || S.disturbance.some((x) => x > 0)) {
-    disturbances.unshift({kind: "cosine", amplitude: own(S.disturbance),
-      frequency: S.disturbance_frequency, phase: ENGINE.disturbance.phase});
-  }
-  const sensors = {...base.sensors, position_noise: S.position_noise,
-    velocity_noise: S.velocity_noise, position_resolution: S.position_resolution,
-    velocity: S.differentiated ? "differentiated" : "measured", delay: S.delay};
-  const simulation = {...base.simulation, q0: S.q0, step: S.step};
+  const places = {viscous_friction: plant, dry_friction: plant, effort_limit: plant,
+    position_noise: sensors, velocity_noise: sensors, position_resolution: sensors, delay: sensors,
+    q0: simulation, step: simulation};
+  for (const key of Object.keys(rest).filter(moved)) (places[key] ?? law)[key] = S[key];
   const lines = ["# From a playground of fpid_pin. Run it:  fpid-pin run THIS_FILE.toml",
     "format = 1", `title = ${tomlValue(PAGE.title)}`];
-  const section = (head, table) => {
-    lines.push("", head);
-    for (const [key, value] of Object.entries(table)) {
-      if (head !== "[sensors]" || key !== "kind") lines.push(`${key} = ${tomlValue(value)}`);
-    }
-  };
+  const section = (head, table) => lines.push("", head,
+    ...Object.entries(table).map(([key, value]) => `${key} = ${tomlValue(value)}`));
   section("[arm]", arm);
   section("[reference]", reference);
-  disturbances.forEach((one) => section("[[disturbance]]", one));
+  others.forEach((one) => section("[[disturbance]]", one));
   section("[plant]", plant);
   section("[sensors]", sensors);
   section("[simulation]", simulation);
   section("[[controller]]", law);
-  return lines.join("\n") + "\n";
+  return `${lines.join("\n")}\n`;
 }

@@ -1,0 +1,178 @@
+"""Result files: a NumPy ``.npz`` of arrays and one JSON table, with a SHA-256 that shows damage.
+
+Nothing in it is pickled, and `numpy.load` reads it without this package. The checksum is there
+for damage, not for forgery: whoever can write the file can write a new checksum too.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import warnings
+import zipfile
+from collections.abc import Mapping
+from math import prod
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.extras import needed
+from fpid_pin.files import replacing
+from fpid_pin.text import shown
+
+Arrays = dict[str, NDArray[Any]]
+
+#: Number of this file format.
+FORMAT = 4
+#: Contents may take this many times the file's size, and so many bytes more: a small file that
+#: claims to be large is refused before it fills the memory.
+MOST_RATIO, MOST_BYTES = 32, 25_000_000
+_TABLE, _CHECKSUM = "meta", "sha256"
+
+
+def write(
+    path: str | Path, kind: str, table: Mapping[str, Any], arrays: Mapping[str, Any], *,
+    compressed: bool = False,
+) -> None:  # fmt: skip
+    """Write arrays and a table, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        Where to.
+    kind
+        What the file is, in words; a reader asks for it.
+    table
+        Plain values for JSON, as Python writes it: numbers may be ``Infinity`` or ``NaN``.
+    arrays
+        Of numbers or texts.
+    compressed
+        Pack arrays of float64 by pcodec, every bit kept. What packs so well that `read` would
+        refuse it is written as it is.
+
+    Raises
+    ------
+    ArgumentError
+        What cannot be read back: an array of objects, or a name that is none for a file.
+    FileFormatError
+        The file cannot be written.
+    FpidError
+        pcodec is not installed.
+    """
+    members = {name: np.asarray(array) for name, array in arrays.items()}
+    for name, array in members.items():
+        if array.dtype.kind not in "fiuU":
+            raise ArgumentError(name, "numbers or texts", array.dtype)
+        if not name.isprintable() or set(name) & set("/\\") or name in (_TABLE, _CHECKSUM):
+            raise ArgumentError("arrays", "names that a file can have", shown(name))
+    head: dict[str, Any] = {"kind": kind, "format": FORMAT}
+    if compressed:
+        shapes = {name: array.shape for name, array in members.items()}
+        packed = {name: _packed(array) for name, array in members.items()}
+        if _size(shapes) <= _most(sum(array.nbytes for array in packed.values())):
+            members, head["packed"] = packed, shapes
+    members[_TABLE] = np.array(json.dumps(head | dict(table)))
+    members[_CHECKSUM] = np.array(_checksum(members))
+    with replacing(path) as temporary, open(temporary, "wb") as file:
+        np.savez(file, **members)  # type: ignore[arg-type]
+
+
+def read(path: str | Path, kind: str) -> tuple[Arrays, dict[str, Any]]:
+    """Return the arrays and the table of a file.
+
+    Raises
+    ------
+    FileFormatError
+        Missing, damaged, of another kind or format; the line names the file.
+    FpidError
+        It is compressed, and pcodec is not installed.
+    """
+    path = Path(path)
+    if not path.is_file():
+        found = f"expected a {kind}, got no file" if path.exists() else "no such file"
+        raise FileFormatError(f"{path}: {found}")
+    try:
+        with zipfile.ZipFile(path) as zipped, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # NumPy's, of headers that it can only guess
+            most = _most(os.path.getsize(path))
+            return _contents(zipped, kind, most)
+    except FpidError as error:
+        raise type(error)(f"{path}: {error}") from None
+    except OSError as error:
+        raise FileFormatError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except MemoryError:
+        raise FileFormatError(f"{path}: does not fit into memory") from None
+    except Exception as error:
+        # A damaged file can be anything to zipfile, NumPy and json.
+        reason = f"{type(error).__name__}: {error}"
+        raise FileFormatError(
+            f"{path}: expected a {kind}, got another file or a damaged one ({reason})"
+        ) from None
+
+
+def _contents(zipped: zipfile.ZipFile, kind: str, most: int) -> tuple[Arrays, dict[str, Any]]:
+    infos = zipped.infolist()
+    if sum(info.file_size for info in infos) > most:
+        raise FileFormatError(f"expected a {kind}, got one larger than a file of its size can be")
+    members: Arrays = {}
+    for info in infos:
+        with zipped.open(info) as file:
+            array = np.lib.format.read_array(file, allow_pickle=False)
+        members[info.filename.removesuffix(".npy")] = array
+    if _CHECKSUM not in members or _TABLE not in members:
+        raise FileFormatError(f"expected a {kind}, got a zip without a table and its checksum")
+    if str(members.pop(_CHECKSUM)) != _checksum(members):
+        raise FileFormatError(f"expected a {kind}, got a damaged one: its checksum is wrong")
+    table = json.loads(str(members.pop(_TABLE)))
+    found, number = table.pop("kind"), table.pop("format")
+    if found != kind:
+        raise FileFormatError(f"expected a {kind}, got a {found}")
+    if number != FORMAT:
+        raise FileFormatError(f"expected a {kind} of format {FORMAT}, got format {number}")
+    shapes = table.pop("packed", None)
+    if shapes is not None:
+        if _size(shapes) > most:
+            raise FileFormatError(
+                f"expected a {kind}, got one larger than a file of its size can be"
+            )
+        members = {name: _unpacked(members[name], tuple(shape)) for name, shape in shapes.items()}
+    return members, table
+
+
+def _checksum(members: Mapping[str, NDArray[Any]]) -> str:
+    """Return the SHA-256 over the names, types, shapes and bytes of arrays."""
+    whole = hashlib.sha256()
+    for name in sorted(members):
+        array = members[name]
+        whole.update(repr((name, array.dtype.str, array.shape)).encode())
+        whole.update(array.tobytes())
+    return whole.hexdigest()
+
+
+def _size(shapes: Mapping[str, Any]) -> int:
+    """Return the bytes that arrays of float64 take."""
+    return sum(8 * prod(shape) for shape in shapes.values())
+
+
+def _most(size: int) -> int:
+    """Return the most bytes that the contents of a file of `size` bytes may take."""
+    return MOST_RATIO * size + MOST_BYTES
+
+
+def _packed(array: NDArray[Any]) -> NDArray[np.uint8]:
+    """Return an array, (N,) or (N, n), as pcodec's bytes: one column after another."""
+    codec = needed("pcodec", "compressed")
+    columns = np.asarray(array, np.float64).T.reshape(-1)
+    packed = codec.standalone.simple_compress(columns, codec.ChunkConfig())
+    return np.frombuffer(packed, np.uint8)
+
+
+def _unpacked(packed: NDArray[np.uint8], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    codec = needed("pcodec", "compressed")
+    columns = np.empty(prod(shape))
+    codec.standalone.simple_decompress_into(packed.tobytes(), columns)
+    return np.ascontiguousarray(columns.reshape(shape[::-1]).T)

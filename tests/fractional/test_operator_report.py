@@ -1,0 +1,151 @@
+import numpy as np
+import pytest
+from scipy.special import gamma
+
+from fpid_pin.cli.operators import operators_table
+from fpid_pin.exceptions import ArgumentError, DesignError, FileFormatError
+from fpid_pin.fractional import L1, Bank, Crone, ExponentialSum, GrunwaldLetnikov, report
+from fpid_pin.fractional.operator_report import frequency_response, kernel_error, noise_gains
+
+STEP = 1e-3
+MODAL = [ExponentialSum(24), Crone(0.1, 1e3, 4)]
+SHORT = [GrunwaldLetnikov(memory=0.2), L1(memory=0.2)]
+ALL = [*MODAL, GrunwaldLetnikov(), L1(), *SHORT]
+ENDS = np.array([0.0, 0.3, 0.9, 1.0])
+
+
+@pytest.mark.parametrize("design", ALL, ids=repr)
+def test_the_frequency_response_is_what_a_sinusoid_settles_to(design):
+    omega, t = 2 * np.pi * 20.0, np.repeat(np.arange(3001)[:, None] * STEP, 4, axis=1)
+    bank = Bank(design, ENDS, step=STEP, horizon=3.0)
+    out = bank.recorded(np.sin(omega * t), omega * np.cos(omega * t))
+    tail = slice(2000, 3000)  # twenty whole periods
+    got = 2j * (out[tail] * np.exp(-1j * omega * t[tail])).mean(axis=0)
+    want = frequency_response(design, ENDS, np.array([omega]), step=STEP, horizon=3.0)[0]
+    # What is left of the start at order 0.3 decays like t^-1.3.
+    assert np.abs(got / want - 1).max() < 2e-4
+
+
+@pytest.mark.parametrize("rule", [GrunwaldLetnikov, L1])
+def test_the_response_of_full_memory_rules_is_that_of_a_very_long_one(rule):
+    order, omega = np.array([0.5, 0.9]), np.array([20.0, 400.0, np.pi / STEP])
+    got, want = (
+        frequency_response(rule(memory), order, omega, step=STEP, horizon=1e3)
+        for memory in (None, 100.0)
+    )
+    assert np.abs(got / want - 1).max() < 0.02
+
+
+def test_the_default_design_is_close_to_the_exact_operator_in_band():
+    order, omega = np.array([0.05, 0.5, 0.95]), np.geomspace(5.0, 300.0, 40)
+    got = frequency_response(ExponentialSum(32), order, omega, step=STEP, horizon=20.0)
+    assert np.abs(got / (1j * omega[:, None]) ** order - 1).max() < 1e-4
+
+
+@pytest.mark.parametrize("design", ALL, ids=repr)
+def test_the_stated_output_noise_is_what_a_simulation_shows(design):
+    order, samples = np.array([0.0, 0.3, 0.7, 0.95, 1.0]), 400
+    noise = np.random.default_rng(11).normal(size=(samples, 5, 80))
+    noise[0] = 0.0
+    bank = Bank(design, np.repeat(order[:, None], 80, axis=1), step=STEP, horizon=samples * STEP)
+    stated = noise_gains(design, order, step=STEP, horizon=samples * STEP)
+    for gain, inputs in zip(stated, ((noise, 0 * noise), (0 * noise, noise)), strict=True):
+        found = np.std(bank.recorded(*inputs)[-100:], axis=(0, 2))
+        assert np.allclose(found, gain, rtol=0.04, atol=1e-9)
+
+
+@pytest.mark.parametrize("design", [*MODAL, L1()], ids=repr)
+def test_the_nyquist_gain_is_the_output_for_an_alternating_rate(design):
+    stated = report(design, ENDS, step=STEP, horizon=5.0).nyquist_gain
+    rate = np.repeat((-1.0) ** np.arange(5000)[:, None], 4, axis=1)
+    out = Bank(design, ENDS, step=STEP, horizon=5.0).recorded(0 * rate, rate)[-1]
+    assert np.allclose(np.abs(out), stated, rtol=1e-3, atol=1e-9)
+    assert stated[-1] == 1.0
+    assert stated[0] == 0.0
+
+
+@pytest.mark.parametrize("design", [*MODAL, GrunwaldLetnikov(), SHORT[0]], ids=repr)
+def test_the_kernel_is_the_response_to_a_step(design):
+    order, lags = np.array([0.3, 0.8]), np.arange(1, 300) * STEP
+    start = {"initialisation": "grunwald_letnikov", "rate": "differenced"}
+    got = Bank(design, order, step=STEP, horizon=1.0, **start).recorded(np.ones((300, 2)))[1:]
+    want = lags[:, None] ** -order / gamma(1 - order)
+    error = kernel_error(design, order, lags, step=STEP, horizon=1.0)
+    assert np.abs(got / want - 1 - error).max() < 1e-9
+
+
+@pytest.mark.parametrize("design", [ExponentialSum(12), Crone(0.1, 1e3, 3)], ids=repr)
+def test_no_output_is_further_off_than_the_stated_bound(design):
+    """The worst signal for a kernel error is the one whose rate follows the error's sign."""
+    order, horizon = np.array([0.6]), 2.0
+    bound = report(design, order, step=STEP, horizon=horizon).error_bound[0]
+    t = np.arange(round(horizon / STEP) + 1) * STEP
+    lag = np.maximum(t[-1] - t, 1e-9)
+    sign = np.sign(kernel_error(design, order, lag, step=STEP, horizon=horizon)[:, 0])
+    rate = np.where(sign == 0.0, 1.0, sign)
+    # Piecewise constant rates: the rule between samples adds nothing with the value alone.
+    value = np.concatenate([[0.0], np.cumsum(rate[1:] * STEP)])[:, None]
+    best, rough = (
+        Bank(d, order, step=STEP, horizon=horizon, rate="differenced").recorded(value)[-1, 0]
+        for d in (ExponentialSum(40), design)
+    )
+    assert 0.3 * bound < abs(rough - best) < bound * 1.01
+
+
+@pytest.mark.parametrize("design", ALL, ids=repr)
+def test_a_report_prints_a_row_for_each_order(design):
+    found = report(design, [0.0, 0.5, 1.0], step=STEP, horizon=3.0)
+    text = str(found)
+    lines = text.splitlines()
+    assert len(lines) == 8
+    assert len({len(line) for line in lines[3:]}) == 1
+    assert repr(design) in text
+    assert found.order.tolist() == [0.0, 0.5, 1.0]
+    # Orders 0 and 1 are exact.
+    assert found.magnitude_error[[0, 2]].max() < 1e-12
+    assert found.kernel_error[[0, 2]].max() == 0.0
+    assert found.error_bound[[0, 2]].max() == 0.0
+    assert all(seconds > 0 for seconds in found.cost)
+
+
+def test_a_report_says_where_the_design_can_be_trusted():
+    trusted = report(ExponentialSum(24), [0.2, 0.8], step=STEP, horizon=20.0)
+    assert (trusted.longest_horizon > 20.0).all()
+    for k, order in enumerate(trusted.order):
+        inside = np.geomspace(trusted.lowest_frequency[k], trusted.highest_frequency[k], 50)[1:-1]
+        found = frequency_response(
+            trusted.design, np.array([order]), inside, step=STEP, horizon=20.0
+        )[:, 0]
+        assert np.abs(found / (1j * inside) ** order - 1).max() < 0.011
+    narrow = report(Crone(1.0, 10.0, 1), 0.5, step=STEP, horizon=20.0)
+    assert np.isnan(narrow.longest_horizon).all()
+
+
+def test_the_command_s_table_has_a_row_for_each_order_and_a_figure_where_asked(tmp_path):
+    figure = tmp_path / "operators.png"
+    text = operators_table([0.3, 0.9], 1e-3, 2.0, modes=16, plot=figure)
+    assert [line.split()[0] for line in text.splitlines()[-2:]] == ["0.3", "0.9"]
+    assert figure.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert figure.stat().st_size > 10_000
+    assert "Crone(low=0.1, high=100.0, n=3, widening=1.0)" in operators_table(
+        [0.5], 1e-3, 2.0, design="crone", band=(0.1, 100.0), n=3, widening=1.0
+    )
+
+
+def test_the_command_names_bad_arguments(tmp_path):
+    (tmp_path / "file").touch()
+    for error, words, changes in (
+        (
+            ArgumentError,
+            r"order\.1: expected a number in \[0, 1\], got 1.7",
+            {"orders": [0.5, 1.7]},
+        ),
+        (ArgumentError, "orders: expected at least one", {"orders": []}),
+        (ArgumentError, "horizon: expected more than one step", {"horizon": 1e-3}),
+        (ArgumentError, "did you mean crone", {"design": "cron"}),
+        (DesignError, "is met, with", {"horizon": 0.01, "tolerance": 1e-18}),
+        (ArgumentError, "plot: expected a file that can be", {"plot": tmp_path / "x.no-picture"}),
+        (FileFormatError, "file", {"plot": tmp_path / "file" / "x.png"}),
+    ):
+        with pytest.raises(error, match=words):
+            operators_table(**({"orders": [0.5], "step": 1e-3, "horizon": 2.0} | changes))

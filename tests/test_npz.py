@@ -1,0 +1,233 @@
+"""Files of arrays and a table: read as they were written, or refused in one line."""
+
+import io
+import json
+import os
+import random
+import sys
+import zipfile
+
+import numpy as np
+import pytest
+from bounded import finished
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays_of
+
+from fpid_pin import npz
+from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+
+ARRAYS = {
+    "numbers": np.sin(np.arange(12.0).reshape(3, 4)),
+    "counts": np.arange(5),
+    "texts": np.array(["a", "λ and μ", ""]),
+    "θ one": np.zeros((0, 3)),
+    "single": np.array(-0.0),
+}
+TABLE = {"step": 1e-3, "limits": [float("inf"), 1], "inf": "inf", "deep": {"none": None}}
+
+
+def written(path, arrays=ARRAYS, kind="thing", **options):
+    npz.write(path, kind, TABLE, arrays, **options)
+    return path
+
+
+def same(found, arrays):
+    assert found.keys() == arrays.keys()
+    for name, array in arrays.items():
+        assert found[name].dtype == array.dtype
+        assert found[name].shape == array.shape
+        assert found[name].tobytes() == array.tobytes()
+
+
+def test_what_is_written_is_read_by_us_and_by_numpy_and_is_twice_the_same_bytes(tmp_path):
+    path = written(tmp_path / "file")
+    arrays, table = npz.read(path, "thing")
+    assert table == TABLE
+    same(arrays, ARRAYS)
+    assert written(tmp_path / "again").read_bytes() == path.read_bytes()
+    with np.load(path, allow_pickle=False) as file:
+        assert json.loads(str(file["meta"]))["step"] == 1e-3
+        same({name: file[name] for name in ARRAYS}, ARRAYS)
+
+
+@given(
+    arrays_of.arrays(
+        np.uint64, arrays_of.array_shapes(max_dims=2, min_side=0, max_side=30),
+        elements=st.integers(0, 2**64 - 1),
+    )
+)  # fmt: skip
+def test_any_bits_come_back_packed_nan_s_and_zeros_signs_among_them(bits):
+    array = bits.view(np.float64)
+    same({"x": npz._unpacked(npz._packed(array), array.shape)}, {"x": array})
+
+
+def test_smooth_numbers_take_a_quarter(tmp_path):
+    smooth = {"x": np.sin(np.linspace(0.0, 20.0, 40_002)).reshape(-1, 2)}
+    small = written(tmp_path / "small", smooth, compressed=True)
+    same(npz.read(small, "thing")[0], smooth)
+    assert small.stat().st_size < written(tmp_path / "plain", smooth).stat().st_size / 4
+
+
+def test_what_packs_as_a_bomb_does_is_written_as_it_is(tmp_path):
+    rest = {"x": np.zeros(4_000_000)}
+    path = written(tmp_path / "file", rest, compressed=True)
+    assert path.stat().st_size > 32_000_000
+    same(npz.read(path, "thing")[0], rest)
+
+
+def test_without_pcodec_one_line_says_what_to_install(tmp_path, monkeypatch):
+    small = written(tmp_path / "small", {"x": np.zeros(9)}, compressed=True)
+    monkeypatch.setitem(sys.modules, "pcodec", None)
+    line = (
+        r"pcodec: expected it to be installed \(pip install 'fpid_pin\[compressed\]'\), got none$"
+    )
+    with pytest.raises(FpidError, match=f"^{line}"):
+        written(tmp_path / "none", {"x": np.zeros(9)}, compressed=True)
+    with pytest.raises(FpidError, match=f"^{small}: {line}"):
+        npz.read(small, "thing")
+    assert os.listdir(tmp_path) == ["small"]
+
+
+@pytest.mark.parametrize(
+    ("arrays", "message"),
+    [
+        ({"x": np.zeros(2, complex)}, "x: expected numbers or texts, got complex128"),
+        ({"x": np.array([object()])}, "x: expected numbers or texts, got object"),
+        ({"../x": np.zeros(2)}, "arrays: expected names that a file can have"),
+        ({"a\0b": np.zeros(2)}, "arrays: expected names that a file can have"),
+        ({"meta": np.zeros(2)}, "arrays: expected names that a file can have"),
+    ],
+)
+def test_what_could_not_be_read_is_not_written(tmp_path, arrays, message):
+    with pytest.raises(ArgumentError, match=message):
+        written(tmp_path / "file", arrays)
+    assert list(tmp_path.iterdir()) == []
+
+
+class Evil:
+    """Would make a folder where it was unpickled."""
+
+    def __reduce__(self):
+        return os.mkdir, ("owned",)
+
+
+def other_files():
+    """Make files that are none of ours, in the working folder, and return what is said of each."""
+    os.mkfifo("fifo")
+    written("other", kind="stone")
+    np.savez("plain.npz", x=np.zeros(2))
+    np.savez("pickle.npz", x=np.array([Evil()], dtype=object))
+    for name, data in {"empty": b"", "text": b"not a zip", "zip": b"PK\x03\x04 cut"}.items():
+        with open(name, "wb") as file:
+            file.write(data)
+    return {
+        "none": "none: no such file",
+        "a\0b": "no such file",
+        ".": "expected a thing, got no file",
+        "/dev/zero": "expected a thing, got no file",
+        "fifo": "expected a thing, got no file",
+        "other": "other: expected a thing, got a stone",
+        "plain.npz": "expected a thing, got a zip without a table and its checksum",
+        "pickle.npz": "expected a thing, got another file or a damaged one",
+        "empty": "expected a thing, got another file or a damaged one",
+        "text": "expected a thing, got another file or a damaged one",
+        "zip": "expected a thing, got another file or a damaged one",
+    }
+
+
+def test_other_files_are_told_in_one_line_and_nothing_is_unpickled(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name, message in other_files().items():
+        with pytest.raises(FileFormatError, match=message) as caught:
+            npz.read(name, "thing")
+        assert "\n" not in str(caught.value)
+    assert not (tmp_path / "owned").exists()
+
+
+def test_another_format_is_told_by_its_number(tmp_path, monkeypatch):
+    monkeypatch.setattr(npz, "FORMAT", 7)
+    path = written(tmp_path / "file")
+    monkeypatch.undo()
+    with pytest.raises(FileFormatError, match="file: expected a thing of format 4, got format 7"):
+        npz.read(path, "thing")
+
+
+def fault_of(path, honest):
+    """Return what is wrong with how a file is read that is damaged, or is as it was."""
+    try:
+        arrays, table = npz.read(path, "thing")
+    except FileFormatError as error:
+        return "" if str(error).startswith(f"{path}: ") and "\n" not in str(error) else str(error)
+    except Exception as error:
+        return f"{type(error).__name__}: {error}"
+    same(arrays, honest)
+    return "" if table == TABLE else "another table"
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_every_flipped_bit_and_every_cut_is_noticed_or_harmless(tmp_path, compressed):
+    """In data, headers and directory alike."""
+    small = {"x": np.sin(np.arange(40.0)), "y": np.zeros((3, 2))}
+    path = written(tmp_path / "file", small, compressed=compressed)
+    honest, chance = path.read_bytes(), random.Random(1)
+    flips = chance.sample(range(8 * len(honest)), 1500)
+    for place in flips:
+        flipped = bytearray(honest)
+        flipped[place // 8] ^= 1 << place % 8
+        path.write_bytes(flipped)
+        assert fault_of(path, small) == "", place
+    for size in chance.sample(range(len(honest)), 200):
+        path.write_bytes(honest[:size])
+        with pytest.raises(FileFormatError) as caught:
+            npz.read(path, "thing")
+        assert "\n" not in str(caught.value)
+
+
+def test_bombs_are_refused_before_they_are_read(tmp_path):
+    """Of zeros that deflate packs a thousandfold, and of arrays that say that they are large."""
+    path = tmp_path / "file"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as zipped:
+        zipped.writestr("q.npy", bytes(60_000_000))
+    with pytest.raises(FileFormatError, match="got one larger than a file of its size can be"):
+        npz.read(path, "thing")
+    header = io.BytesIO()
+    np.lib.format.write_array_header_1_0(
+        header, {"descr": "<f8", "fortran_order": False, "shape": (1 << 44,)}
+    )
+    with zipfile.ZipFile(path, "w") as zipped:
+        zipped.writestr("q.npy", b"\x93NUMPY\x01\x00" + header.getvalue()[8:] + bytes(64))
+    with pytest.raises(FileFormatError, match="file: "):
+        npz.read(path, "thing")
+    large = {"meta": np.array(json.dumps({"kind": "thing", "format": npz.FORMAT,
+                                          "packed": {"x": [1 << 40]}})),
+             "x": np.zeros(9, np.uint8)}  # fmt: skip
+    with open(path, "wb") as file:
+        np.savez(file, **large, sha256=np.array(npz._checksum(large)))
+    with pytest.raises(FileFormatError, match="got one larger than a file of its size can be"):
+        npz.read(path, "thing")
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+import numpy as np
+from fpid_pin import npz
+from fpid_pin.exceptions import FileFormatError
+
+resource.setrlimit(resource.RLIMIT_FSIZE, (15_000, 15_000))
+try:
+    npz.write(Path(sys.argv[1]), "thing", {}, {"x": np.zeros(5000)})
+except FileFormatError as error:
+    print(error)
+"""
+
+
+def test_where_the_system_allows_no_more_bytes_the_old_file_stays(tmp_path):
+    path = written(tmp_path / "file")
+    before = path.read_bytes()
+    done = finished([sys.executable, "-c", LIMITED, str(path)])
+    assert done.stdout == f"{path}: cannot be written (File too large)\n", done.stderr
+    assert done.stderr == ""
+    assert path.read_bytes() == before
+    assert os.listdir(tmp_path) == ["file"]
