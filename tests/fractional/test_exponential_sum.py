@@ -54,7 +54,8 @@ def test_memory_does_not_depend_on_the_horizon():
     order = np.full((2, 5), 0.4)
     sizes = []
     for horizon, samples in ((2.0, 10), (20.0, 10), (3600.0, 10), (3600.0, 3000)):
-        Bank(ExponentialSum(32), order, step=STEP, horizon=horizon)  # fits and compiles
+        # Once before, so that the design is fitted and the kernel compiled.
+        Bank(ExponentialSum(32), order, step=STEP, horizon=horizon).update(order, order)
         tracemalloc.start()
         bank = Bank(ExponentialSum(32), order, step=STEP, horizon=horizon)
         for _ in range(samples):

@@ -42,7 +42,7 @@ def test_view_names_what_is_wrong_with_a_file(wave, tmp_path, console):
     (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "text.npz").write_text("not a run")
     for name, message in (
-        ("cut.npz", "cut short"),
+        ("cut.npz", "another file or a damaged one"),
         ("text.npz", "expected a run file"),
         ("none.npz", "no such file"),
     ):
