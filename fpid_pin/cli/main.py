@@ -27,14 +27,19 @@ def main(arguments: list[str] | None = None) -> int:
                 status = _run(arguments)
                 sys.stdout.flush()
                 return status
+            except KeyboardInterrupt:
+                # Here, so that what it has left half made goes before complaints are shown again.
+                return _stopped()
             except Exception as error:
-                if interrupted:
-                    # A library made something else of it on its way.
-                    raise KeyboardInterrupt from None
-                return _tell(error)
+                # A library may have made something else of it on its way.
+                return _stopped() if interrupted else _tell(error)
     except KeyboardInterrupt:
-        _say("stopped")
-        return STOPPED
+        return _stopped()
+
+
+def _stopped() -> int:
+    _say("stopped")
+    return STOPPED
 
 
 def _run(arguments: list[str] | None) -> int:
@@ -115,7 +120,8 @@ def _interruptible() -> Iterator[list[int]]:
     """Let Ctrl-C raise `KeyboardInterrupt`; give a list that is not empty once it has.
 
     Where Python may not let an exception pass (a callback, a destructor) it prints it and goes on;
-    Ctrl-C is then heard again, after it.
+    Ctrl-C is then heard again, after it. From then on destructors of what is left half made
+    complain to nobody.
     """
     heard: list[int] = []
     before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
@@ -130,7 +136,7 @@ def _interruptible() -> Iterator[list[int]]:
     def lost(unraisable: Any) -> None:
         if isinstance(unraisable.exc_value, KeyboardInterrupt):
             signal.setitimer(signal.ITIMER_REAL, 0.001)
-        else:
+        elif not heard:
             hook(unraisable)
 
     alarm = signal.signal(signal.SIGALRM, lambda *_: _interrupt(heard))

@@ -88,6 +88,23 @@ def test_ctrl_c_is_heard_also_where_python_would_lose_it(monkeypatch, capsys, lo
     assert (signal.getsignal(signal.SIGINT), sys.unraisablehook) == before
 
 
+def test_what_ctrl_c_has_left_half_made_does_not_complain(monkeypatch, capsys):
+    class HalfMade:
+        def __init__(self):
+            signal.raise_signal(signal.SIGINT)
+            self.pointer = 1
+
+        def __del__(self):
+            self.pointer += 1
+
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
+    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", HalfMade)
+    assert main(["arms"]) == 130
+    assert capsys.readouterr().err == "fpid-pin: stopped\n"
+    assert told == []
+
+
 def test_ctrl_c_that_a_library_made_an_error_of_is_still_ctrl_c(monkeypatch, capsys):
     def work():
         try:
