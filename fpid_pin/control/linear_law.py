@@ -73,30 +73,20 @@ class LinearLaw:
         a = np.vstack([np.eye(states, size), self.following @ c, self.drive @ c])
         a[:states, :states] = arm.a
         a[states + memory :, states + memory :] += np.diag(self.decay)
-        b = np.vstack([arm.b, np.zeros((size - states, arm.b.shape[1]))])
-        return LinearSystem(a, b, c, modes=len(self.decay))
+        return LinearSystem(a, np.vstack([arm.b, np.zeros((size - states, arm.b.shape[1]))]), c)
 
     def closed_loop(self, arm: LinearSystem) -> FloatArray:
         """Return the state matrix of the closed loop; the arm's states come first."""
         return self.open_loop(arm).closed(self.torque)
 
     def response(self, z: ComplexArray) -> ComplexArray:
-        """Return what the torque answers to [q, q'] at points z, (K,), as (K, n, 2 n)."""
-        known = 2 * len(self.torque)
-        y = modal(1.0 / (z[:, np.newaxis] - self.decay), self.out, self.drive) + self.direct
-        inner = np.concatenate([y, self.following / z[:, np.newaxis, np.newaxis]], axis=1)
-        inner = np.linalg.solve(np.eye(inner.shape[1]) - inner[:, :, known:], inner[:, :, :known])
-        return np.asarray(self.torque[:, :known] + self.torque[:, known:] @ inner)
-
-
-def modal(factor: Any, out: FloatArray, drive: FloatArray) -> Any:
-    """Return ``out diag(factor) drive`` for factors (K, modes), as (K, outputs, signals)."""
-    found = np.zeros((len(factor), len(out), drive.shape[1]), factor.dtype)
-    for k, weights in enumerate(out):
-        own = np.flatnonzero(weights)
-        used = np.flatnonzero(drive[own].any(axis=0))
-        found[:, k, used] = (factor[:, own] * weights[own]) @ drive[np.ix_(own, used)]
-    return found
+        """Return what q, q' make of the signals s at points z, (K,), as (K, signals, 2 n)."""
+        known, at = 2 * len(self.torque), z[:, np.newaxis]
+        y = (self.out / (at - self.decay)[:, np.newaxis]) @ self.drive + self.direct
+        inner = np.concatenate([y, self.following / at[:, np.newaxis]], axis=1)
+        others = np.linalg.solve(np.eye(inner.shape[1]) - inner[:, :, known:], inner[:, :, :known])
+        measured = np.broadcast_to(np.eye(known), (len(z), known, known))
+        return np.concatenate([measured, others], axis=1)
 
 
 def linearised(
@@ -242,25 +232,40 @@ def _remembering(law: LinearLaw, rows: FloatArray, basis: FloatArray) -> LinearL
     )  # fmt: skip
 
 
-def terms_of(
-    controller: AdaptiveFpid, arm: Arm, poses: FloatArray, *, step: float, horizon: float,
-    design: Design | None = None,
-) -> list[LinearSystem]:  # fmt: skip
-    """Return the arm at rest at poses, (poses, n), from the FPID's torque to its terms.
+def linear_terms(
+    controller: AdaptiveFpid, arm: Arm, *, step: float, horizon: float,
+    design: Design | None = None, used: FloatArray | float = 1.0,
+) -> tuple[LinearLaw, FloatArray]:  # fmt: skip
+    """Return an FPID about rest at home, and which of its signals are its terms, (3 n, signals).
 
-    The terms are e of all joints, then I^lambda e, then D^mu e, (3 n); gains are left out:
-    `feedback` closes the loop. For the rest see `linearised`.
+    The terms are e of all joints, then I^lambda e, then D^mu e; those that `used` has at 0, (3, n),
+    are left out. Gains are, too: `feedback` closes the loop. For the rest see `linearised`.
     """
-    # With gains that make all terms count; neither scale nor observer are any term's.
+    n = arm.n
+    kp, ki, kd = used = np.broadcast_to(used, (3, n))
+    # Neither scale nor observer are any term's.
     unit = dataclasses.replace(
-        controller, kp=1.0, ki=1.0, kd=1.0, learning_rate=0.0, order_learning_rate=0.0,
+        controller, kp=kp, ki=ki, kd=kd, learning_rate=0.0, order_learning_rate=0.0,
         safeguards=None, scale="none", observer=0.0, supervisor=None,
     )  # fmt: skip
-    law, n = linearised(unit, arm, arm.home, step=step, horizon=horizon, design=design), arm.n
+    law = linearised(unit, arm, arm.home, step=step, horizon=horizon, design=design)
+    terms = np.zeros((3 * n, law.torque.shape[1]))
+    terms[:n, :n] = -np.eye(n)
+    outputs = n + np.flatnonzero(used[1:])
+    terms[outputs, 2 * n + np.arange(len(outputs))] = 1.0
+    return law, terms
+
+
+def terms_of(
+    controller: AdaptiveFpid, arm: Arm, poses: FloatArray, *, step: float, horizon: float,
+    design: Design | None = None, used: FloatArray | float = 1.0,
+) -> list[LinearSystem]:  # fmt: skip
+    """Return the arm at rest at poses, (poses, n), from the FPID's torque to `linear_terms`."""
+    law, terms = linear_terms(
+        controller, arm, step=step, horizon=horizon, design=design, used=used
+    )  # fmt: skip
     wholes = [law.open_loop(linear_arm(arm, q, step=step)) for q in poses]
-    return [
-        LinearSystem(x.a, x.b, np.vstack([-x.c[:n], x.c[2 * n : 4 * n]]), x.modes) for x in wholes
-    ]
+    return [LinearSystem(x.a, x.b, terms @ x.c) for x in wholes]
 
 
 def feedback(gains: FloatArray) -> FloatArray:

@@ -137,8 +137,9 @@ def check_observer(observer: float | str) -> float | str:
 
 def _quiet(arm: Arm, law: LinearLaw, step: float, noise: float) -> float:
     """Return the bandwidth at which the torque varies by 1 + `noise` times as much."""
-    # What is answered at once is the response at z = inf.
-    answer = law.response(np.array([1e300 + 0.0j]))[0, :, arm.n :].real
+    # What is answered at once is what q' adds to the torque directly.
+    whole = law.open_loop(linear_arm(arm, arm.home, step=step))
+    answer = (law.torque @ whole.c)[:, arm.n : 2 * arm.n]
     felt = arm.mass_matrix(arm.home) + step * np.diag(arm.viscous_friction)
 
     def size(omega: float) -> float:

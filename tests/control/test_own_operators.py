@@ -153,33 +153,6 @@ def test_a_caputo_derivative_alone_is_at_rest_at_the_error_that_it_began_with():
     assert np.abs(ends[1][-1]).max() < 0.5 * 0.2
 
 
-@pytest.mark.parametrize("ramp", [0.0, 0.05])
-def test_orders_set_on_the_way_are_those_of_a_law_that_had_them_from_the_start(ramp):
-    def law(mu, lam):
-        operators = {"d_s": Derivative(mu, of="s"), "i_s": Integral(lam, of="s")}
-        return own(lambda c: c.d_s + c.i_s, surface=surface, operators=operators)
-
-    def surface(c):
-        c.s = c.e_dot + c.e
-
-    late, early = law(0.6, 0.9).start(ARM, step=STEP), law(0.8, 0.5).start(ARM, step=STEP)
-    rows = 0.1 * np.random.default_rng(3).normal(size=(300, 4, 2))
-    pairs = []
-    for k, row in enumerate(rows):
-        if k == 100:
-            late.state.set_orders(integral_order=0.5, derivative_order=0.8, ramp=ramp)
-        pairs.append((late.torque(*row), early.torque(*row)))
-    gap = np.abs(np.diff(np.array(pairs), axis=1)).max(axis=(1, 2))
-    size = np.abs(pairs).max()
-    arrived = 100 + round(ramp / STEP)
-    assert gap[arrived:].max() < 1e-9 * size
-    assert gap[1:100].min() > 0.0
-    if ramp:
-        # On the way the gap shrinks: orders come nearer in equal steps.
-        assert gap[100:105].mean() > 3.0 * gap[arrived - 5 : arrived].mean()
-        assert np.count_nonzero(gap[100 : arrived - 1]) == arrived - 101
-
-
 @pytest.mark.parametrize(
     ("declared", "line"),
     [
