@@ -21,8 +21,8 @@ class JointOrder:
     arm_names
         The arm's n joints, in its order (`Arm.joint_names`).
     robot_names
-        The robot's m joints in its order, all of the arm's among them (others, a gripper's say, get
-        no torque); or places: of which joint of the arm, counted from 0, each number is.
+        The robot's m joints in its order, all of the arm's among them; others, a gripper's say, get
+        no torque.
 
     Raises
     ------
@@ -30,26 +30,15 @@ class JointOrder:
         A joint of the arm that the robot has not, or has twice.
     """
 
-    def __init__(
-        self, arm_names: Sequence[str], robot_names: Sequence[str] | Sequence[int]
-    ) -> None:
-        arm, given = list(arm_names), list(robot_names)
-        if given and not any(isinstance(name, str) for name in given):
-            given = [
-                arm[checks.integer("joint_names", place, low=0, high=len(arm) - 1)]
-                for place in given
-            ]
-        for name in dict.fromkeys([*given, *arm]):
-            if not isinstance(name, str):
-                raise ArgumentError("joint_names", "names, or places alone", repr(name))
-            count = given.count(name)
-            if count > 1 or (name in arm and count == 0):
-                raise ArgumentError(
-                    "joint_names", f"each of {listed(arm)} once", f"{name} {count} times"
-                )
-        self.arm_names, self.robot_names = tuple(arm), tuple(map(str, given))
-        self._places = np.array([given.index(name) for name in arm])
-        self._shape = (len(given),)
+    def __init__(self, arm_names: Sequence[str], robot_names: Sequence[str]) -> None:
+        self.arm_names, self.robot_names = tuple(arm_names), tuple(robot_names)
+        for name in dict.fromkeys([*self.robot_names, *self.arm_names]):
+            count = self.robot_names.count(name)
+            if count != 1:
+                expected = f"each of {listed(self.arm_names)} once"
+                raise ArgumentError("joint_names", expected, f"{name} {count} times")
+        self._places = np.array([self.robot_names.index(name) for name in self.arm_names])
+        self._shape = (len(self.robot_names),)
 
     def to_arm(self, name: str, values: Any) -> FloatArray:
         """Return the arm's numbers, (n,), of the robot's, (m,) or a table by name.
@@ -79,7 +68,3 @@ class JointOrder:
         found: FloatArray = np.zeros(self._shape)
         found[self._places] = values
         return found
-
-    def named(self, values: FloatArray) -> dict[str, float]:
-        """Return `to_robot` by name."""
-        return dict(zip(self.robot_names, self.to_robot(values).tolist(), strict=True))

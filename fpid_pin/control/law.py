@@ -222,10 +222,7 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
         from fpid_pin.control.loop import Loop
         from fpid_pin.control.start import start_all
 
-        def restart() -> Any:
-            return start_all([self], arm, step=step, horizon=horizon)[0]
-
-        return Loop(restart(), restart, self)
+        return Loop(lambda: start_all([self], arm, step=step, horizon=horizon)[0], self)
 
 
 _OPTIONS = {field.name for field in dataclasses.fields(Controller)}

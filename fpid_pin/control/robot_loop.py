@@ -14,8 +14,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.encoder import EncoderRate
 from fpid_pin.control.joint_order import JointOrder
-from fpid_pin.control.loop import Loop
-from fpid_pin.control.record import ROWS, Record
+from fpid_pin.control.loop import INPUTS, ROWS, Loop, Record
 from fpid_pin.exceptions import ArgumentError
 
 if TYPE_CHECKING:
@@ -23,7 +22,6 @@ if TYPE_CHECKING:
 
 #: A tick counts as late from this part of a step on.
 LATE = 0.1
-_NAMES = ("q", "v", "q_ref", "v_ref", "a_ref")
 
 
 @dataclass(frozen=True)
@@ -75,7 +73,7 @@ class RobotLoop:
     loop
         By ``controller.start``; its step is the period.
     joint_names
-        The robot's joints in its order, or places, as in `JointOrder`; None: the arm's own.
+        The robot's joints in its order, as in `JointOrder`; None: the arm's own.
     rate
         Makes rates of angles, where a call brings none; None: every call brings them. Its `turn`,
         if one number, is for revolute joints alone; (n,) is in the arm's order.
@@ -97,7 +95,7 @@ class RobotLoop:
         self,
         loop: Loop,
         *,
-        joint_names: Sequence[str] | Sequence[int] | None = None,
+        joint_names: Sequence[str] | None = None,
         rate: EncoderRate | None = None,
         soft_start: float = 0.0,
         hold: ArrayLike = 0.0,
@@ -111,7 +109,6 @@ class RobotLoop:
         self._soft_start = checks.number("soft_start", soft_start, low=0.0)
         self._hold = checks.per_joint("hold", hold, arm.n)
         self._most_missed = checks.integer("most_missed", most_missed, low=0)
-        self._inputs: FloatArray = np.zeros((5, arm.n))
         self._before: FloatArray = np.zeros((5, arm.n))
         self._record: Record | None = None
         self._begin()
@@ -164,14 +161,13 @@ class RobotLoop:
             raise ArgumentError(
                 "now", f"at most {self._most_missed} ticks missed", f"{missed} (reset starts anew)"
             )
-        x = self._inputs
-        for row, name, value in zip(x, _NAMES, (q, v, q_ref, v_ref, a_ref), strict=True):
-            row[:] = 0.0
+        x: FloatArray = np.zeros_like(self._before)
+        for row, name, value in zip(x, INPUTS, (q, v, q_ref, v_ref, a_ref), strict=True):
             if value is not None:
                 row[:] = self.order.to_arm(name, value)
         if not np.isfinite(x).all():
             j = int(np.argmin(np.isfinite(x).all(axis=1)))
-            raise ArgumentError(_NAMES[j], "finite numbers", "NaN or inf")
+            raise ArgumentError(INPUTS[j], "finite numbers", "NaN or inf")
         if self._rate is not None:
             self._unwrap(x, self._rate.encoder)
             made = self._rate.rate(x[0], missed + 1)
@@ -180,13 +176,12 @@ class RobotLoop:
         elif v is None:
             raise ArgumentError("v", "rates, or RobotLoop(rate=EncoderRate())", "none")
         for k in range(1, missed + 1):
-            between = self._before + k / (missed + 1) * (x - self._before)
-            self._advance(between, self._torque)
-        self._torque = self._softened(self._advance(x, None), tick)
-        if self._record is not None:
-            self._record.take(x, self._torque)
-        self._before, self._inputs = x, self._before
-        self._count(tick, missed, late)
+            self._advance(self._before + k / (missed + 1) * (x - self._before), self._torque)
+        self._torque = self._advance(x, None, tick)
+        self._before, self._tick = x, tick
+        self._counts["late" if abs(late) > LATE * self.step else "on_time"] += 1
+        self._counts["missed"] += missed
+        self._latest = max(self._latest, late)
         return self._given(q)
 
     def _due(self, now: float | None) -> tuple[int, float]:
@@ -210,26 +205,21 @@ class RobotLoop:
         for row in (0, 2):
             x[row] = encoder.nearest(x[row], self._before[row])
 
-    def _advance(self, x: FloatArray, held: FloatArray | None) -> FloatArray:
+    def _advance(self, x: FloatArray, held: FloatArray | None, tick: int = 0) -> FloatArray:
+        """Make a tick of the law and return what the drives get; None `held`: the law's torque."""
         torque = self.loop.torque(*x)
-        if held is not None and self._record is not None:
+        if held is None:
+            part = tick * self.step / self._soft_start if self._soft_start else 1.0
+            held = torque if part >= 1.0 else self._hold + part * (torque - self._hold)
+        if self._record is not None:
             self._record.take(x, held)
-        return torque
-
-    def _softened(self, torque: FloatArray, tick: int) -> FloatArray:
-        if tick * self.step >= self._soft_start:
-            return torque
-        return np.asarray(self._hold + tick * self.step / self._soft_start * (torque - self._hold))
-
-    def _count(self, tick: int, missed: int, late: float) -> None:
-        self._counts["late" if abs(late) > LATE * self.step else "on_time"] += 1
-        self._counts["missed"] += missed
-        self._latest = max(self._latest, late)
-        self._tick = tick
+        return held
 
     def _given(self, q: Any) -> Any:
-        order = self.order
-        return (order.named if isinstance(q, Mapping) else order.to_robot)(self._torque)
+        torque = self.order.to_robot(self._torque)
+        if isinstance(q, Mapping):
+            return dict(zip(self.order.robot_names, torque.tolist(), strict=True))
+        return torque
 
     @property
     def ticks(self) -> Ticks:
