@@ -204,8 +204,8 @@ def worst_pose(
 ) -> tuple[float, FloatArray]:
     """Return the largest value of a positive measure of poses that is found, and where.
 
-    The two worst of the `poses` given, (poses, n), are starts of local searches (L-BFGS-B, within
-    the joints' limits): where an arm is nearly singular samples miss the worst by far.
+    Searched from the two worst of `poses`, (poses, n), by L-BFGS-B within the joints' limits: where
+    an arm is nearly singular samples miss the worst by far.
     """
     from scipy.optimize import minimize
 

@@ -93,22 +93,12 @@ def linearised(
     controller: Controller, arm: Arm, q: FloatArray, *, step: float, horizon: float,
     design: Design | None = None,
 ) -> LinearLaw:  # fmt: skip
-    """Linearise a law about rest at a pose, as the engine runs it: every form, with its observer.
+    """Linearise a law about rest at a pose q, (n,), as the engine runs it, with its observer.
 
     Gravity counts as held by a constant torque. What adapts counts as far as it matters at rest:
     estimates of the weight, which errors move in proportion, do; gains, which products of errors
-    move, stay. Torque limits and the supervisor, which is silent at rest, are left out.
-
-    Parameters
-    ----------
-    controller, arm
-        The law, and the nominal arm.
-    q
-        The pose, (n,).
-    step, horizon
-        [s].
-    design
-        Of its fractional operators, in place of its own.
+    move, stay. Torque limits and the supervisor, which is silent at rest, are left out. `design`
+    is for its fractional operators, in place of its own.
 
     Raises
     ------

@@ -33,7 +33,8 @@ class Loop:
         # Imported late: it loads numba.
         from fpid_pin.kernels.limits import finite
 
-        self.controller, self._start, self._finite = controller, start, finite
+        self.controller, self._start = controller, start
+        self._finite: Any = finite
         self._record: Record | None
         self.reset()
 

@@ -14,7 +14,7 @@ from fpid_pin.control.ceilings import seeded_poses
 from fpid_pin.control.law import Controller
 from fpid_pin.control.linear import linear_arm
 from fpid_pin.control.linear_law import LinearLaw, linearised
-from fpid_pin.control.observer_gains import FASTEST, observer_gains
+from fpid_pin.control.parameters import FASTEST, observer_gains
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.fractional import ExponentialSum
 
@@ -69,15 +69,10 @@ def suggest_observer(
     noise
         Part by which the torque may vary more.
 
-    Returns
-    -------
-    float
-        0 where the law alone, on the exact arm at home, does not bear the delay.
-
     Warns
     -----
     FpidWarning
-        It is 0.
+        Where the law alone, on the exact arm at home, does not bear the delay: it is 0 then.
 
     Notes
     -----

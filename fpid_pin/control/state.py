@@ -13,8 +13,8 @@ from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
-from fpid_pin.control.observer_gains import observer_gains
 from fpid_pin.control.operators import Integral, check_declared
+from fpid_pin.control.parameters import observer_gains
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
@@ -54,21 +54,12 @@ def _order_table(design: Design, step: float, horizon: float) -> FloatArray:
 
 
 class State:
-    """One robot under one law.
-
-    Parameters
-    ----------
-    controller
-        The law.
-    arm
-        The nominal arm.
-    step, horizon
-        Sampling period, and the longest time that it will run [s].
+    """One robot under one law, for the longest time that it will run, `horizon` [s].
 
     Attributes
     ----------
     arm, step, horizon, n
-        As given; number of joints.
+        The nominal arm, sampling period and horizon [s]; number of joints.
     c : kernels.records.Controller
         All arrays of the controller.
     joints : record array, (n,)
@@ -257,15 +248,8 @@ class State:
     def tick(self, model: Callable[[State], None] | None = None) -> None:
         """Advance by one tick: from `inputs` to `torque`.
 
-        Parameters
-        ----------
-        model
-            Writes what the nominal model says (`kernels.tick.ask_model`); None: the compiled one.
-
-        Raises
-        ------
-        SimulationError
-            A law in plain Python that raises, or returns something else than (n,) numbers.
+        `model` writes what the nominal model says (`kernels.tick.ask_model`); None: the compiled
+        one. A law in plain Python that raises, or returns no (n,) numbers, is a SimulationError.
         """
         # Gains move by the signals of the last tick, so that until then they are those that made
         # its torque.
