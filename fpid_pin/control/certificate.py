@@ -93,7 +93,7 @@ def certify_gains(
         Of the sampled loop [s].
     poses
         Where the arm is linearised, (poses, n) [rad]. None: home, where it is heaviest, lightest
-        and most toppling, and three random ones.
+        and gravity most unstable, and three random ones.
 
     Returns
     -------

@@ -78,12 +78,12 @@ class FrozenLoops:
         left = np.linalg.solve(right.T, np.eye(len(poles))[:, least])
         z = poles[least]
         terms = (loop.c @ right[:, least]).reshape(*gains.shape, count)
-        felt = loop.b.T @ left / (z * self.step)
-        moved = np.moveaxis(gains[:, :, np.newaxis] * terms * felt, -1, 0)
+        by_torque = loop.b.T @ left / (z * self.step)
+        rate = np.moveaxis(gains[:, :, np.newaxis] * terms * by_torque, -1, 0)  # ds/d ln K
         s = (np.log(z) / self.step)[:, np.newaxis, np.newaxis]
         # zeta = -Re s/|s|; a pole that only grows is to grow less.
-        turned = s.real * (np.conj(s) * moved).real / np.abs(s) ** 3
-        slopes = -moved.real / np.abs(s) + np.where(np.abs(s.imag) > SLOW, turned, 0.0)
+        turned = s.real * (np.conj(s) * rate).real / np.abs(s) ** 3
+        slopes = -rate.real / np.abs(s) + np.where(np.abs(s.imag) > SLOW, turned, 0.0)
         return ratios[least], np.asarray(slopes)
 
 
@@ -199,9 +199,9 @@ def nearest_gains(
         table = gains(y)
         values, rows = [], []
         for pose in active_bound:
-            load, share = bound.shares(table[2], pose)
+            load, parts = bound.load_at(table[2], pose)
             values.append(np.log(part / load))
-            rows.append([*np.zeros(2 * n), *-share, 0.0])
+            rows.append([*np.zeros(2 * n), *-parts, 0.0])
         for k in active_damping:
             for ratio, slope in zip(*loops.slopes(table, k, count=PAIRS), strict=True):
                 values.append(ratio - damping[k] + y[-1])

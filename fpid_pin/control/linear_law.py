@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 #: Part of a joint's torque, beside what e and e' make of it, below which a combination of numbers
 #: has none. Its square is what estimates of it add to the stiffness.
-UNSEEN = 1e-4
+UNOBSERVABLE = 1e-4
 #: Over how many ticks a law's own numbers may pass on what they hold before a torque shows it.
 CHAIN = 4
 
@@ -117,13 +117,13 @@ def linearised(
     if law.control is not None and tick.keeps_a_past():
         got = f"{who}, whose torque depends on a past of its own, such as a Bank's"
         raise checks.ArgumentError("controller", "a law that declares its operators", got)
-    found, kept = _needed(_with_operators(tick, slopes))
+    found, kept = _minimal(_with_operators(tick, slopes))
     # Torques, what is remembered, and what goes into operators.
     rows = np.ones(len(slopes), dtype=bool)
     rows[arm.n : arm.n + len(tick.memory)] = np.isin(np.arange(len(tick.memory)), kept)
     if jumps[rows].any():
         raise checks.ArgumentError("controller", "a law that is smooth at rest", f"a jump in {who}")
-    return _without_unseen(found, np.isin(kept, np.flatnonzero(tick.own)))
+    return _without_unobservable(found, np.isin(kept, np.flatnonzero(tick.own)))
 
 
 def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
@@ -141,10 +141,11 @@ def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
             # total = total_ + h/2 (f + f_), whose rate is f.
             total = before[0] + 0.5 * tick.step * (sources[k] + before[1])
             now = np.stack([total, sources[k]])
+        elif tick.ops["rate"][j, i] < 0:
+            # Not measured: taken to be constant over the step.
+            now[1] = before[1] = (sources[k] - before[0]) / tick.step
         last[2 * k : 2 * k + 2] = now
-        measured = bool(tick.summed[j, i] or tick.ops["rate"][j, i] >= 0)
-        rule = tick.modes.at(j, i).recursion(measured=measured)
-        now, before = now[: rule.now.size], before[: rule.now.size]
+        rule = tick.modes.at(j, i).recursion()
         direct[k] = rule.now @ now + rule.before @ before
         drive.append(rule.drive_now @ now + rule.drive_before @ before)
         weights.append(rule.weights)
@@ -156,18 +157,20 @@ def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
     return LinearLaw(torque, following, direct, np.concatenate(drive), out, np.concatenate(decay))
 
 
-def _needed(law: LinearLaw) -> tuple[LinearLaw, NDArray[np.int64]]:
+def _minimal(law: LinearLaw) -> tuple[LinearLaw, NDArray[np.int64]]:
     """Leave out what the torque does not depend on, and what nothing moves.
 
     What remembers the same becomes one. Also returns which places of the memory are left.
     """
     known, outputs = 2 * len(law.torque), len(law.direct)
     by_output = (law.direct != 0.0) | ((law.out != 0.0) @ (law.drive != 0.0))
-    needs = np.vstack([np.zeros((known, law.torque.shape[1])), by_output, law.following]) != 0.0
-    seen, moved = (law.torque != 0.0).any(axis=0), np.arange(len(needs)) < known
-    for _ in range(len(needs)):
-        seen, moved = seen | needs[seen].any(axis=0), moved | needs[:, moved].any(axis=1)
-    _, y, m = np.split(seen & moved, [known, known + outputs])
+    depends = np.vstack([np.zeros((known, law.torque.shape[1])), by_output, law.following]) != 0.0
+    observable = (law.torque != 0.0).any(axis=0)
+    reachable = np.arange(len(depends)) < known
+    for _ in depends:
+        observable = observable | depends[observable].any(axis=0)
+        reachable = reachable | depends[:, reachable].any(axis=1)
+    _, y, m = np.split(observable & reachable, [known, known + outputs])
     columns = np.concatenate([np.arange(known), known + np.flatnonzero(np.append(y, m))])
     modes, places = law.out[y].any(axis=0), np.flatnonzero(m)
     law = LinearLaw(
@@ -182,10 +185,10 @@ def _needed(law: LinearLaw) -> tuple[LinearLaw, NDArray[np.int64]]:
         order = np.sort(first)
         places = places[order]
         basis = np.equal.outer(first[group.reshape(-1)], order).astype(float)
-        law = _remembering(law, np.eye(len(rows))[order], basis)
+        law = _with_memory(law, np.eye(len(rows))[order], basis)
 
 
-def _without_unseen(law: LinearLaw, own: NDArray[np.bool_]) -> LinearLaw:
+def _without_unobservable(law: LinearLaw, own: NDArray[np.bool_]) -> LinearLaw:
     """Leave out combinations of a law's own numbers, `own` of its memory, that no torque shows.
 
     At rest a weight shows, most of the estimates of inertia do not. What is shown is spanned by the
@@ -199,17 +202,17 @@ def _without_unseen(law: LinearLaw, own: NDArray[np.bool_]) -> LinearLaw:
     for _ in range(CHAIN):
         shown.append(shown[-1] @ law.following[np.ix_(own, columns)])
     _, values, vectors = np.linalg.svd(np.vstack(shown), full_matrices=False)
-    basis = vectors[values > UNSEEN].T
+    basis = vectors[values > UNOBSERVABLE].T
     if basis.shape[1] == len(columns):
         return law
     kept = memory - len(columns)
     whole = np.zeros((memory, kept + basis.shape[1]))
     whole[np.flatnonzero(~own), np.arange(kept)] = 1.0
     whole[own, kept:] = basis
-    return _remembering(law, whole.T, whole)
+    return _with_memory(law, whole.T, whole)
 
 
-def _remembering(law: LinearLaw, rows: FloatArray, basis: FloatArray) -> LinearLaw:
+def _with_memory(law: LinearLaw, rows: FloatArray, basis: FloatArray) -> LinearLaw:
     """Return the law that remembers r = rows m in place of m = basis r."""
     known = law.torque.shape[1] - len(law.following)
 

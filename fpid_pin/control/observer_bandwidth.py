@@ -135,10 +135,10 @@ def _quiet(arm: Arm, law: LinearLaw, step: float, noise: float) -> float:
     # What is answered at once is what q' adds to the torque directly.
     whole = law.open_loop(linear_arm(arm, arm.home, step=step))
     answer = (law.torque @ whole.c)[:, arm.n : 2 * arm.n]
-    felt = arm.mass_matrix(arm.home) + step * np.diag(arm.viscous_friction)
+    inertia = arm.mass_matrix(arm.home) + step * np.diag(arm.viscous_friction)
 
     def size(omega: float) -> float:
-        both = observer_gains(omega, step)[1] * felt - answer
+        both = observer_gains(omega, step)[1] * inertia - answer
         return float(np.sqrt((both**2 + answer**2).sum(axis=1)).sum())
 
     low, high = 0.0, FASTEST / step

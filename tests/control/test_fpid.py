@@ -3,46 +3,10 @@
 import dataclasses
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
 import fpid_pin as fp
 from fpid_pin.exceptions import ArgumentError
-
-
-def plain_integer_loop(experiment, kp, ki, kd, gamma, k0, k1):
-    """An adaptive integer PID on Pinocchio as anyone would write it, one robot."""
-    model = experiment.arm.model
-    data = model.createData()
-    h, rows = experiment.step, experiment.rows
-    q, v = np.array(experiment.q0), np.array(experiment.v0)
-    gains = [np.array(kp), np.array(ki), np.array(kd)]
-    integral, last = np.zeros(2), None
-    angles, torques = [], []
-    for k in range(rows):
-        t = k * h
-        e, rate = np.sin(t) - q, np.cos(t) - v
-        if last is not None:
-            integral = integral + h * (e + last[0]) / 2 + h**2 * (last[1] - rate) / 12
-        last = (e, rate)
-        terms = [e, integral, rate]
-        u = sum(gain * term for gain, term in zip(gains, terms, strict=True))
-        angles.append(q)
-        torques.append(u)
-        s = -(rate + k1 * e + k0 * integral)
-        gains = [g - h * gamma * s * term for g, term in zip(gains, terms, strict=True)]
-        d = np.array([0.4, 0.6]) * np.cos(5 * np.pi * t)
-        v = v + h * pin.aba(model, data, q, v, u + d)
-        q = q + h * v
-    return np.array(angles), np.array(torques)
-
-
-def test_orders_one_are_a_plain_adaptive_integer_pid():
-    experiment = fp.paper_experiment()
-    run = fp.simulate(experiment, fp.paper_controller("integer"))
-    q, u = plain_integer_loop(experiment, (10, 12), (25, 20), (20, 15), 25.0, 1.0, 2.0)
-    assert np.abs(run.q - q).max() < 1e-12
-    assert np.abs(run.torque - u).max() < 1e-10 * np.abs(u).max()
 
 
 def test_a_design_that_keeps_the_past_is_for_signals():
@@ -51,14 +15,6 @@ def test_a_design_that_keeps_the_past_is_for_signals():
         law.start(fp.Arm.two_link(), step=1e-3)
     with pytest.raises(ArgumentError, match="design: expected a fractional design, got str"):
         dataclasses.replace(fp.paper_controller(), design="crone")
-
-
-def test_without_learning_the_gains_stay():
-    controller = dataclasses.replace(fp.paper_controller(), learning_rate=0.0)
-    run = fp.simulate(fp.paper_experiment(duration=0.2), controller)
-    assert (run.kp == [10.0, 12.0]).all()
-    assert (run.ki == [25.0, 20.0]).all()
-    assert (run.kd == [20.0, 15.0]).all()
 
 
 def recorded(orders="symbol", duration=2.0, **changes):
@@ -91,22 +47,6 @@ def test_the_record_satisfies_equations_10_21_and_30_to_32(regressors):
     for gains, phi in zip((run.kp, run.ki, run.kd), regressed, strict=True):
         growth = -h * np.array([3.0, 7.0]) * run.s * phi
         assert np.abs(np.diff(gains, axis=0) - growth[:-1]).max() < 1e-11
-
-
-def test_learning_rates_may_differ_between_the_three_gains():
-    rates = np.array([[5.0, 5.0], [0.0, 0.0], [1.0, 2.0]])
-    _, run = recorded(learning_rate=rates, duration=0.5)
-    assert (run.ki == [25.0, 20.0]).all()
-    assert (run.kp[-1] != run.kp[0]).all()
-    assert (run.kd[-1] != run.kd[0]).all()
-
-
-def test_the_inertia_scale_multiplies_by_the_diagonal_of_m_at_home():
-    arm = fp.Arm.two_link()
-    controller = fp.AdaptiveFpid(kp=3.0, ki=0.0, kd=0.0, learning_rate=0.0, scale="inertia")
-    loop = controller.start(arm, step=1e-3)
-    tau = loop.torque([0.1, 0.2], [0.0, 0.0], [0.4, 0.1], [0.0, 0.0])
-    assert np.allclose(tau, np.diag(arm.mass_matrix(arm.home)) * 3.0 * np.array([0.3, -0.1]))
 
 
 def test_a_loop_gives_what_the_simulation_gave():

@@ -4,8 +4,6 @@ No tolerance: D^1 e is the measured rate and I^1 e is int e, so nothing is appro
 order of operations is part of the promise (the README's "bit by bit").
 """
 
-import dataclasses
-
 import numpy as np
 import pytest
 
@@ -104,19 +102,6 @@ def test_without_learning_it_is_the_pid_on_any_signal(scale, limit):
     same(given[:, 1], given[:, 2], "FPID")
 
 
-@CARRYING
-@SCALES
-def test_without_learning_it_is_the_pid_in_closed_loop(scale, limit):
-    experiment = fp.paper_experiment(duration=3.0)
-    experiment = dataclasses.replace(experiment, arm=arm_with(limit))
-    laws = fp.Pid(kp=KP, ki=KI, kd=KD, scale=scale), adaptive(scale, 0.0)
-    one, other = (fp.simulate(experiment, law) for law in laws)
-    if np.isfinite(limit).all():
-        assert (np.abs(one.torque) == limit).mean() > 0.05
-    same(one.q, other.q, "q")
-    same(one.torque, other.torque, "torque")
-
-
 @LIMITS
 @SCALES
 @pytest.mark.parametrize("rates", [RATES, np.full((3, 2), 25.0)], ids=["own rates", "one rate"])
@@ -131,23 +116,6 @@ def test_with_learning_it_is_the_plain_adaptive_integer_loop(scale, limit, rates
             same(shown[name], getattr(plain, name), f"{name}, tick {k}")
         moved = max(moved, np.abs(plain.kp - KP).min())
     assert moved > 1.0
-
-
-@CARRYING
-def test_with_learning_it_is_the_plain_adaptive_integer_loop_in_closed_loop(limit):
-    """The plain loop is given the angles that were simulated and must ask for those torques."""
-    arm = arm_with(limit)
-    experiment = dataclasses.replace(fp.paper_experiment(duration=3.0), arm=arm)
-    run = fp.simulate(experiment, adaptive("none", RATES))
-    plain = Plain(arm, "none", RATES)
-    names = ("torque", "kp", "ki", "kd", "s")
-    rows = {name: [] for name in names}
-    for row in zip(run.q, run.v, run.q_ref, run.v_ref, strict=True):
-        rows["torque"].append(plain.torque(*row))
-        for name in names[1:]:
-            rows[name].append(getattr(plain, name))
-    for name in names:
-        same(getattr(run, name), np.array(rows[name]), name)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import math
 import by_hand
 import numpy as np
 import pytest
-from own_laws import Many, Mit, own
+from own_laws import Many, own
 from scipy.special import digamma, gamma
 
 import fpid_pin as fp
@@ -124,17 +124,6 @@ def test_an_order_that_adapts_is_interpolated_and_its_slope_is_the_difference_qu
         ends.append(signals_of(other, rows_of(e, rate)[: k + 1], ("d_e",))["d_e"][k])
     quotient = (ends[0] - ends[1]) / 2e-4
     assert found["d_e_by_order"][k + 1] == pytest.approx(quotient, rel=1e-3)
-
-
-def test_a_rule_of_one_s_own_moves_gain_and_order_in_a_simulation():
-    experiment = fp.paper_experiment(duration=1.0)
-    run = fp.simulate(experiment, dataclasses.replace(Mit(), name="own"))
-    loop = Mit().start(experiment.arm, step=STEP, horizon=20.0)
-    for k in range(len(run.t)):
-        torque = loop.torque(run.q[k], run.v[k], run.q_ref[k], run.v_ref[k])
-        assert np.array_equal(torque, run.torque[k])
-    assert (np.abs(loop.state.joints["kp"] - 40.0) > 0.1).all()
-    assert (np.abs(loop.state.joints["mu"] - 0.8) > 1e-3).all()
 
 
 def test_a_caputo_derivative_alone_is_at_rest_at_the_error_that_it_began_with():

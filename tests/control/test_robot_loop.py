@@ -145,12 +145,6 @@ def test_rates_come_from_angles_where_the_robot_has_none():
         RobotLoop(started()).torque(q, *reference)
 
 
-def test_rates_that_a_call_brings_are_the_law_s():
-    loop, robot = started(), RobotLoop(started(), rate=EncoderRate())
-    for k in range(10):
-        assert (call(robot, k) == loop.torque(*straight(k))).all()
-
-
 def turning(k):
     """Return q, q_ref, v, v_ref at tick k: some turns forward and back, the reference ahead."""
     t, amplitude = k * STEP, np.array([8 * np.pi, -6 * np.pi])
@@ -189,16 +183,6 @@ def test_an_encoder_that_begins_again_changes_no_torque(missed, wrapped_referenc
         assert off == pytest.approx(np.broadcast_to(np.round(off[0]), off.shape), abs=1e-9)
     assert rows["v"] == pytest.approx(expected["v"], abs=1e-8)
     assert np.ptp(rows["q"], axis=0).min() > 11 * np.pi
-
-
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_the_torque_does_not_jump_where_an_encoder_begins_again(direction):
-    robot = RobotLoop(started(), rate=EncoderRate(0.0, turn=2 * np.pi))
-    for k in range(200):
-        q = 2 * np.pi * np.ones(2) + direction * 1e-3 * (k - 100)
-        torque = robot.torque(q % (2 * np.pi), q, [direction, direction])
-        if k > 0:  # at the first call the rate is not known
-            assert np.abs(torque).max() < 1.0
 
 
 def test_a_reset_forgets_the_turns():
@@ -247,17 +231,6 @@ def test_after_bad_input_the_law_is_as_before(bad, message):
 
 
 # ---------------------------------------------------------------------- the loop itself
-
-
-def test_a_loop_that_was_reset_is_as_at_the_start():
-    loop, fresh = started(), started()
-    for k in range(30):
-        loop.torque(*straight(k))
-    loop.reset()
-    for k in range(30):
-        assert (loop.torque(*straight(k)) == fresh.torque(*straight(k))).all()
-    for name, value in loop.signals().items():
-        assert (value == fresh.signals()[name]).all(), name
 
 
 @pytest.mark.parametrize("rows", [1, 7, 10_000])

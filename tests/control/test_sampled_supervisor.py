@@ -145,42 +145,6 @@ def test_the_observer_knows_of_torques_that_saturation_has_cut():
     assert cut > 50
 
 
-@beyond
-@pytest.mark.parametrize("name", ["two_link", "ur5"])
-def test_in_company_every_run_has_the_bits_that_it_has_alone(name):
-    arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
-    arm = arm.with_limits(effort=[60.0] * 2 if arm.n == 2 else arm.effort_limit / 2.0)
-    push = np.array([30.0, 12.0, 8.0, 2.0, 2.0, 0.3])[: arm.n]
-    reference = fp.references.Sinusoid(0.4, frequency=2.0, offset=arm.home)
-    plant = fp.Plant(disturbance=Cosine(push))
-    base = fp.Experiment(arm, reference, duration=0.6, plant=plant, dynamics="compiled")
-    noisy = dataclasses.replace(base, sensors=fp.Sensors(velocity_noise=0.02), seed=3)
-    calm = dataclasses.replace(base, plant=None)
-    guards = [
-        None, fp.Supervisor.quiet(1.1, 0.9), fp.Supervisor.quiet(1.4, 0.9, observer=200.0),
-        fp.Supervisor(1.1, 0.9, disturbance_bound=push), fp.Supervisor(1.2, 0.9),
-        fp.Supervisor(1.1, 0.9, disturbance_bound=push, kind="paper"),
-    ]  # fmt: skip
-    law = fp.AdaptiveFpid(kp=100.0, ki=100.0, kd=20.0, integral_order=0.9, scale="inertia")
-    laws = [dataclasses.replace(law, supervisor=guard) for guard in guards]
-    laws.append(dataclasses.replace(laws[1], feedforward=True, observer=100.0))
-    laws.append(dataclasses.replace(laws[4], observer=50.0))
-    pairs = [(e, c) for e in (base, noisy, calm) for c in laws]
-    together = fp.simulate([e for e, _ in pairs], [c for _, c in pairs])
-    assert any((np.abs(r.torque) == arm.effort_limit).any() and r.u_s.any() for r in together)
-    for (experiment, controller), run in zip(pairs, together, strict=True):
-        alone = fp.simulate(experiment, controller)
-        assert np.array_equal(run.torque, alone.torque)
-        assert np.array_equal(run.u_s, alone.u_s)
-        assert np.array_equal(run.q, alone.q)
-
-
-def test_a_run_s_file_gives_it_back(tmp_path):
-    run = fp.simulate(fp.paper_experiment(duration=0.1), supervised(F))
-    again = fp.Run.load(run.save(tmp_path / "run.npz")).controller.supervisor
-    assert {k: str(v) for k, v in vars(again).items()} == {k: str(v) for k, v in vars(F).items()}
-
-
 def test_a_push_beyond_r_min_is_told_with_both_numbers():
     arm = fp.Arm.two_link()
     # Home, stretched out, is where the two-link arm is most easily pushed apart.
