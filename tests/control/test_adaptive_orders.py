@@ -128,19 +128,6 @@ def test_orders_are_held_while_the_torque_is_cut():
     assert freed["integral_order"] != held["integral_order"]
 
 
-def test_a_dead_zone_and_leakage_hold_orders_back():
-    free, still, leaking = (
-        ran(moving(0.3, safeguards=guard), 3.0)
-        for guard in (None, fp.Safeguards(dead_zone=100.0), fp.Safeguards(sigma=20.0))
-    )
-    assert (still.derivative_order == [0.921, 0.932]).all()
-
-    def away(run):
-        return np.abs(run.derivative_order - [0.921, 0.932]).mean()
-
-    assert 0.0 < away(leaking) < 0.5 * away(free)
-
-
 def test_white_noise_of_the_rate_does_not_drive_mu():
     """E[S dD/dmu] of noise alone would be positive with both of one sample; not a sample apart.
 

@@ -93,19 +93,6 @@ def test_the_model_is_asked_as_the_package_s_laws_ask_it():
     same_run(*fp.simulate(experiment, [RobotComputedTorque(), fp.ComputedTorque(100.0, 20.0)]))
 
 
-def test_a_function_may_have_any_name_and_its_helpers_may_stand_around_it():
-    def stiffness(e, most=3.0):
-        return min(abs(e), most)
-
-    def pd(c):
-        return c.kp * stiffness(c.e) * c.e
-
-    loop = own(pd).start(ARM, step=STEP)
-    for row in signals(20):
-        e = row[2] - row[0]
-        assert np.array_equal(loop.torque(*row), 2.0 * np.minimum(np.abs(e), 3.0) * e)
-
-
 def test_what_a_joint_remembers_is_on_record_with_the_torque_that_it_made():
     def torque(c):
         c.rate += 0.1 * (c.e_dot - c.rate)

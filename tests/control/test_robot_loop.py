@@ -185,15 +185,6 @@ def test_an_encoder_that_begins_again_changes_no_torque(missed, wrapped_referenc
     assert np.ptp(rows["q"], axis=0).min() > 11 * np.pi
 
 
-def test_a_reset_forgets_the_turns():
-    robot = RobotLoop(started(), rate=EncoderRate(turn=2 * np.pi))
-    for lap in (0.0, 6 * np.pi):
-        record = robot.record()
-        robot.torque([0.1, 0.1], np.array([0.2, 0.2]) + lap, [0.0, 0.0])
-        assert record.arrays()["q"][0] == pytest.approx([0.1 + lap, 0.1 + lap])
-        robot.reset()
-
-
 def test_one_turn_is_for_revolute_joints_alone():
     model = pin.Model()
     for name, joint in (("turn", pin.JointModelRY()), ("slide", pin.JointModelPX())):

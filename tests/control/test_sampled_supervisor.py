@@ -129,22 +129,6 @@ def test_gains_and_integrals_go_on_while_it_acts(guard):
     assert (np.diff(integral, axis=0)[acting[1:]] != 0.0).all()
 
 
-def test_the_observer_knows_of_torques_that_saturation_has_cut():
-    """A plant that is the observer's own model: what it lacks is nothing, whatever is cut."""
-    arm = fp.Arm.two_link().with_limits(effort=(40.0, 10.0))
-    loop = supervised(fp.Supervisor.quiet(1.5, 1.0)).start(arm, step=1e-3)
-    q, v, cut = np.array([0.3, 0.35]), np.array([2.0, -3.0]), 0
-    for k in range(400):
-        t = 1e-3 * k * np.ones(2)
-        torque = loop.torque(q, v, np.sin(t), np.cos(t), -np.sin(t))
-        cut += bool(loop.signals()["u_s"].any() and (np.abs(torque) == arm.effort_limit).any())
-        a = arm.forward_dynamics(q, v, torque)
-        q, v = q + 1e-3 * v, v + 1e-3 * a
-        # Rounding of speeds, 1e-15, adds up with the gain (1 - p)^2/h, 9/s.
-        assert np.abs(loop.state.joints["xi"]).max() < 1e-10
-    assert cut > 50
-
-
 def test_a_push_beyond_r_min_is_told_with_both_numbers():
     arm = fp.Arm.two_link()
     # Home, stretched out, is where the two-link arm is most easily pushed apart.

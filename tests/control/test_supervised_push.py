@@ -89,26 +89,3 @@ def test_noisy_speeds_do_not_drive_it_out_if_it_aims_lower():
     # As it comes it wanders about 0.98 V_M.
     runs = fp.simulate(experiments, supervised(guard))
     assert 1.0 < max(largest(run, guard) for run in runs) < 1.05
-
-
-def test_on_a_ur5_it_keeps_the_set_where_sgn_makes_it_worse():
-    """0.3 rad at 1 rad/s; pushed by up to 40 % of the effort limit (150 and 28 N m)."""
-    arm = fp.Arm.from_example("ur5")
-    push = (60.0, 60.0, 30.0, 5.0, 5.0, 0.5)  # [N m]
-    phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-    reference = fp.references.Sinusoid(0.3, phase=phase, offset=arm.home)
-    (q,), (v,), _ = reference.sample(np.zeros(1))
-    plant = fp.Plant(disturbance=Cosine(push, 1.0))
-    experiment = fp.Experiment(arm, reference, q, v, plant, duration=4.0)
-    law = fp.AdaptiveFpid(
-        kp=100.0, ki=240.0, kd=22.0, integral_order=0.9, derivative_order=0.95,
-        learning_rate=0.0, scale=(4.4, 5.2, 1.2, 0.24, 0.25, 0.02),
-    )  # fmt: skip
-    r = fp.Supervisor(2.3, 0.3, disturbance_bound=push)
-    guards = (r, dataclasses.replace(r, kind="paper"), None)
-    laws = [dataclasses.replace(law, supervisor=guard) for guard in guards]
-    run, sgn, alone = fp.simulate(experiment, laws)
-    assert largest(run, r) <= 1.0
-    assert largest(alone, r) > 2.4
-    assert largest(sgn, r) > 5.0
-    assert (np.abs(run.torque) < arm.effort_limit).all()
