@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.encoder import EncoderRate
-from fpid_pin.control.joint_order import JointOrder
 from fpid_pin.control.loop import INPUTS, ROWS, Loop, Record
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import listed
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 LATE = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass
 class Ticks:
     """How a robot's ticks came.
 
@@ -51,6 +51,63 @@ class Ticks:
             f"{self.on_time} ticks on time, {self.late} late (by {1e3 * self.latest:.3g} ms at "
             f"most), {self.missed} missed, {self.early} early"
         )
+
+
+class JointOrder:
+    """Which number of a robot's is which joint of an arm.
+
+    Parameters
+    ----------
+    arm_names
+        The arm's n joints, in its order (`Arm.joint_names`).
+    robot_names
+        The robot's m joints in its order, all of the arm's among them; others, a gripper's say, get
+        no torque.
+
+    Raises
+    ------
+    ArgumentError
+        A joint of the arm that the robot has not, or has twice.
+    """
+
+    def __init__(self, arm_names: Sequence[str], robot_names: Sequence[str]) -> None:
+        self.arm_names, self.robot_names = tuple(arm_names), tuple(robot_names)
+        for name in dict.fromkeys([*self.robot_names, *self.arm_names]):
+            count = self.robot_names.count(name)
+            if count != 1:
+                expected = f"each of {listed(self.arm_names)} once"
+                raise ArgumentError("joint_names", expected, f"{name} {count} times")
+        self._places = np.array([self.robot_names.index(name) for name in self.arm_names])
+        self._shape = (len(self.robot_names),)
+
+    def to_arm(self, name: str, values: Any) -> FloatArray:
+        """Return the arm's numbers, (n,), of the robot's, (m,) or a table by name.
+
+        Raises
+        ------
+        ArgumentError
+            Naming `name`: another length, a joint that is missing, no numbers.
+        """
+        # The checks of a well-made array take longer than all else; they are for the others.
+        if type(values) is np.ndarray and values.shape == self._shape and values.dtype == float:
+            return values.take(self._places)
+        if isinstance(values, Mapping):
+            names = self.arm_names
+            missing = [joint for joint in names if joint not in values]
+            if missing:
+                raise ArgumentError(name, f"a number for {missing[0]}", listed(values))
+            return checks.vector(name, [values[joint] for joint in names], len(names))
+        array = checks.floats(name, values)
+        if array.shape != self._shape:
+            expected = f"shape {self._shape} (the robot's joints)"
+            raise ArgumentError(name, expected, f"shape {array.shape}")
+        return array.take(self._places)
+
+    def to_robot(self, values: FloatArray) -> FloatArray:
+        """Return the robot's numbers, (m,), of the arm's, (n,); 0 for joints that it has not."""
+        found: FloatArray = np.zeros(self._shape)
+        found[self._places] = values
+        return found
 
 
 class RobotLoop:
@@ -85,6 +142,11 @@ class RobotLoop:
     most_missed
         Ticks that are made up at most.
 
+    Attributes
+    ----------
+    ticks
+        How the ticks came since the start or the last `reset`.
+
     Raises
     ------
     ArgumentError
@@ -116,8 +178,7 @@ class RobotLoop:
     def _begin(self) -> None:
         self._first, self._tick = 0.0, -1
         self._torque: FloatArray = self._hold.copy()
-        self._counts = dict.fromkeys(("on_time", "late", "missed", "early"), 0)
-        self._latest = 0.0
+        self.ticks = Ticks()
 
     def torque(
         self,
@@ -154,7 +215,7 @@ class RobotLoop:
         """
         tick, late = self._due(now)
         if tick == self._tick:
-            self._counts["early"] += 1
+            self.ticks.early += 1
             return self._given(q)
         missed = tick - self._tick - 1
         if missed > self._most_missed:
@@ -179,9 +240,12 @@ class RobotLoop:
             self._advance(self._before + k / (missed + 1) * (x - self._before), self._torque)
         self._torque = self._advance(x, None, tick)
         self._before, self._tick = x, tick
-        self._counts["late" if abs(late) > LATE * self.step else "on_time"] += 1
-        self._counts["missed"] += missed
-        self._latest = max(self._latest, late)
+        if abs(late) > LATE * self.step:
+            self.ticks.late += 1
+        else:
+            self.ticks.on_time += 1
+        self.ticks.missed += missed
+        self.ticks.latest = max(self.ticks.latest, late)
         return self._given(q)
 
     def _due(self, now: float | None) -> tuple[int, float]:
@@ -220,11 +284,6 @@ class RobotLoop:
         if isinstance(q, Mapping):
             return dict(zip(self.order.robot_names, torque.tolist(), strict=True))
         return torque
-
-    @property
-    def ticks(self) -> Ticks:
-        """How the ticks came since the start or the last `reset`."""
-        return Ticks(**self._counts, latest=self._latest)
 
     def record(self, rows: int = ROWS) -> Record:
         """Keep every tick from now on, as `Loop.record` does: what was given, made-up ticks too."""

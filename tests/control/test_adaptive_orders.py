@@ -187,15 +187,7 @@ def test_suggested_gains_may_come_with_them_in_files():
     plain, slow = (from_dict(table | {"order_learning_rate": r}, fp.Controller) for r in (0, 0.5))
     assert not plain.on(arm).moves_orders
     assert float(slow.on(arm).order_learning_rate) == 0.5
-    again = from_dict(to_dict(suggested), fp.Controller)
-    assert again.order_learning_rate == "suggested"
-    # All in one call: they keep their bits, and those that move are recorded.
-    runs = [ran(c, 0.1) for c in (suggested, plain, slow)]
-    together = fp.simulate(fp.paper_experiment(duration=0.1), [suggested, plain, slow])
-    for run, other in zip(runs, together, strict=True):
-        assert (run.torque == other.torque).all()
-    assert (ran(law, 0.1).torque == runs[0].torque).all()
-    assert np.ptp(runs[2].derivative_order) > 0.0
+    assert from_dict(to_dict(suggested), fp.Controller).order_learning_rate == "suggested"
     for rate, told in ((-1.0, "expected a number >= 0, got -1"), ("fast", "suggested")):
         with pytest.raises(ArgumentError, match=f"order_learning_rate: .*{told}"):
             fp.SuggestedFpid(order_learning_rate=rate)

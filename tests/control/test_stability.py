@@ -134,15 +134,6 @@ def test_the_dominant_pole_has_a_tenth_of_what_a_push_leaves(kp, ki, kd, pole):
     assert report.dominant_pole == pytest.approx(pole, rel=3e-3)
 
 
-def test_the_dominant_pole_is_that_of_the_motion_and_not_of_the_horizon():
-    law = dataclasses.replace(LAW, kp=400.0, ki=900.0, kd=90.0, integral_order=0.9)
-    found = [
-        stability_report(fp.Arm.two_link(), law, horizon=T).dominant_pole for T in (20.0, 3600.0)
-    ]
-    assert found[0] == pytest.approx(found[1], rel=0.02)
-    assert found[0].real < -1.0 < -1.0 / 20.0
-
-
 @pytest.mark.parametrize("law", OBSERVED, ids=lambda law: type(law).__name__)
 def test_the_delay_that_is_borne_is_the_simulation_s(law):
     report = stability_report(TWO, law)
