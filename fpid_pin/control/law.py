@@ -93,7 +93,6 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
     memory: ClassVar[tuple[str, ...]] = ()
     uses_model: ClassVar[bool] = False
     estimates_model: ClassVar[bool] = False
-    own_columns: ClassVar[int] = 0
     surface: ClassVar[Any] = None
     torque: ClassVar[Any] = None
     adapt: ClassVar[Any] = None
@@ -186,8 +185,8 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
         }
 
     def arrays(self, arm: Arm, step: float, horizon: float) -> FloatArray:
-        """Return the arrays of a law of the whole robot at the start, (rows, own_columns)."""
-        return np.zeros((0, self.own_columns))
+        """Return the arrays of a law of the whole robot at the start, (rows, columns)."""
+        return np.zeros((0, 0))
 
     def scale_on(self, arm: Arm) -> FloatArray:
         """Return the scale on an arm, (n,)."""

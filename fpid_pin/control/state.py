@@ -97,7 +97,10 @@ class State:
         self.joints = numbers.view(self.record)[:, 0]
         numbers[:, INERTIA : INERTIA + 10] = inertial_numbers(bodies_of(arm))
         for name, value in given.items():
-            self.joints[name] = checks.spread(name, value, n)
+            try:
+                self.joints[name] = value
+            except ValueError:
+                self.joints[name] = checks.per_joint(name, value, n)
         self.joints["h"], self.joints["limit"] = self.step, arm.effort_limit
         self.joints["viscous"] = arm.viscous_friction
         self.joints["scale"] = controller.scale_on(arm)
