@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.kernels.records import MODE, OPERATOR, POLE
 
@@ -223,7 +224,7 @@ class Modes:
         )
 
 
-class Design(ABC):
+class Design(Description, ABC):
     """How a fractional derivative is realised; a frozen description, equal where its fields are."""
 
     @abstractmethod

@@ -41,7 +41,6 @@ class FractionalSurface(fp.Controller):
 class RobotAdaptive(fp.Controller):
     """Arrays of its own: a sum of errors, which counts, and a gain, which stays."""
 
-
     def arrays(self, arm, step, horizon):
         return np.ones((arm.n, 2))
 
