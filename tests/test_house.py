@@ -32,7 +32,7 @@ TIERS = [
     {"cli"},
 ]
 HEAVY = (
-    "matplotlib", "pymoo", "meshcat", "example_robot_data", "pydantic", "typer", "rich",
+    "matplotlib", "pymoo", "meshcat", "example_robot_data", "typer", "rich",
     "scipy", "control", "sympy", "tornado", "numba",
 )  # fmt: skip
 

@@ -16,52 +16,6 @@ if TYPE_CHECKING:
 SCALES = ("none", "inertia")
 
 
-def check_gains(
-    description: Any,
-    *names: str,
-    low: float | None = 0.0,
-    high: float | None = None,
-    above: float | None = None,
-    what: str = "gains",
-) -> None:
-    """Replace the named fields of a frozen description by checked read-only arrays.
-
-    Each is a scalar or (n,), within its bounds. All (n,) must have one length.
-
-    Raises
-    ------
-    ArgumentError
-        A number out of bounds, or lengths that differ.
-    """
-    for name in names:
-        value = getattr(description, name)
-        array = checks.floats(
-            name, value, low=None if above is not None else low, high=high, above=above, max_ndim=1
-        )
-        object.__setattr__(description, name, array)
-    check_lengths(description, what)
-
-
-def check_lengths(description: Any, what: str = "gains") -> None:
-    """Check that all arrays of a description have one length, (n,) or (..., n)."""
-    lengths = {
-        name: value.shape[-1]
-        for name, value in vars(description).items()
-        if isinstance(value, np.ndarray) and value.ndim
-    }
-    if len(set(lengths.values())) > 1:
-        listed = ", ".join(f"{name} ({length},)" for name, length in lengths.items())
-        raise checks.ArgumentError(what, "one length for all joints", listed)
-
-
-def check_scale(description: Any) -> None:
-    """Check the field ``scale`` of a description: one of `SCALES`, a scalar or (n,)."""
-    if isinstance(description.scale, str):
-        checks.choice("scale", description.scale, SCALES)
-    else:
-        check_gains(description, "scale", above=0.0)
-
-
 def joint_scale(scale: str | ArrayLike, arm: Arm) -> FloatArray:
     """Return the factor of the gains on each joint of `arm`, (n,).
 

@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.kernels.records import MODE, OPERATOR, POLE
 
@@ -248,7 +249,7 @@ def _differenced(now: FloatArray, before: FloatArray, h: float) -> tuple[FloatAr
     return now[..., :1] + change, before[..., :1] - change
 
 
-class Design(ABC):
+class Design(Description, ABC):
     """How a fractional derivative is realised; a frozen description, equal where its fields are."""
 
     @abstractmethod

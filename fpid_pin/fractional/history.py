@@ -16,13 +16,13 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.checks import BoolArray, FloatArray, Number
 from fpid_pin.descriptions import described
 from fpid_pin.fractional.design import Design, check_grid, check_order
 
@@ -44,11 +44,7 @@ class HistoryDesign(Design):
         A memory that is not positive.
     """
 
-    memory: float | None = None
-
-    def __post_init__(self) -> None:
-        if self.memory is not None:
-            object.__setattr__(self, "memory", checks.number("memory", self.memory, above=0.0))
+    memory: Annotated[float | None, Number("s", above=0.0)] = None
 
     @abstractmethod
     def _weights(self, order: FloatArray, lag: FloatArray) -> FloatArray:

@@ -210,7 +210,7 @@ REFUSED = "feedforward: expected none: {} has the model itself, got True"
         (lambda: fp.GravityOnly(feedforward=True), REFUSED.format("GravityOnly")),
         (lambda: JointGravity(1.0, 1.0, feedforward=True), REFUSED.format("JointGravity")),
         (lambda: fp.Pid(1.0, 1.0, 1.0, feedforward=1),
-         "feedforward: expected true or false, got int"),
+         "feedforward: expected true or false, got 1"),
         (lambda: JointPd(1.0, 1.0, observer=-1.0), "observer: expected a number >= 0, got -1"),
         (lambda: JointPd(1.0, 1.0, observer=2e3).start(ARM, step=STEP),
          "observer: expected at most 1/step (1000 rad/s), got 2000 rad/s"),

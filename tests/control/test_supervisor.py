@@ -149,7 +149,8 @@ def test_bad_arguments_give_one_clear_line(changes, message):
 
 def test_a_bound_of_the_wrong_length_names_the_arm():
     controller = dataclasses.replace(
-        fp.paper_controller(), supervisor=supervisor(gravity_bound=(1.0, 2.0, 3.0))
+        fp.paper_controller(),
+        supervisor=supervisor(disturbance_bound=0.1, gravity_bound=(1.0, 2.0, 3.0)),
     )
     with pytest.raises(ArgumentError, match=r"gravity_bound: expected shape \(2,\)"):
         controller.start(fp.Arm.two_link(), step=1e-3)
