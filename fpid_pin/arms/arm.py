@@ -2,35 +2,38 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import change
-from fpid_pin.arms.chain import require_regular, require_serial
+from fpid_pin.arms.constructors import ArmConstructors
 from fpid_pin.arms.inertia import perturbed_rows
-from fpid_pin.arms.making import Making
-from fpid_pin.arms.rigid_body import RigidBody
-from fpid_pin.arms.source import Parts, Source
+from fpid_pin.arms.rigid_body import RigidBody, require_regular
+from fpid_pin.arms.shapes import geometry_of
+from fpid_pin.arms.spec import ArmSpec
 from fpid_pin.checks import FloatArray
+from fpid_pin.text import cut
 
-# Fields of an arm that are one number a joint, in their order; `home` follows them.
-_ARRAYS = (
-    "lower", "upper", "effort_limit", "velocity_limit", "viscous_friction", "dry_friction",
-)  # fmt: skip
+#: Fields of an arm that are one number a joint, and a joint's own name for each.
+_COLUMNS = {
+    "lower": "lower", "upper": "upper", "effort_limit": "effort", "velocity_limit": "velocity",
+    "viscous_friction": "damping", "dry_friction": "friction",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Arm(RigidBody, Making):
+class Arm(RigidBody, ArmConstructors):
     """A robot arm with n revolute or prismatic joints; immutable and picklable.
 
-    Made by `two_link`, `planar`, `from_file`, `from_model` and their kin (see `Making`), and from
-    other arms by `with_payload` and its kin. What is an angle [rad] or a torque [N m] below is a
-    length [m] or a force [N] for a prismatic joint: see `units`. The rigid-body terms are those of
+    Made by `two_link`, `planar`, `from_file`, `from_model` and their kin (see `ArmConstructors`),
+    and from other arms by `with_payload` and its kin. What is an angle [rad] or a torque [N m]
+    below is a length [m] or a force [N] for a prismatic joint: see `units`. The rigid-body terms
+    are those of
 
         M(q) q'' + C(q, q') q' + G(q) = tau                                             (5)
 
@@ -62,7 +65,8 @@ class Arm(RigidBody, Making):
     viscous_friction: FloatArray
     dry_friction: FloatArray
     home: FloatArray
-    _source: Source
+    _spec: ArmSpec
+    _origin: Mapping[str, Any] | None = None
     _changes: tuple[change.Change, ...] = ()
 
     # ------------------------------------------------------------------ what it is
@@ -70,7 +74,7 @@ class Arm(RigidBody, Making):
     @property
     def credit(self) -> str:
         """Origin and licence of the arm's description, where known."""
-        return self._source.credit
+        return self._spec.credit
 
     def __repr__(self) -> str:
         changes = "".join(f" + {item.name}" for item in self._changes)
@@ -79,14 +83,7 @@ class Arm(RigidBody, Making):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Arm):
             return NotImplemented
-        if self is other:
-            return True
-        return (
-            (self.name, self.joint_names, self.tool) == (other.name, other.joint_names, other.tool)
-            and all(np.array_equal(getattr(self, a), getattr(other, a)) for a in (*_ARRAYS, "home"))
-            and self.dynamics_key() == other.dynamics_key()
-            and bool(self.model == other.model)
-        )
+        return self._spec == other._spec
 
     def __hash__(self) -> int:
         return hash((self.name, self.joint_names))
@@ -123,10 +120,18 @@ class Arm(RigidBody, Making):
         return self._changed(change.Friction(viscous, dry))
 
     def with_limits(
-        self, effort: ArrayLike | None = None, velocity: ArrayLike | None = None
+        self,
+        effort: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
     ) -> Arm:
-        """Return the arm with other effort [N m] or velocity [rad/s] limits; 0 or inf: none."""
-        return self._changed(change.Limits(effort, velocity))
+        """Return the arm with other limits; what is None stays.
+
+        `effort` [N m] and `velocity` [rad/s]: 0 or inf is none; `lower` and `upper` [rad]: -inf or
+        inf is none. Home moves into them.
+        """
+        return self._changed(change.Limits(effort, velocity, lower, upper))
 
     def with_gravity(self, gravity: ArrayLike) -> Arm:
         """Return the arm under another gravity [m/s^2]: a number (along -z) or (3,)."""
@@ -179,7 +184,7 @@ class Arm(RigidBody, Making):
         for name, value in (("mass", mass), ("inertia", inertia), ("friction", friction)):
             checks.number(name, value, low=0.0, high=1.0 if name == "friction" else 1.0 - 1e-9)
         checks.number("com", com, low=0.0)
-        rows = perturbed_rows(self.model, rng, mass, com, inertia)
+        rows = perturbed_rows(self._spec.column("inertia"), rng, mass, com, inertia)
         arm = self._changed(change.Inertias(rows))
         if friction:
             scale = rng.uniform(1.0 - friction, 1.0 + friction, (2, self.n))
@@ -196,43 +201,43 @@ class Arm(RigidBody, Making):
             Once, when meshes are missing; the geometry is then incomplete.
         """
         if "visual" not in self._cache:
-            self._cache["visual"] = self._source.visual(self.model)
-        model, geometry = self._cache["visual"]
-        return model, geometry.copy()
+            self._cache["visual"] = geometry_of(self._spec.shapes, cut(self.name))
+        return self.model, self._cache["visual"].copy()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the table that `fpid_pin.descriptions.from_dict` rebuilds the arm from."""
-        table = {"kind": self._source.kind, **self._source.table()}
-        if self._changes:
-            table["changes"] = [item.table() for item in self._changes]
-        return table
+        if self._origin is None:
+            # Changes are in its numbers.
+            return {"kind": "model", **self._spec.table()}
+        changes = [item.table() for item in self._changes]
+        return {**self._origin, "changes": changes} if changes else dict(self._origin)
 
     @classmethod
-    def _assembled(cls, source: Source) -> Arm:
-        return assemble(source)
+    def _assembled(cls, spec: ArmSpec, origin: Mapping[str, Any] | None = None) -> Self:
+        model = spec.model()
+        require_regular(model, spec.name, spec.pose)
+        return cls._of(spec, model, origin, ())
 
     def _changed(self, *items: change.Change) -> Arm:
-        own = {name: getattr(self, name) for name in (*_ARRAYS, "home", "tool")}
-        parts = Parts(self.model.copy(), self.name, **own)
+        spec, model = self._spec, self.model.copy()
         for item in items:
-            item.apply(parts)
-        return _finish(parts, self._source, (*self._changes, *items))
+            spec = item.apply(spec)
+        spec.fill(model)
+        return self._of(spec, model, self._origin, (*self._changes, *items))
 
-
-def assemble(source: Source, changes: Sequence[change.Change] = ()) -> Arm:
-    """Build an arm from its source and changes, with every check."""
-    parts = source.build()
-    require_serial(parts.model, parts.name)
-    parts.settle()
-    require_regular(parts.model, parts.name, parts.home)
-    for item in changes:
-        item.apply(parts)
-    return _finish(parts, source, tuple(changes))
-
-
-def _finish(parts: Parts, source: Source, changes: tuple[change.Change, ...]) -> Arm:
-    home, tool = parts.settle()
-    names = tuple(str(name) for name in list(parts.model.names)[1:])
-    arrays: dict[str, Any] = {name: checks.read_only(getattr(parts, name)) for name in _ARRAYS}
-    arrays |= {"home": checks.read_only(home), "_source": source, "_changes": changes}
-    return Arm(parts.model, parts.name, names, tool, **arrays)
+    @classmethod
+    def _of(
+        cls,
+        spec: ArmSpec,
+        model: Any,
+        origin: Mapping[str, Any] | None,
+        changes: tuple[change.Change, ...],
+    ) -> Self:
+        columns: dict[str, Any] = {
+            name: checks.read_only(spec.column(key)) for name, key in _COLUMNS.items()
+        }
+        return cls(
+            model, spec.name, tuple(joint.name for joint in spec.joints), spec.tool_frame,
+            **columns, home=checks.read_only(spec.pose), _spec=spec, _origin=origin,
+            _changes=changes,
+        )  # fmt: skip

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
-
-import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.arms.source import Parts, Source
-from fpid_pin.arms.urdf import UrdfSource
-from fpid_pin.arms.xml_text import read_text
-from fpid_pin.exceptions import ArmError
+from fpid_pin.arms.robot_file import read_robot
+from fpid_pin.arms.tree import Tree
+from fpid_pin.arms.urdf import urdf_tree
+from fpid_pin.exceptions import ArgumentError, ArmError
 
 _UR = "github.com/ros-industrial/universal_robot, BSD"
 _FINGERS = {"panda_finger_joint1": 0.001, "panda_finger_joint2": 0.001}
@@ -159,68 +157,31 @@ def note(name: str) -> str:
     return ENTRIES[checks.choice("arm", name, names())].note
 
 
-@dataclass(frozen=True, eq=False)
-class ExampleSource(Source):
-    """An arm of the catalogue, by name; `lock` adds to (or replaces) the catalogue's own locks."""
+def example_tree(name: str) -> tuple[Tree, Mapping[str, float]]:
+    """Return an arm of the catalogue before its joints are held, and those that the entry holds."""
+    if isinstance(name, str) and name not in ENTRIES and name.lower() in ENTRIES:
+        known = ", ".join(names())
+        raise ArgumentError("arm", f"one of {known}", f"{name!r} (did you mean {name.lower()}?)")
+    entry = ENTRIES[checks.choice("arm", name, names())]
+    # Heavy (it loads half a dozen packages' worth of paths), hence not at import.
+    from example_robot_data.robots_loader import getModelPath
 
-    name: str
-    lock: Mapping[str, float] = field(default_factory=dict)
-
-    kind: ClassVar[str] = "example"
-
-    def __post_init__(self) -> None:
-        checks.choice("arm", self.name, names())
-
-    @property
-    def entry(self) -> Entry:
-        """The catalogue's entry."""
-        return ENTRIES[self.name]
-
-    @property
-    def credit(self) -> str:
-        """Origin and licence of the robot's description."""
-        return f"{self.name}: {self.entry.credit} (by way of example-robot-data)"
-
-    def build(self) -> Parts:
-        """Build the arm's parts."""
-        source = self._urdf()
-        parts = source.build()
-        parts.name = self.name
-        free = [str(name) for name in list(parts.model.names)[1:]]
-        # The catalogue's arrays are for the arm with the catalogue's own locks.
-        listed = [name for name in self._listed(source) if name not in self.entry.lock]
-        keep = [listed.index(name) for name in free]
-        if self.entry.home:
-            parts.home = checks.read_only(np.array(self.entry.home)[keep])
-        if self.entry.armature:
-            parts.model.armature = np.array(self.entry.armature)[keep]
-        if self.entry.tool is not None:
-            parts.tool = self.entry.tool
-        return parts
-
-    def table(self) -> dict[str, Any]:
-        """Return the source as a plain table."""
-        return {"name": self.name, **({"lock": dict(self.lock)} if self.lock else {})}
-
-    def visual(self, model: Any) -> tuple[Any, Any]:
-        """Load the visuals."""
-        return self._urdf().visual(model)
-
-    def _listed(self, source: UrdfSource) -> list[str]:
-        return [str(name) for name in list(source.full_model().names)[1:]]
-
-    def _urdf(self) -> UrdfSource:
-        # Heavy (it loads half a dozen packages' worth of paths), hence not at import.
-        from example_robot_data.robots_loader import getModelPath
-
-        try:
-            folder = Path(getModelPath(self.entry.file)).resolve()
-        except OSError:
-            raise ArmError(
-                f"{self.name}: expected example-robot-data to hold {self.entry.file}, got none "
-                "(pip install example-robot-data)"
-            ) from None
-        path = folder / self.entry.file
-        lock = {**self.entry.lock, **self.lock}
-        # Meshes are addressed as package://example-robot-data/robots/..., two folders up.
-        return UrdfSource(read_text(path), str(path), lock, 9.81, (str(folder.parent.parent),))
+    try:
+        folder = Path(getModelPath(entry.file)).resolve()
+    except OSError:
+        raise ArmError(
+            f"{name}: expected example-robot-data to hold {entry.file}, got none "
+            "(pip install example-robot-data)"
+        ) from None
+    path = folder / entry.file
+    # Meshes are addressed as package://example-robot-data/robots/..., two folders up.
+    tree = urdf_tree(read_robot(path), str(path), path.parent, (folder.parent.parent,))
+    tree.name = name
+    tree.credit = f"{name}: {entry.credit} (by way of example-robot-data)"
+    tree.tool = entry.tool or tree.tool
+    # The catalogue's arrays are for the arm with the catalogue's own locks.
+    own = [k for k, joint in enumerate(tree.joints) if joint.name not in entry.lock]
+    tree.home = {tree.joints[k].name: q for k, q in zip(own, entry.home, strict=False)}
+    for k, armature in zip(own, entry.armature, strict=False):
+        tree.joints[k] = dataclasses.replace(tree.joints[k], armature=armature)
+    return tree, entry.lock

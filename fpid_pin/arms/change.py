@@ -17,12 +17,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms.chain import last_frame
-from fpid_pin.arms.inertia import inertia_of, scaled_rows
-from fpid_pin.arms.source import Parts, given_or_inf, gravity_entry, gravity_vector
-from fpid_pin.checks import FloatArray
+from fpid_pin.arms.inertia import inertia_of, row_of, scaled_rows
+from fpid_pin.arms.joints import placement_of
+from fpid_pin.arms.spec import ArmSpec, gravity_vector
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
+
+#: Of a limit in a file: inf is not a number in JSON.
+_FAR = 1e9
 
 
 class Change(ABC):
@@ -31,8 +33,8 @@ class Change(ABC):
     name: ClassVar[str]
 
     @abstractmethod
-    def apply(self, parts: Parts) -> None:
-        """Alter `parts` in place, after checking that the change fits them."""
+    def apply(self, spec: ArmSpec) -> ArmSpec:
+        """Return the arm with the change, after checking that it fits."""
 
     def table(self) -> dict[str, Any]:
         """Return ``{name: {field: value}}`` with plain values; what is None is left out."""
@@ -100,19 +102,22 @@ class Payload(Change):
                 raise ArgumentError("inertia", expected, moments.tolist())
             object.__setattr__(self, "inertia", inertia)
 
-    def apply(self, parts: Parts) -> None:
-        """Alter `parts` in place."""
-        model = parts.model
-        name = self.frame or parts.tool or last_frame(model)
-        checks.choice("frame", name, [str(frame.name) for frame in model.frames])
-        frame = model.frames[model.getFrameId(name)]
-        if frame.parentJoint == 0:
+    def apply(self, spec: ArmSpec) -> ArmSpec:
+        """Return the arm with the change."""
+        frames = {joint.name: (k, None) for k, joint in enumerate(spec.joints)}
+        frames |= {f.name: (f.joint, f.placement) for f in spec.frames}  # type: ignore[misc]
+        name = checks.choice("frame", self.frame or spec.tool_frame, frames)
+        joint, placement = frames[name]
+        if joint < 0:
             raise ArgumentError("frame", "a frame that moves with the arm", shown(name))
+        if self.mass == 0.0:
+            return spec
         about_com = np.zeros((3, 3)) if self.inertia is None else np.array(self.inertia)
         body = pin.Inertia(self.mass, np.array(self.com), about_com)
-        if self.mass > 0.0:
-            joint = frame.parentJoint
-            model.inertias[joint] = model.inertias[joint] + frame.placement.act(body)
+        rows = spec.column("inertia")
+        place = pin.SE3.Identity() if placement is None else placement_of(placement)
+        rows[joint] = row_of(inertia_of(rows[joint]) + place.act(body))
+        return spec.with_columns(inertia=rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,46 +135,54 @@ class Friction(Change):
             if value is not None:
                 object.__setattr__(self, name, checks.floats(f"{name} friction", value, low=0.0))
 
-    def apply(self, parts: Parts) -> None:
-        """Alter `parts` in place."""
-        n = parts.model.nv
-        if self.viscous is not None:
-            parts.viscous_friction = checks.per_joint("viscous friction", self.viscous, n)
-        if self.dry is not None:
-            parts.dry_friction = checks.per_joint("dry friction", self.dry, n)
+    def apply(self, spec: ArmSpec) -> ArmSpec:
+        """Return the arm with the change."""
+        return _with(spec, damping=("viscous friction", self.viscous),
+                     friction=("dry friction", self.dry))  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class Limits(Change):
-    """Effort limits [N m] and velocity limits [rad/s] per joint; 0 or inf: none; None leaves it."""
+    """Limits per joint; None leaves them.
+
+    `effort` [N m] and `velocity` [rad/s]: 0 or inf is none. `lower` and `upper` [rad]: 1e9 and
+    more is none.
+    """
 
     effort: ArrayLike | None = None
     velocity: ArrayLike | None = None
+    lower: ArrayLike | None = None
+    upper: ArrayLike | None = None
 
     name: ClassVar[str] = "limits"
 
     def __post_init__(self) -> None:
-        for name in ("effort", "velocity"):
+        for name in ("effort", "velocity", "lower", "upper"):
             value = getattr(self, name)
             if value is not None:
-                limit = checks.floats(f"{name} limit", value, low=0.0, finite=False)
-                object.__setattr__(self, name, checks.read_only(given_or_inf(limit)))
+                low = 0.0 if name in ("effort", "velocity") else None
+                limit = np.array(checks.floats(f"{name} limit", value, low=low, finite=False))
+                limit[(np.abs(limit) >= _FAR)] *= np.inf
+                if low is not None:
+                    limit[limit == 0.0] = np.inf
+                object.__setattr__(self, name, checks.read_only(limit))
 
-    def apply(self, parts: Parts) -> None:
-        """Alter `parts` in place."""
-        n = parts.model.nv
-        if self.effort is not None:
-            parts.effort_limit = checks.per_joint("effort limit", self.effort, n, finite=False)
-        if self.velocity is not None:
-            limit = checks.per_joint("velocity limit", self.velocity, n, finite=False)
-            parts.velocity_limit = limit
+    def apply(self, spec: ArmSpec) -> ArmSpec:
+        """Return the arm with the change."""
+        names = ("effort", "velocity", "lower", "upper")
+        changed = _with(spec, **{name: (f"{name} limit", getattr(self, name)) for name in names})
+        for joint in changed.joints:
+            if not joint.lower < joint.upper:
+                what = f"a number > {joint.lower:g} for {joint.name}"
+                raise ArgumentError("upper limit", what, f"{joint.upper:g}")
+        return changed
 
     def table(self) -> dict[str, Any]:
-        """As elsewhere, but with 0 for "no limit": inf is not a number in JSON."""
+        """As elsewhere, but with a large number for "no limit": inf is not a number in JSON."""
         table = super().table()
         for name in table[self.name]:
-            values = np.asarray(getattr(self, name))
-            table[self.name][name] = np.where(np.isinf(values), 0.0, values).tolist()
+            values = np.clip(np.asarray(getattr(self, name)), -_FAR, _FAR)
+            table[self.name][name] = values.tolist()
         return table
 
 
@@ -184,13 +197,9 @@ class Gravity(Change):
     def __post_init__(self) -> None:
         object.__setattr__(self, "gravity", gravity_vector(self.gravity))
 
-    def apply(self, parts: Parts) -> None:
-        """Alter `parts` in place."""
-        parts.model.gravity.linear = np.array(self.gravity)
-
-    def table(self) -> dict[str, Any]:
-        """Return ``{"gravity": {"gravity": ...}}``, a number where it points down."""
-        return {self.name: {"gravity": gravity_entry(np.asarray(self.gravity))}}
+    def apply(self, spec: ArmSpec) -> ArmSpec:
+        """Return the arm with the change."""
+        return dataclasses.replace(spec, gravity=tuple(np.asarray(self.gravity).tolist()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,10 +213,9 @@ class Armature(Change):
     def __post_init__(self) -> None:
         object.__setattr__(self, "armature", checks.floats("armature", self.armature, low=0.0))
 
-    def apply(self, parts: Parts) -> None:
-        """Alter `parts` in place."""
-        armature = checks.per_joint("armature", self.armature, parts.model.nv)
-        parts.model.armature = np.array(armature)
+    def apply(self, spec: ArmSpec) -> ArmSpec:
+        """Return the arm with the change."""
+        return _with(spec, armature=("armature", self.armature))
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,13 +236,12 @@ class Inertias(Change):
             raise ArgumentError("inertias", "shape (n, 10)", f"shape {rows.shape}")
         object.__setattr__(self, "rows", rows)
 
-    def apply(self, parts: Parts) -> None:
-        """Alter `parts` in place."""
-        rows: FloatArray = np.asarray(self.rows)
-        if rows.shape[0] != parts.model.nv:
-            raise ArgumentError("inertias", f"shape ({parts.model.nv}, 10)", f"shape {rows.shape}")
-        for joint, row in enumerate(rows, start=1):
-            parts.model.inertias[joint] = inertia_of(row)
+    def apply(self, spec: ArmSpec) -> ArmSpec:
+        """Return the arm with the change."""
+        rows, n = np.asarray(self.rows), len(spec.joints)
+        if rows.shape[0] != n:
+            raise ArgumentError("inertias", f"shape ({n}, 10)", f"shape {rows.shape}")
+        return spec.with_columns(inertia=rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,12 +261,21 @@ class ScaledLinks(Change):
             factor = checks.floats(name, getattr(self, name), above=0.0, max_ndim=1)
             object.__setattr__(self, name, factor)
 
-    def apply(self, parts: Parts) -> None:
-        """Alter `parts` in place."""
-        n = parts.model.nv
+    def apply(self, spec: ArmSpec) -> ArmSpec:
+        """Return the arm with the change."""
+        n = len(spec.joints)
         mass, inertia = (checks.per_joint(k, getattr(self, k), n) for k in ("mass", "inertia"))
-        for joint, row in enumerate(scaled_rows(parts.model, mass, inertia), start=1):
-            parts.model.inertias[joint] = inertia_of(row)
+        return spec.with_columns(inertia=scaled_rows(spec.column("inertia"), mass, inertia))
+
+
+def _with(spec: ArmSpec, **columns: tuple[str, Any]) -> ArmSpec:
+    """Return the arm with other numbers in fields of its joints: (name, scalar or (n,) or None)."""
+    n = len(spec.joints)
+    given = {
+        key: checks.per_joint(name, value, n, finite=False)
+        for key, (name, value) in columns.items() if value is not None
+    }  # fmt: skip
+    return spec.with_columns(**given) if given else spec
 
 
 _KINDS = (Payload, Friction, Limits, Gravity, Armature, Inertias, ScaledLinks)

@@ -5,13 +5,14 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
-from fpid_pin.cli.arm_argument import find_arm
+from fpid_pin.cli.arm_argument import arm_of_table
 from fpid_pin.cli.screen import say, screen
 from fpid_pin.control import AdaptiveFpid, gain_ceilings, stability_report, suggest_gains
 from fpid_pin.control.law import Controller
@@ -21,11 +22,9 @@ WIDTH = 80
 Column = Sequence[object] | FloatArray
 
 
-def run_inspect(
-    text: str, locks: Sequence[str], bandwidth: float, step: float, picture: Path | None
-) -> None:
+def run_inspect(table: dict[str, Any], bandwidth: float, step: float, picture: Path | None) -> None:
     """Print all of it; draw the arm where a picture is asked for."""
-    arm = find_arm(text, locks)
+    arm = arm_of_table(table)
     console = screen()
     if picture is not None:
         from fpid_pin.view import plots
