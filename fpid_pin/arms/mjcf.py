@@ -65,8 +65,9 @@ class _Reader:
         self.model = model
         self.bodies = [model.body(k).name or f"body{k}" for k in range(model.nbody)]
         # The names of a compiled model begin with its own.
-        name = bytes(model.names).partition(b"\0")[0].decode() or "arm"
-        self.result = Tree(label, name, gravity)
+        name = bytes(model.names).partition(b"\0")[0].decode()
+        unnamed = name in ("", "MuJoCo Model")
+        self.result = Tree(label, Path(label).stem if unnamed else name, gravity)
         #: Of each body: which joint carries it, and where on it.
         self.at: dict[int, tuple[int, Any]] = {0: (-1, pin.SE3.Identity())}
         #: Pose of the key frame called home.
