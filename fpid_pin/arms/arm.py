@@ -6,13 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-import numpy as np
-from numpy.typing import ArrayLike
-
 from fpid_pin import checks
-from fpid_pin.arms import change
+from fpid_pin.arms.changes import ArmChanges
 from fpid_pin.arms.constructors import ArmConstructors
-from fpid_pin.arms.inertia import perturbed_rows
 from fpid_pin.arms.rigid_body import RigidBody, require_regular
 from fpid_pin.arms.shapes import geometry_of
 from fpid_pin.arms.spec import ArmSpec
@@ -27,7 +23,7 @@ _COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Arm(RigidBody, ArmConstructors):
+class Arm(RigidBody, ArmConstructors, ArmChanges):
     """A robot arm with n revolute or prismatic joints; immutable and picklable.
 
     Made by `two_link`, `planar`, `from_file`, `from_model` and their kin (see `ArmConstructors`),
@@ -67,7 +63,7 @@ class Arm(RigidBody, ArmConstructors):
     home: FloatArray
     _spec: ArmSpec
     _origin: Mapping[str, Any] | None = None
-    _changes: tuple[change.Change, ...] = ()
+    _changes: tuple[Mapping[str, Any], ...] = ()
 
     # ------------------------------------------------------------------ what it is
 
@@ -77,7 +73,7 @@ class Arm(RigidBody, ArmConstructors):
         return self._spec.credit
 
     def __repr__(self) -> str:
-        changes = "".join(f" + {item.name}" for item in self._changes)
+        changes = "".join(f" + {name}" for change in self._changes for name in change)
         return f"<Arm {self.name}{changes}, {self.n} joints>"
 
     def __eq__(self, other: object) -> bool:
@@ -100,98 +96,6 @@ class Arm(RigidBody, ArmConstructors):
             return self.joint_names.index(checks.choice("joint", joint, self.joint_names))
         return checks.integer("joint", joint, low=0, high=self.n - 1)
 
-    # ------------------------------------------------------------------ other arms
-
-    def with_payload(
-        self,
-        mass: float,
-        com: ArrayLike = (0.0, 0.0, 0.0),
-        frame: str | None = None,
-        inertia: ArrayLike | None = None,
-    ) -> Arm:
-        """Return the arm holding a body, `mass` [kg], at `com` [m] of `frame` (None: the tool's).
-
-        `inertia` is the body's (3, 3) rotational inertia about its centre of mass; None: a point.
-        """
-        return self._changed(change.Payload(mass, com, frame, inertia))
-
-    def with_friction(self, viscous: ArrayLike | None = None, dry: ArrayLike | None = None) -> Arm:
-        """Return the arm with other F_v [N m s/rad] or F_d [N m]; what is None stays."""
-        return self._changed(change.Friction(viscous, dry))
-
-    def with_limits(
-        self,
-        effort: ArrayLike | None = None,
-        velocity: ArrayLike | None = None,
-        lower: ArrayLike | None = None,
-        upper: ArrayLike | None = None,
-    ) -> Arm:
-        """Return the arm with other limits; what is None stays.
-
-        `effort` [N m] and `velocity` [rad/s]: 0 or inf is none; `lower` and `upper` [rad]: -inf or
-        inf is none. Home moves into them.
-        """
-        return self._changed(change.Limits(effort, velocity, lower, upper))
-
-    def with_gravity(self, gravity: ArrayLike) -> Arm:
-        """Return the arm under another gravity [m/s^2]: a number (along -z) or (3,)."""
-        return self._changed(change.Gravity(gravity))
-
-    def with_armature(self, armature: ArrayLike) -> Arm:
-        """Return the arm with other rotor inertias [kg m^2], seen at the joint."""
-        return self._changed(change.Armature(armature))
-
-    def with_scaled_links(self, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0) -> Arm:
-        """Return the arm with heavier or lighter links, each by a factor > 0, a scalar or (n,).
-
-        `mass` scales a link's density, and with it its rotational inertia, which `inertia` scales
-        further. Centres of mass stay; what is made is physically consistent if this arm is.
-        """
-        return self._changed(change.ScaledLinks(mass, inertia))
-
-    def with_changes(self, *changes: change.Change) -> Arm:
-        """Return the arm with several changes of `fpid_pin.arms.change`, made at once, in order."""
-        return self._changed(*changes)
-
-    def perturbed(
-        self,
-        rng: np.random.Generator,
-        mass: float = 0.2,
-        com: float = 0.0,
-        inertia: float = 0.0,
-        friction: float = 0.0,
-    ) -> Arm:
-        """Return an arm whose true parameters differ from this one's, at random.
-
-        Parameters
-        ----------
-        rng
-            Where chance comes from; the same state gives the same arm.
-        mass
-            Relative spread of each link's mass (and of its rotational inertia with it), in [0, 1).
-        com
-            Each centre of mass moves by up to this much along each axis [m].
-        inertia
-            Further relative spread of the rotational inertia about the centre of mass, in [0, 1).
-        friction
-            Relative spread of F_v and F_d per joint, in [0, 1].
-
-        Notes
-        -----
-        All spreads are uniform. Whatever is drawn is physically consistent if this arm is.
-        """
-        checks.instance("rng", rng, np.random.Generator, "a numpy.random.Generator")
-        for name, value in (("mass", mass), ("inertia", inertia), ("friction", friction)):
-            checks.number(name, value, low=0.0, high=1.0 if name == "friction" else 1.0 - 1e-9)
-        checks.number("com", com, low=0.0)
-        rows = perturbed_rows(self._spec.column("inertia"), rng, mass, com, inertia)
-        arm = self._changed(change.Inertias(rows))
-        if friction:
-            scale = rng.uniform(1.0 - friction, 1.0 + friction, (2, self.n))
-            viscous, dry = scale[0] * self.viscous_friction, scale[1] * self.dry_friction
-            arm = arm.with_friction(viscous, dry)
-        return arm
-
     def visual(self) -> tuple[Any, Any]:
         """Return (model, visual ``pinocchio.GeometryModel``) for a viewer, loaded on first use.
 
@@ -209,8 +113,8 @@ class Arm(RigidBody, ArmConstructors):
         if self._origin is None:
             # Changes are in its numbers.
             return {"kind": "model", **self._spec.table()}
-        changes = [item.table() for item in self._changes]
-        return {**self._origin, "changes": changes} if changes else dict(self._origin)
+        table = dict(self._origin)
+        return table | {"changes": list(self._changes)} if self._changes else table
 
     @classmethod
     def _assembled(cls, spec: ArmSpec, origin: Mapping[str, Any] | None = None) -> Self:
@@ -218,12 +122,10 @@ class Arm(RigidBody, ArmConstructors):
         require_regular(model, spec.name, spec.pose)
         return cls._of(spec, model, origin, ())
 
-    def _changed(self, *items: change.Change) -> Arm:
-        spec, model = self._spec, self.model.copy()
-        for item in items:
-            spec = item.apply(spec)
+    def _changed(self, spec: ArmSpec, change: Mapping[str, Any]) -> Self:
+        model = self.model.copy()
         spec.fill(model)
-        return self._of(spec, model, self._origin, (*self._changes, *items))
+        return self._of(spec, model, self._origin, (*self._changes, change))
 
     @classmethod
     def _of(
@@ -231,7 +133,7 @@ class Arm(RigidBody, ArmConstructors):
         spec: ArmSpec,
         model: Any,
         origin: Mapping[str, Any] | None,
-        changes: tuple[change.Change, ...],
+        changes: tuple[Mapping[str, Any], ...],
     ) -> Self:
         columns: dict[str, Any] = {
             name: checks.read_only(spec.column(key)) for name, key in _COLUMNS.items()

@@ -100,14 +100,14 @@ def require_physical(names: Sequence[str], rows: FloatArray, label: str) -> None
         )
 
 
-def impossible(rows: FloatArray) -> NDArray[np.bool_]:
+def impossible(rows: FloatArray, rounding: float = _ROUNDING) -> NDArray[np.bool_]:
     """Return which rows, (L, 10), have a rotational inertia that no body has, (L,)."""
     matrices = rows[:, _ENTRIES].reshape(-1, 3, 3)
     # To one scale: the largest doubles would overflow on the way to their eigenvalues.
     sizes = np.abs(matrices).max(axis=(1, 2))
     moments = np.linalg.eigvalsh(matrices / np.where(sizes > 0.0, sizes, 1.0)[:, None, None])
     low, middle, high = moments.T
-    bad = np.minimum(low, low + middle - high) < -_ROUNDING * high
+    bad = np.minimum(low, low + middle - high) < -rounding * high
     # Rounding makes no sign.
     return np.asarray(bad | (np.diagonal(matrices, axis1=1, axis2=2) < 0.0).any(axis=1))
 

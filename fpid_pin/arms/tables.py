@@ -19,7 +19,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from fpid_pin import checks
-from fpid_pin.arms import change
 from fpid_pin.arms.arm import Arm
 from fpid_pin.arms.spec import ArmSpec
 from fpid_pin.arms.tree import HoldError
@@ -71,9 +70,8 @@ def arm_of(table: Mapping[str, Any]) -> Arm:
             raise ArgumentError(f"arm.{key}", "a value", "none")
     changes = fields.get("changes", [])
     checks.instance("changes", changes, (list, tuple), "a list of tables")
-    items = [change.from_table(item, f"changes.{k}") for k, item in enumerate(changes)]
     arm = make(**{key: value for key, value in fields.items() if key != "changes"})
-    return arm.with_changes(*items) if items else arm
+    return arm.with_changes(*changes)
 
 
 def _from_table(kind: str, fields: Mapping[str, Any]) -> Arm:
