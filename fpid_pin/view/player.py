@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Callable, Sequence
@@ -79,49 +80,34 @@ def play(
     end = max(float(t[-1]) for t, *_ in motions)
     sent: list[float] = []
     with LiveLink(render(scene, title), port=port, announce=announce) as link:
-        try:
+        # Ctrl-C ends it.
+        with contextlib.suppress(KeyboardInterrupt):
             link.show(open_browser)
-            while not link.viewers:
-                _hear(link)
-                time.sleep(0.02)
-            began, halted = time.perf_counter(), None
-            while True:
-                keys = _hear(link)
-                if "q" in keys:
-                    break
-                if keys.count(" ") % 2:
-                    if halted is None:
-                        halted = time.perf_counter()
-                    else:
-                        began, halted = began + time.perf_counter() - halted, None
-                now = time.perf_counter() if halted is None else halted
-                t = speed * (now - began)
-                over = t > end
-                if loop and over and end > 0.0:
-                    t = math.fmod(t, end)
-                at = min(max(t, 0.0), end)
+            t, before, halted = 0.0, time.perf_counter(), False
+            while link.alive and t <= end:
                 start = time.perf_counter()
-                link.send(at, [_frame(motion, at) for motion in motions])
-                sent.append(time.perf_counter() - start)
-                if over and not loop:
-                    # The last frame is still on its way to the browser.
-                    time.sleep(_LINGER)
-                    break
+                link.send(t, [_frame(motion, t) for motion in motions])
+                now = time.perf_counter()
+                sent.append(now - start)
                 time.sleep(1.0 / fps)
-        except KeyboardInterrupt:
-            pass
+                keys = link.keys()
+                if "q" in keys:
+                    return sent
+                halted ^= bool(keys.count(" ") % 2)
+                # Playing begins when a browser looks at it.
+                if link.viewers and not halted:
+                    t += speed * (now - before)
+                    t = math.fmod(t, end) if loop and t > end > 0.0 else t
+                before = now
+            link.send(end, [_frame(motion, end) for motion in motions])
+            # The last frame is still on its way to the browser.
+            time.sleep(_LINGER)
+        if not link.alive:
+            raise FpidError("live view: its server was ended from outside")
     return sent
 
 
 def _frame(motion: tuple[FloatArray, ...], t: float) -> tuple[FloatArray, ...]:
     """Return q, q_ref and torque at `t`; a run that ended earlier stays where it was."""
-    times = motion[0]
-    k = min(int(np.searchsorted(times, t, side="right")) - 1, len(times) - 1)
+    k = min(int(np.searchsorted(motion[0], t, side="right")) - 1, len(motion[0]) - 1)
     return tuple(array[k] for array in motion[1:])
-
-
-def _hear(link: LiveLink) -> str:
-    keys = link.keys()
-    if not link.alive:
-        raise FpidError("live view: its server was ended from outside")
-    return keys

@@ -130,20 +130,19 @@ def keep_time(
 
 
 @contextlib.contextmanager
-def urgent(wanted: bool) -> Iterator[bool]:
+def urgent() -> Iterator[bool]:
     """Ask the system to run this process before others while the block lasts.
 
     Yields whether it does: that takes a system with real-time scheduling, and its permission.
     """
-    granted = False
-    if wanted:
-        with contextlib.suppress(OSError, AttributeError):
-            # Processes that we start meanwhile stay ordinary.
-            policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-            os.sched_setscheduler(0, policy, os.sched_param(10))
-            granted = True
     try:
-        yield granted
+        # Processes that we start meanwhile stay ordinary.
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(10))
+    except (OSError, AttributeError):
+        yield False
+        return
+    try:
+        yield True
     finally:
-        if granted:
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
