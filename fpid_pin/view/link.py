@@ -35,7 +35,7 @@ class LiveLink:
     Parameters
     ----------
     page
-        The page, from `fpid_pin.view.page.render`.
+        The page, from `fpid_pin.view.replay.render`.
     port
         First port to try on 127.0.0.1; None: 7000. Where it is in use the next free one is taken.
     announce
@@ -45,8 +45,8 @@ class LiveLink:
     ----------
     url, port
         Where the page is.
-    viewers
-        How many look at it.
+    served
+        How often the page was fetched.
     dropped
         Frames that were left out.
 
@@ -64,7 +64,7 @@ class LiveLink:
         asked = PORT if port is None else checks.integer("port", port, low=1, high=65535)
         self._announce = announce or _log.warning
         self._mention = announce or _log.info
-        self._keys, self.viewers, self.dropped = "", 0, 0
+        self._keys, self.served, self.dropped = "", 0, 0
         token, once = secrets.token_urlsafe(18), secrets.token_urlsafe(18)
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.REQ)
@@ -121,7 +121,7 @@ class LiveLink:
         """Take the server's answer, if there is one; return whether it is ready for a frame."""
         if self._waiting and self._socket.poll(0):
             count, _, keys = self._socket.recv().decode("utf-8", "replace").partition(" ")
-            self.viewers, self._keys, self._waiting = int(count), self._keys + keys, False
+            self.served, self._keys, self._waiting = int(count), self._keys + keys, False
         return not self._waiting
 
     def keys(self) -> str:

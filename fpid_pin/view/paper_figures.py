@@ -9,7 +9,7 @@ import numpy as np
 
 from fpid_pin.simulation.run import Run
 from fpid_pin.view import plots
-from fpid_pin.view.export import as_runs
+from fpid_pin.view.scene import as_runs
 from fpid_pin.view.panels import REFERENCE, has_gains, has_supervisor, lettered_names, limits_of
 from fpid_pin.view.style import lettering, new_figure, styled, thinned
 

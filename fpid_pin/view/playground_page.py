@@ -22,7 +22,7 @@ from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
 from fpid_pin.view.document import as_text, asset, closed, document
-from fpid_pin.view.page import licences, meshcat_file
+from fpid_pin.view.replay import licences, meshcat_file
 from fpid_pin.view.playground_engine import Engine
 from fpid_pin.view.playground_law import Law, supervisor_of
 from fpid_pin.view.playground_presets import presets
@@ -37,8 +37,8 @@ _SIGNALS = {
     "u_s": "torque of the supervisor [N m]",
 }  # fmt: skip
 _SCRIPTS = (
-    "playground_settings", "playground_plots", "playground_scene", "bodies", "playground_controls",
-    "playground",
+    "bodies", "stage", "playground_settings", "playground_plots", "playground_scene",
+    "playground_controls", "playground",
 )  # fmt: skip
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.run import Run
-from fpid_pin.view.export import as_runs
 from fpid_pin.view.palette import colour
 from fpid_pin.view.panels import (
     GAIN_UNITS,
@@ -36,7 +35,7 @@ from fpid_pin.view.panels import (
     threshold_of,
 )
 from fpid_pin.view.ranking import heat_map
-from fpid_pin.view.scene import captions_of
+from fpid_pin.view.scene import as_runs, captions_of
 from fpid_pin.view.searches import convergence, cost_map, profile
 from fpid_pin.view.style import figure_bytes, lettering, new_figure, save_figure, styled
 

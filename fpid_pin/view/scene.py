@@ -70,6 +70,11 @@ def sample_run(run: Run, fps: float) -> tuple[FloatArray, FloatArray, FloatArray
     return times, q, q_ref, run.torque[held]
 
 
+def as_runs(runs: Run | Sequence[Run]) -> list[Run]:
+    """Return a list whether one run or several are given."""
+    return list(runs) if isinstance(runs, Sequence) else [runs]
+
+
 def captions_of(runs: Sequence[Run], captions: Sequence[str] | None) -> list[str]:
     """Return one caption a run: those given, else the runs' names, told apart by number."""
     if captions is not None:

@@ -2,8 +2,8 @@
 
 Run as a script by `fpid_pin.view.link`. Messages come through meshcat's ZeroMQ socket. The first is
 the token that admits a viewer, an address that is good for one redirection, and the page; its answer
-is the port. All others are frames; the answer is the number of viewers and the keys pressed since
-the last frame.
+is the port. All others are frames; the answer says how often the page was fetched, and which keys
+were pressed since the last frame.
 """
 
 from __future__ import annotations
@@ -77,9 +77,10 @@ class Page(tornado.web.RequestHandler):
         if not self.bridge.token or not hmac.compare_digest(shown, self.bridge.token):
             raise tornado.web.HTTPError(403)
 
-    def get(self, token: str) -> None:
-        """Send the page."""
-        self.finish(self.bridge.page)
+    async def get(self, token: str) -> None:
+        """Send the page, and count it once it has been sent."""
+        await self.finish(self.bridge.page)
+        self.bridge.served += 1
 
     def write_error(self, status_code: int, **kwargs: Any) -> None:
         """End with the status alone."""
@@ -108,7 +109,7 @@ class Viewer(WebSocketHandler, Page):  # type: ignore[misc]
 class Bridge(ZMQWebSocketBridge):  # type: ignore[misc]
     """Meshcat's server with a page of ours, and keys as the answer to a frame."""
 
-    token, once, page, keys = b"", b"", b"", ""
+    token, once, page, keys, served = b"", b"", b"", "", 0
 
     def make_app(self) -> LocalApplication:
         """Serve the page and its stream; names that merely resolve to this machine get nothing."""
@@ -128,7 +129,7 @@ class Bridge(ZMQWebSocketBridge):  # type: ignore[misc]
             self.zmq_socket.send(str(self.app.port).encode())
             return
         # The answer comes first: a viewer that has just gone must not keep the loop from it.
-        self.zmq_socket.send(f"{len(self.websocket_pool)} {self.keys}".encode())
+        self.zmq_socket.send(f"{self.served} {self.keys}".encode())
         self.keys = ""
         self.forward_to_websockets((b"", b"", frames[0]))
 

@@ -1,6 +1,8 @@
 "use strict";
 // Solids, arms, tubes and arcs for three.js (which meshcat brings along).
 const THREE = MeshCat.THREE;
+// The colour of where an arm should be.
+const GHOST = [0.0, 0.62, 0.45];
 
 const BUFFERS = SCENE.buffers.map(({type, data}) => {
   const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
@@ -76,6 +78,11 @@ function solidGeometry(shape) {
 
 const GEOMETRIES = SCENE.arms.map((arm) => arm.shapes.map(solidGeometry));
 
+function placed(thing, matrix) {
+  new THREE.Matrix4().fromArray(matrix).decompose(thing.position, thing.quaternion, thing.scale);
+  return thing;
+}
+
 // One arm in the scene; ghost: in one translucent colour.
 class ArmBody {
   constructor(kind, parent, ghost) {
@@ -86,10 +93,7 @@ class ArmBody {
     this.frames = [];
     let above = this.root;
     for (const joint of this.table.joints) {
-      const frame = new THREE.Group();
-      new THREE.Matrix4().fromArray(joint.placement)
-        .decompose(frame.position, frame.quaternion, frame.scale);
-      const turn = new THREE.Group();
+      const frame = placed(new THREE.Group(), joint.placement), turn = new THREE.Group();
       frame.add(turn);
       above.add(frame);
       this.frames.push(frame);
@@ -107,9 +111,7 @@ class ArmBody {
         polygonOffset: ghost, polygonOffsetFactor: 2, polygonOffsetUnits: 1500,
         depthWrite: !ghost,
       });
-      const mesh = new THREE.Mesh(GEOMETRIES[kind][i], material);
-      new THREE.Matrix4().fromArray(shape.placement)
-        .decompose(mesh.position, mesh.quaternion, mesh.scale);
+      const mesh = placed(new THREE.Mesh(GEOMETRIES[kind][i], material), shape.placement);
       (shape.joint < 0 ? this.root : this.turns[shape.joint][0]).add(mesh);
     });
   }
@@ -134,9 +136,43 @@ class ArmBody {
     place.multiply(turn.fromArray(at.placement));
     return new THREE.Vector3().setFromMatrixPosition(place);
   }
+
+  // The tool's path through rows of q, and the row of each point; what is nearer than a thousandth
+  // of the arm to the point before is left out.
+  path(q) {
+    const n = this.turns.length, points = [], rows = [];
+    for (let k = 0; (k + 1) * n <= q.length; k++) {
+      const at = this.tool(q.subarray(k * n, (k + 1) * n)), last = points[points.length - 1];
+      if (!Number.isFinite(at.lengthSq()) || (last && at.distanceTo(last) < 1e-3 * SCENE.reach)) continue;
+      points.push(at);
+      rows.push(k);
+    }
+    return {points, rows};
+  }
 }
 
 const SIDES = 6;
+
+// A line through points as three.js lays a tube along it.
+class Polyline extends THREE.Curve {
+  constructor(points) {
+    super();
+    this.points = points;
+  }
+
+  at(i) {
+    return this.points[Math.min(Math.max(i, 0), this.points.length - 1)];
+  }
+
+  getPointAt(u, target = new THREE.Vector3()) {
+    return target.copy(this.at(Math.round(u * (this.points.length - 1))));
+  }
+
+  getTangentAt(u, target = new THREE.Vector3()) {
+    const i = Math.round(u * (this.points.length - 1));
+    return target.subVectors(this.at(i + 1), this.at(i - 1)).normalize();
+  }
+}
 
 // A tube through points, drawn up to any of them: WebGL lines are one pixel wide.
 class Tube {
@@ -151,34 +187,9 @@ class Tube {
   }
 
   set(points) {
-    const n = points.length, position = new Float32Array(3 * SIDES * n);
-    const index = new Uint32Array(6 * SIDES * Math.max(n - 1, 0));
-    const tangent = new THREE.Vector3(), normal = new THREE.Vector3(1, 0.3, 0.2);
-    const side = new THREE.Vector3(), step = new THREE.Vector3();
-    for (let i = 0; i < n; i++) {
-      step.subVectors(points[Math.min(i + 1, n - 1)], points[Math.max(i - 1, 0)]);
-      if (step.lengthSq() > 1e-16) tangent.copy(step).normalize();
-      normal.addScaledVector(tangent, -normal.dot(tangent));
-      if (normal.lengthSq() < 1e-8) normal.set(tangent.y, tangent.z, -tangent.x);
-      normal.addScaledVector(tangent, -normal.dot(tangent)).normalize();
-      side.crossVectors(tangent, normal);
-      for (let s = 0; s < SIDES; s++) {
-        const angle = (2 * Math.PI * s) / SIDES, k = 3 * (SIDES * i + s);
-        const c = this.radius * Math.cos(angle), d = this.radius * Math.sin(angle);
-        position[k] = points[i].x + c * normal.x + d * side.x;
-        position[k + 1] = points[i].y + c * normal.y + d * side.y;
-        position[k + 2] = points[i].z + c * normal.z + d * side.z;
-        if (i + 1 < n) {
-          const a = SIDES * i + s, b = SIDES * i + ((s + 1) % SIDES);
-          index.set([a, b, a + SIDES, b, b + SIDES, a + SIDES], 6 * a);
-        }
-      }
-    }
-    const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
-    geometry.setIndex(new THREE.BufferAttribute(index, 1));
     this.mesh.geometry.dispose();
-    this.mesh.geometry = geometry;
+    this.mesh.geometry = points.length < 2 ? new THREE.BufferGeometry()
+      : new THREE.TubeGeometry(new Polyline(points), points.length - 1, this.radius, SIDES);
     return this;
   }
 
