@@ -21,8 +21,8 @@ from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.view.camera import stage
 from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.replay import render
 from fpid_pin.view.realtime import Timing, keep_time, urgent
+from fpid_pin.view.replay import render
 from fpid_pin.view.scene import live_scene
 
 HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"

@@ -22,10 +22,10 @@ from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.camera import stage
 from fpid_pin.view.document import as_text, asset, closed, document
-from fpid_pin.view.replay import licences, meshcat_file
 from fpid_pin.view.playground_engine import Engine
 from fpid_pin.view.playground_law import Law, supervisor_of
 from fpid_pin.view.playground_presets import presets
+from fpid_pin.view.replay import licences, meshcat_file
 from fpid_pin.view.scene import still_scene, to_script_json
 
 #: Points of a curve: two for each of so many spans of time.

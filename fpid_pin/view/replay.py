@@ -152,14 +152,16 @@ def play(
         The server did not start, or was ended by someone else.
     """
     page = replay_html(runs, captions=captions, fps=fps)
-    with LiveLink(page, port=port, announce=announce) as link:
-        with contextlib.suppress(KeyboardInterrupt):
-            link.show(open_browser)
-            while not link.served:
-                link.send(0.0, [])
-                time.sleep(0.05)
-                if not link.alive:
-                    raise FpidError("live view: its server was ended from outside")
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        LiveLink(page, port=port, announce=announce) as link,
+    ):
+        link.show(open_browser)
+        while not link.served:
+            link.send(0.0, [])
+            time.sleep(0.05)
+            if not link.alive:
+                raise FpidError("live view: its server was ended from outside")
 
 
 class Replay:

@@ -222,26 +222,21 @@ def _arm_table(arm: Arm, buffers: Buffers) -> dict[str, Any]:
 
 
 def _shape_table(shape: Shape, buffers: Buffers) -> dict[str, Any]:
-    table: dict[str, Any] = {
+    # 16 bits over the shape's own box: 8 um on a link of half a metre, at half the size.
+    low = shape.vertices.min(axis=0)
+    scale = np.maximum(shape.vertices.max(axis=0) - low, 1e-9) / _STEPS
+    grid = np.rint((shape.vertices - low) / scale).astype(np.uint16)
+    return {
         "joint": shape.joint,
         "placement": _column_major(shape.placement),
-        "kind": shape.kind,
-        "size": list(shape.size),
         "colour": list(shape.colour),
+        "low": low.tolist(),
+        "scale": scale.tolist(),
+        "vertices": buffers.add(grid),
+        "triangles": buffers.add(
+            shape.triangles.astype(np.uint16 if len(grid) <= _STEPS else np.uint32)
+        ),
     }
-    if shape.vertices is not None and shape.triangles is not None:
-        # 16 bits over the mesh's own box: 8 um on a link of half a metre, at half the size.
-        low = shape.vertices.min(axis=0)
-        scale = np.maximum(shape.vertices.max(axis=0) - low, 1e-9) / _STEPS
-        grid = np.rint((shape.vertices - low) / scale).astype(np.uint16)
-        index = np.uint16 if len(grid) <= _STEPS else np.uint32
-        table |= {
-            "low": low.tolist(),
-            "scale": scale.tolist(),
-            "vertices": buffers.add(grid),
-            "triangles": buffers.add(shape.triangles.astype(index)),
-        }
-    return table
 
 
 def _column_major(matrix: NDArray[Any]) -> list[float]:

@@ -1,9 +1,9 @@
-"""The live page's server: meshcat's own, on 127.0.0.1 alone, in a process that ends with its parent.
+"""The live page's server: meshcat's own, on 127.0.0.1 alone, in a process of its own.
 
 Run as a script by `fpid_pin.view.link`. Messages come through meshcat's ZeroMQ socket. The first is
-the token that admits a viewer, an address that is good for one redirection, and the page; its answer
-is the port. All others are frames; the answer says how often the page was fetched, and which keys
-were pressed since the last frame.
+the token that admits a viewer, an address that is good for one redirection, and the page; its
+answer is the port. All others are frames; the answer says how often the page was fetched, and which
+keys were pressed since the last frame.
 """
 
 from __future__ import annotations
@@ -53,14 +53,10 @@ class LocalApplication(tornado.web.Application):
         return server
 
 
-class Page(tornado.web.RequestHandler):
-    """The page, for those who know the token; everybody else gets 403 and nothing more."""
+class Gate(tornado.web.RequestHandler):
+    """Refuses who does not know the token, with 403 and nothing more."""
 
     bridge: Bridge
-
-    def initialize(self, bridge: Bridge) -> None:
-        """Keep whose page it is."""
-        self.bridge = bridge
 
     def set_default_headers(self) -> None:
         """Say on every answer how a browser is to treat it."""
@@ -77,21 +73,26 @@ class Page(tornado.web.RequestHandler):
         if not self.bridge.token or not hmac.compare_digest(shown, self.bridge.token):
             raise tornado.web.HTTPError(403)
 
-    async def get(self, token: str) -> None:
-        """Send the page, and count it once it has been sent."""
-        await self.finish(self.bridge.page)
-        self.bridge.served += 1
-
     def write_error(self, status_code: int, **kwargs: Any) -> None:
         """End with the status alone."""
         self.finish()
 
 
-class Viewer(WebSocketHandler, Page):  # type: ignore[misc]
-    """Meshcat's stream to a browser, and the keys pressed there."""
+class Page(Gate):
+    """The page itself."""
 
-    def initialize(self) -> None:
-        """Meshcat's handler has kept the bridge."""
+    def initialize(self, bridge: Bridge) -> None:
+        """Keep whose page it is."""
+        self.bridge = bridge
+
+    async def get(self, token: str) -> None:
+        """Send the page, and count it once it has been sent."""
+        await self.finish(self.bridge.page)
+        self.bridge.served += 1
+
+
+class Viewer(WebSocketHandler, Gate):  # type: ignore[misc]
+    """Meshcat's stream to a browser, and the keys pressed there."""
 
     def open(self, token: str) -> None:
         """Note a new viewer."""

@@ -14,8 +14,8 @@ from fpid_pin.view import export_html, report_html
 from fpid_pin.view.camera import stage
 from fpid_pin.view.document import document
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.replay import render
 from fpid_pin.view.playground_page import playground_html
+from fpid_pin.view.replay import render
 from fpid_pin.view.scene import live_scene
 
 META = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')

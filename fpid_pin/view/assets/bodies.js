@@ -52,31 +52,7 @@ function meshGeometry({low, scale, vertices, triangles}) {
   return geometry;
 }
 
-function solidGeometry(shape) {
-  const [a, b, c] = shape.size;
-  // three.js draws round solids along y, robot files along z.
-  const upright = (geometry) => geometry.rotateX(Math.PI / 2);
-  switch (shape.kind) {
-    case "mesh": return meshGeometry(shape);
-    case "box": return new THREE.BoxGeometry(a, b, c);
-    case "sphere": return new THREE.SphereGeometry(a, 32, 24);
-    case "ellipsoid": return new THREE.SphereGeometry(1, 32, 24).scale(a, b, c);
-    case "cylinder": return upright(new THREE.CylinderGeometry(a, a, b, 40));
-    case "cone": return upright(new THREE.ConeGeometry(a, b, 40));
-    case "capsule": {
-      const profile = [];
-      for (let i = 0; i <= 24; i++) {
-        const angle = -Math.PI / 2 + (Math.PI * i) / 24;
-        const y = a * Math.sin(angle) + (i <= 12 ? -b / 2 : b / 2);
-        profile.push(new THREE.Vector2(Math.max(a * Math.cos(angle), 0), y));
-      }
-      return upright(new THREE.LatheGeometry(profile, 32));
-    }
-  }
-  throw new Error(`unknown shape ${shape.kind}`);
-}
-
-const GEOMETRIES = SCENE.arms.map((arm) => arm.shapes.map(solidGeometry));
+const GEOMETRIES = SCENE.arms.map((arm) => arm.shapes.map(meshGeometry));
 
 function placed(thing, matrix) {
   new THREE.Matrix4().fromArray(matrix).decompose(thing.position, thing.quaternion, thing.scale);
