@@ -18,12 +18,11 @@ from fpid_pin.exceptions import SimulationError
 from fpid_pin.simulation.engine import Simulation
 from fpid_pin.simulation.entry import warm
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.view.camera import stage
 from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink
 from fpid_pin.view.realtime import Timing, keep_time, urgent
 from fpid_pin.view.replay import render
-from fpid_pin.view.scene import live_scene
+from fpid_pin.view.scene import experiment_scene
 
 HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"
 _PUSH_TIME = 0.2
@@ -176,7 +175,9 @@ def live(
     with contextlib.ExitStack() as stack:
         link: LiveLink | None = None
         if view:
-            page = _page(experiment, str(getattr(controller, "name", "") or "live"))
+            title = controller.name or "live"
+            scene = experiment_scene(experiment, title, _PREVIEW) | {"live": True}
+            page = render(scene, title)
             link = stack.enter_context(LiveLink(page, port=port, announce=announce))
         keyboard = stack.enter_context(Keyboard())
 
@@ -203,10 +204,3 @@ def live(
         pushes=tuple(hands.pushes), q=robot.q.copy(), q_ref=simulation.q_ref.copy(),
         fault=str(robot.outcome or ""),
     )  # fmt: skip
-
-
-def _page(experiment: Experiment, title: str) -> str:
-    motion = experiment.motion(np.linspace(0.0, _PREVIEW, 200))[0]
-    motion = np.concatenate([np.asarray(experiment.q0).reshape(1, -1), motion])
-    arms = [experiment.arm]
-    return render(live_scene(arms, [title], stage(arms, [motion])), title)

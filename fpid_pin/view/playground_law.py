@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -91,6 +91,11 @@ class Law:
         self.settings: dict[str, Any] = {}
         self.moves: dict[str, list[Any]] = {}
         self._find_settings()
+
+    @property
+    def operators(self) -> Mapping[str, Any]:
+        """The law's operators, by their outputs."""
+        return self.state.controller.operators
 
     @property
     def functions(self) -> tuple[Any, ...]:

@@ -21,6 +21,7 @@ from fpid_pin.view.palette import colour
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of, tool_placement
 
 if TYPE_CHECKING:
+    from fpid_pin.simulation.experiment import Experiment
     from fpid_pin.simulation.run import Run
 
 _CODES = {"float32": "f4", "uint16": "u2", "uint32": "u4"}
@@ -128,7 +129,7 @@ def replay_scene(
             raise ArgumentError("run", "finite angles", f"NaN or inf in {text!r}")
     samples = [sample_run(run, fps) for run in runs]
     arms = [run.arm for run in runs]
-    cast = _Cast(arms)
+    cast = SceneArms(arms)
     table = []
     for name, members in (groups or {"": range(len(runs))}).items():
         chosen = [samples[k] for k in members]
@@ -145,18 +146,16 @@ def replay_scene(
     return {"shown": 0, "groups": table, "live": False, **cast.table()}
 
 
-def live_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
-    """Return the table of a scene whose motion arrives frame by frame."""
-    return {"live": True, **still_scene(arms, captions, place)}
+def experiment_scene(experiment: Experiment, caption: str, span: float) -> dict[str, Any]:
+    """Return a scene without motion: an experiment's arm, with room for `span` [s] of it."""
+    arm = experiment.arm
+    motion = experiment.motion(np.linspace(0.0, span, 240))[0]
+    motion = np.concatenate([np.asarray(experiment.q0).reshape(1, -1), motion])
+    arms = SceneArms([arm])
+    return arms.group([arm], [caption], stage([arm], [motion])) | arms.table()
 
 
-def still_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
-    """Return everything but the motion."""
-    cast = _Cast(arms)
-    return cast.group(arms, captions, place) | cast.table()
-
-
-class _Cast:
+class SceneArms:
     """The arms of a scene; those that are equal are described once."""
 
     def __init__(self, arms: Sequence[Arm]) -> None:

@@ -105,7 +105,7 @@ class Page:
         if shutil.which("node") is None:
             pytest.skip("no node")
         text = playground_html(job, laws)
-        tables = re.search(r"const SCENE = .*?;(?=\n|</script>)", text, re.DOTALL).group()
+        tables = "\n".join(re.findall(r"<script>(const (?:ENGINE|PAGE) = \{.*?\};)</script>", text))
         engine = re.search(r'id="engine">(.*?)</script>', text, re.DOTALL).group(1)
         self.table = json.loads(re.search(r"PAGE = (\{.*\});", tables, re.DOTALL).group(1))
         self.folder, self.script = folder, folder / "page.js"
