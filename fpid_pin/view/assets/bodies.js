@@ -14,40 +14,23 @@ const BUFFERS = SCENE.buffers.map(({type, data}) => {
 const CREASE = Math.cos((40 * Math.PI) / 180);
 
 function meshGeometry({low, scale, vertices, triangles}) {
-  const grid = BUFFERS[vertices], index = BUFFERS[triangles], faces = index.length / 3;
-  const points = new Float32Array(grid.length);
-  for (let i = 0; i < grid.length; i++) points[i] = low[i % 3] + scale[i % 3] * grid[i];
-  const face = new Float32Array(3 * faces), size = new Float32Array(faces);
-  const first = new Uint32Array(grid.length / 3 + 1);
-  for (let f = 0; f < faces; f++) {
-    const [a, b, c] = [3 * index[3 * f], 3 * index[3 * f + 1], 3 * index[3 * f + 2]];
-    const u = [0, 1, 2].map((k) => points[b + k] - points[a + k]);
-    const v = [0, 1, 2].map((k) => points[c + k] - points[a + k]);
-    const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    size[f] = Math.hypot(...n);
-    for (let k = 0; k < 3; k++) {
-      face[3 * f + k] = size[f] > 0 ? n[k] / size[f] : 0;
-      first[index[3 * f + k] + 1]++;
-    }
-  }
-  for (let i = 1; i < first.length; i++) first[i] += first[i - 1];
-  const around = new Uint32Array(index.length), next = first.slice();
-  for (let i = 0; i < index.length; i++) around[next[index[i]]++] = Math.floor(i / 3);
-  const position = new Float32Array(3 * index.length), normal = new Float32Array(3 * index.length);
-  for (let i = 0; i < index.length; i++) {
-    const own = 3 * Math.floor(i / 3), corner = index[i];
-    for (let k = 0; k < 3; k++) position[3 * i + k] = points[3 * corner + k];
-    for (let j = first[corner]; j < first[corner + 1]; j++) {
-      const other = 3 * around[j];
-      const cosine = face[own] * face[other] + face[own + 1] * face[other + 1]
-        + face[own + 2] * face[other + 2];
-      if (cosine < CREASE) continue;
-      for (let k = 0; k < 3; k++) normal[3 * i + k] += size[around[j]] * face[other + k];
-    }
-  }
+  const grid = BUFFERS[vertices], index = BUFFERS[triangles];
+  const position = Float32Array.from({length: 3 * index.length}, (_, i) =>
+    low[i % 3] + scale[i % 3] * grid[3 * index[Math.floor(i / 3)] + (i % 3)]);
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
-  geometry.setAttribute("normal", new THREE.BufferAttribute(normal, 3));
+  // Each face's own normals, at each of its corners.
+  geometry.computeVertexNormals();
+  const smooth = geometry.attributes.normal.array, own = smooth.slice();
+  const corners = Array.from({length: grid.length / 3}, () => []);
+  index.forEach((vertex, i) => corners[vertex].push(3 * i));
+  index.forEach((vertex, i) => {
+    const [x, y, z] = own.subarray(3 * i, 3 * i + 3);
+    for (const j of corners[vertex]) {
+      if (j === 3 * i || x * own[j] + y * own[j + 1] + z * own[j + 2] < CREASE) continue;
+      for (let k = 0; k < 3; k++) smooth[3 * i + k] += own[j + k];
+    }
+  });
   geometry.normalizeNormals();
   return geometry;
 }

@@ -96,7 +96,6 @@ class Slider {
     this.number.placeholder = alike ? "" : "mixed";
     this.range.setAttribute("aria-valuetext", alike
       ? `${text}${this.factor ? " described" : ` ${this.control.unit}`}` : "each joint has its own");
-    this.range.style.setProperty("--at", `${100 * Math.min(Math.max(at, 0), 1)}%`);
     this.row.classList.toggle("changed", !same(model.now[this.key], PAGE.start[this.key]));
   }
 }

@@ -143,12 +143,10 @@ class RunView {
 }
 
 const views = SCENE.runs.map((table, i) => new RunView(table, i));
-const limited = views.some((view) => view.joints.some((joint) => joint.limit !== null));
-const unlimited = views.some((view) => view.joints.some((joint) => joint.limit === null));
+const limits = views.flatMap(({joints}) => joints.map(({limit}) => limit !== null));
+const full = [...new Set(limits)].map((known) => (known ? "at the limit" : "at the largest seen"));
 element("legend").textContent = "Green, translucent: where the arm should be, and its tool's path. "
-  + "Arcs and bars: joint torque"
-  + (limited ? ", full at the limit" : "")
-  + (unlimited ? `${limited ? " or, where none is given," : ", full"} at the largest seen` : "") + ".";
+  + `Arcs and bars: joint torque, full ${full.join(" or, where there is none, ")}.`;
 if (window.innerWidth < 600 || window.innerHeight < 420) {
   element("panel").open = false;
   viewer.gui.width = 130;
@@ -168,9 +166,6 @@ stage.frame();
 element("panel").addEventListener("toggle", () => stage.frame());
 
 const clock = {seek: element("seek"), play: element("play"), time: element("time")};
-function tell(t, whole) {
-  clock.time.textContent = `t = ${t.toFixed(2)} s` + (whole ? ` of ${whole.toFixed(1)} s` : "");
-}
 const draw = viewer.render.bind(viewer);
 
 if (!SCENE.live) {
@@ -186,7 +181,7 @@ if (!SCENE.live) {
     const t = Math.min(animator.time, duration);
     views.forEach((view) => view.at(t));
     if (document.activeElement !== clock.seek || animator.playing) clock.seek.value = t;
-    tell(t, duration);
+    clock.time.textContent = `t = ${t.toFixed(2)} s of ${duration.toFixed(1)} s`;
     if (shown !== animator.playing) clock.play.textContent = animator.playing ? "Pause" : "Play";
     shown = animator.playing;
     draw();
@@ -232,7 +227,7 @@ if (!SCENE.live) {
   viewer.render = () => {
     if (news) view.show(...news);
     view.drawPaths();
-    tell(time);
+    clock.time.textContent = `t = ${time.toFixed(2)} s`;
     draw();
   };
   document.addEventListener("keydown", (event) => {
