@@ -212,6 +212,8 @@ class Law:
         """Return what the page needs of it."""
         law, s = self.controller, supervisor_of(e, self.controller)
         names = list(self.state.record.names)
+        constants = dataclasses.replace(s, lookahead=None).constants(self._step)
+        constants = {name: float(x) for name, x in constants.items() if np.isfinite(x)}
         operators = [
             {
                 "order": names.index(x.order) if isinstance(x.order, str) else -1,
@@ -229,12 +231,9 @@ class Law:
             "kick": getattr(law, "initialisation", "") == "grunwald_letnikov",
             "observer": law.observer,
             "supervisor": {
-                "kind": s.kind, "p11": s.p[0, 0], "p12": s.p[0, 1], "p22": s.p[1, 1],
-                "k0": s.k0, "k1": s.k1, "reference_bound": s.reference_bound,
-                "half_smallest": 0.5 * float(np.linalg.eigvalsh(s.p)[0]),
-                "layer": s.boundary_layer, "own_gravity": int(s.gravity_bound is None),
-                "lookahead": s.lookahead or 0.0, "target": s.target, "trigger": s.trigger,
-                "observer": s.observer, "bound": s.bound(e.arm.n).tolist(),
+                "kind": s.kind, "m_x": s.m_x, "reference_bound": s.reference_bound,
+                "lookahead": s.lookahead or 0.0, "observer": s.observer,
+                "bound": s.bound(e.arm.n).tolist(), "constants": constants,
             },
         }  # fmt: skip
 

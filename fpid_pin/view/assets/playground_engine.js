@@ -100,14 +100,13 @@ function setAssistance(S, law) {
   robot({h: S.step, observes: bandwidth > 0, l1: 1 - pole * pole, l2: (1 - pole) * (1 - pole) / S.step,
     supervised: S.supervised});
   if (!S.supervised) return;
-  const size = S.m_x - s.reference_bound, most = s.half_smallest * (size * size);
-  const {p11, p12, p22, k0, k1, layer, own_gravity} = s;
-  robot({p11, p12, p22, k0, k1, [s.kind]: true});
-  if (s.kind === "paper") robot({threshold: most, layer, own_gravity});
-  else {
-    robot({lookahead: Math.max(s.lookahead, S.step), target: s.target * most,
-      trigger: s.trigger * most});
+  // Those of V are in proportion to the square of what M_x leaves beside the reference.
+  const size = ((S.m_x - s.reference_bound) / (s.m_x - s.reference_bound)) ** 2;
+  robot({...s.constants, [s.kind]: true});
+  for (const name of ["threshold", "target", "trigger"]) {
+    if (name in s.constants) robot({[name]: size * s.constants[name]});
   }
+  if (s.kind === "sampled") robot({lookahead: Math.max(s.lookahead, S.step)});
   s.bound.forEach((bound, j) => { M[numberOf(j, law.fields.bound)] = bound; });
 }
 
