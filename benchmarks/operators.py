@@ -72,7 +72,7 @@ def whole(function: Callable[[], np.ndarray], samples: int) -> Result:
     return out, (time.perf_counter() - begin) / samples
 
 
-def ours(quick: bool) -> dict[str, Callable[..., Result]]:
+def ours() -> dict[str, Callable[..., Result]]:
     """Return our methods: name -> method(f, df, functions, order, times)."""
     designs: list[tuple[str, fr.Design, bool]] = [
         ("24 modes", fr.ExponentialSum(24), True),
@@ -82,12 +82,6 @@ def ours(quick: bool) -> dict[str, Callable[..., Result]]:
         ("CRONE N = 5", fr.Crone(1e-2, 1e3, 5), True),
         ("CRONE N = 10, 2 decades wider", fr.Crone(1e-2, 1e3, 10, 2.0), True),
     ]
-    if not quick:
-        designs += [
-            ("L1, whole past, streamed", fr.L1(), False),
-            ("GL, whole past, streamed", fr.GrunwaldLetnikov(), False),
-            ("GL, last second, streamed", fr.GrunwaldLetnikov(memory=1.0), False),
-        ]
     methods: dict[str, Callable[..., Result]] = {}
     for name, design, known in designs:
         methods["fpid_pin " + name] = lambda f, df, _, order, __, d=design, k=known: streamed(
@@ -192,7 +186,7 @@ def accuracy_and_cost(quick: bool) -> tuple[list[str], dict[str, tuple[float, fl
     head = ["method", *SIGNALS, "us a sample"]
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     points: dict[str, tuple[float, float]] = {}
-    for name, method in (ours(quick) | peers(quick)).items():
+    for name, method in (ours() | peers(quick)).items():
         cells, costs, worst = [], [], 0.0
         for signal, (function, rate) in SIGNALS.items():
             largest = 0.0

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin.arms.bodies import bodies_of
-from fpid_pin.control.order_changes import NODES
+from fpid_pin.control.state import NODES
 from fpid_pin.export.javascript import HELPERS, JavaScript
 from fpid_pin.export.kinds import INT, Array, Kind, bundle, real, words
 from fpid_pin.export.law import INPUTS, stand_ins
