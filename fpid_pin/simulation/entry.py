@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any, overload
 
@@ -109,7 +109,9 @@ def simulate(
         A joint whose effort limit is lower than gravity at the start pose.
     """
     experiments, controllers = pair(experiment, controller)
-    _require_room(experiments)
+    size = sum(e.rows * (1 + _NUMBERS * e.arm.n) * 8.0 for e in experiments)
+    what = f"{len(experiments)} runs" if len(experiments) > 1 else "a run"
+    require_memory("duration", f"{what} of {max(e.rows for e in experiments):.3g} rows", size)
     distinct = {id(e): e for e in experiments}
     for line in dict.fromkeys(line for e in distinct.values() for line in overloaded_joints(e)):
         warnings.warn(line, FpidWarning, stacklevel=2)
@@ -121,14 +123,6 @@ def simulate(
     return runs[0] if single else runs
 
 
-def _require_room(experiments: Sequence[Experiment]) -> None:
-    """Refuse a record that would not fit into memory."""
-    size = sum(e.rows * (1 + _NUMBERS * e.arm.n) * 8.0 for e in experiments)
-    longest = max(e.rows for e in experiments)
-    what = f"{len(experiments)} runs" if len(experiments) > 1 else "a run"
-    require_memory("duration", f"{what} of {longest:.3g} rows", size)
-
-
 def evaluate(
     experiments: Experiment | Sequence[Experiment],
     controllers: Controller | Sequence[Controller],
@@ -136,7 +130,6 @@ def evaluate(
     *,
     executor: Executor | None = None,
     workers: int | None = None,
-    shards: int | None = None,
     progress: ProgressCallback | None = None,
 ) -> FloatArray:
     """Simulate and keep only the cost; memory does not depend on the horizon.
@@ -148,12 +141,10 @@ def evaluate(
     cost
         One cost gives (runs,), a sequence gives (runs, costs); None: eq. (33).
     executor
-        Any `concurrent.futures.Executor`; the runs are dealt out to it. The result is the same to
-        the last bit.
+        Any `concurrent.futures.Executor`; the runs are dealt out to it in parts of at most 64. The
+        result is the same to the last bit.
     workers
         In place of an executor: threads for compiled laws and dynamics, else processes.
-    shards
-        Number of parts for the executor; None: parts of at most 64 runs, one a worker at least.
     progress
         As for `simulate`.
 
@@ -172,63 +163,52 @@ def evaluate(
         [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
     )
     with executor_of(executor, workers, es, cs) as pool:
-        if pool is None:
-            table = _one_by_one(es, cs, costs, progress)
-        else:
+        if pool is not None:
             warm(es, cs)
-            table = _dealt_out(es, cs, costs, pool, shards, progress)
+        table = np.concatenate(list(_parts(es, cs, costs, pool, progress)))
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
 
-def _one_by_one(
-    es: list[Experiment], cs: list[Controller], costs: list[Cost], progress: ProgressCallback | None
-) -> FloatArray:
-    """Return the costs of runs, (runs, costs), simulated in this process part by part."""
+def _parts(
+    es: list[Experiment], cs: list[Controller], costs: list[Cost], pool: Executor | None,
+    progress: ProgressCallback | None,
+) -> Iterator[FloatArray]:  # fmt: skip
+    """Yield the costs of runs, a part after another; one whose worker died is sent once more."""
     # Imported late: it loads numba.
     from fpid_pin.simulation.batch import costs_of
 
-    pieces = []
-    for start in range(0, len(es), PART):
-        part = slice(start, start + PART)
-
-        def overall(inner: Progress, start: int = start, size: int = len(es[part])) -> None:
-            if progress is not None:
-                progress(Progress((start + inner.part * size) / len(es)))
-
-        pieces.append(costs_of(es[part], cs[part], costs, overall))
-    return np.concatenate(pieces)
-
-
-def _dealt_out(
-    es: list[Experiment], cs: list[Controller], costs: list[Cost], pool: Executor,
-    shards: int | None, progress: ProgressCallback | None,
-) -> FloatArray:  # fmt: skip
-    """Deal runs out to an executor; a part whose worker died is sent once more."""
-    from fpid_pin.simulation.batch import costs_of
-
-    def send(cut: Any) -> Future[FloatArray]:
-        return pool.submit(costs_of, [es[i] for i in cut], [cs[i] for i in cut], costs, None)
-
     # Small parts: progress is told, and Ctrl-C obeyed, after each.
-    parts = shards or max(int(getattr(pool, "_max_workers", 2)), -(-len(es) // PART))
-    cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
-    pieces = []
+    workers = int(getattr(pool, "_max_workers", 2)) if pool is not None else 1
+    cuts = np.array_split(np.arange(len(es)), min(max(workers, -(-len(es) // PART)), len(es)))
+
+    def tell(done: float) -> None:
+        if progress is not None:
+            progress(Progress(done / len(es)))
+
+    def within(cut: Any) -> ProgressCallback:
+        return lambda inner: tell(int(cut[0]) + len(cut) * inner.part)
+
+    def given(cut: Any) -> tuple[list[Experiment], list[Controller], list[Cost]]:
+        return [es[i] for i in cut], [cs[i] for i in cut], costs
+
+    if pool is None:
+        for cut in cuts:
+            yield costs_of(*given(cut), within(cut))
+        return
     try:
-        futures = [send(cut) for cut in cuts]
-        for number, (cut, future) in enumerate(zip(cuts, futures, strict=True), start=1):
+        futures = [pool.submit(costs_of, *given(cut), None) for cut in cuts]
+        for cut, future in zip(cuts, futures, strict=True):
             try:
-                pieces.append(future.result())
+                yield future.result()
             except BrokenExecutor:
-                pieces.append(send(cut).result())
-            if progress is not None:
-                progress(Progress(number / len(futures)))
+                yield pool.submit(costs_of, *given(cut), None).result()
+            tell(int(cut[-1]) + 1)
     except BrokenExecutor:
         raise WorkersDied(
             "workers: expected processes that live, got some that died twice over the same task: "
             "out of memory, or a script that starts its work outside "
             '`if __name__ == "__main__":`'
         ) from None
-    return np.concatenate(pieces)
 
 
 def executor_of(

@@ -65,7 +65,7 @@ class WorkerPool(Executor):
         return sorted(process.pid for process in self._workers())
 
     def _workers(self) -> list[Any]:
-        # Not public before Python 3.14, which can only end them, not name them.
+        # There is no public way to name them.
         return list((getattr(self._pool, "_processes", None) or {}).values())
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:

@@ -14,13 +14,12 @@ EXPERIMENT, LAW = fp.paper_experiment(duration=0.05), fp.paper_controller()
 
 
 def test_parts_and_threads_change_no_bit():
-    laws = [fp.Pid(kp=1.0 + k, ki=0.0, kd=1.0) for k in range(2 * PART + 3)]
+    laws = [fp.Pid(kp=1.0 + k, ki=0.0, kd=1.0) for k in range(2 * PART + 4)]
     alone = fp.evaluate(EXPERIMENT, laws)
     told = []
     shared = fp.evaluate(EXPERIMENT, laws, workers=2, progress=lambda p: told.append(p.part))
     assert shared.tobytes() == alone.tobytes()
     assert told == pytest.approx([1 / 3, 2 / 3, 1.0])
-    assert fp.evaluate(EXPERIMENT, laws, workers=2, shards=5).tobytes() == alone.tobytes()
 
 
 def test_after_a_fault_no_thread_begins_anything_more():
