@@ -102,7 +102,7 @@ def draw(path: Path, experiment: fp.Experiment) -> None:
         4, 2, figsize=(11, 8), sharex=True, sharey=True, constrained_layout=True
     )
     for k, (name, start) in enumerate(STARTS.items()):
-        law = dataclasses.replace(PAPER, **start)
+        law = starting(PAPER, start)
         for column, moved in enumerate((moving(law, 0.1), unbounded(law, TWO_LINK))):
             run = fp.simulate(experiment, moved)
             for row, (order, joint) in enumerate(

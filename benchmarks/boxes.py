@@ -75,9 +75,8 @@ def box_of(name: str, step: float, draws: int) -> str:
     found = explain_gains(arm, step=step)
     spent = time.process_time() - began
     law = found.controller
-    assert law.safeguards is not None
     scale = law.scale_on(arm)
-    low, high = (scale * side for side in law.safeguards.bounds(arm.n))
+    low, high = (scale * side for side in fp.Safeguards.bounds_of(law.safeguards, arm.n))
     gains = drawn(GainBox(low, low, high), draws)
     poses = seeded_poses(arm, draws, SEED)
     poses[::10] = gain_ceilings(arm, law, step=step, poses=1000, seed=SEED).pose
