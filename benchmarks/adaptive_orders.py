@@ -16,18 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import (
-    ORDERS,
-    RESULTS,
-    Report,
-    arm_of,
-    around_home,
-    by_differential_evolution,
-    parameters,
-    table,
-    tail,
-    variation,
-)  # fmt: skip
+from common import ORDERS, RESULTS, Report, arm_of, around_home, parameters, table, tail, variation
+from cross_check import cross_check
 
 import fpid_pin as fp
 from fpid_pin.control import adapt_orders
@@ -130,9 +120,7 @@ def best_fixed(options: argparse.Namespace) -> Iterator[str]:
         workers=options.workers,
     )  # fmt: skip
     found = tune(experiment, PAPER, Space(**ORDERS), COST, settings)
-    law, cost = by_differential_evolution(
-        experiment, PAPER, COST, options.population, options.generations, options.workers
-    )
+    law, cost, _ = cross_check(experiment, PAPER, Space(**ORDERS), COST, settings)
     line = f"Genetic algorithm, {options.population} x {options.generations}, seeds: "
     line += f"{', '.join(f'{c:.4f}' for c in found.costs)}; differential evolution: {cost:.4f}."
     if found.cost <= cost:

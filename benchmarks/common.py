@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import differential_evolution
 
 import fpid_pin as fp
 from fpid_pin.references import Sinusoid
@@ -67,23 +65,6 @@ def on_reference(reference: fp.references.Reference) -> dict[str, np.ndarray]:
     """Return q0 and v0 of an experiment that starts on its reference."""
     q, v, _ = reference.sample(np.zeros(1))
     return {"q0": q[0], "v0": v[0]}
-
-
-def by_differential_evolution(
-    experiment: fp.Experiment, law: fp.AdaptiveFpid, cost: fp.costs.Cost, population: int,
-    generations: int, workers: int | None = None,
-) -> tuple[fp.AdaptiveFpid, float]:  # fmt: skip
-    """Search the orders of the two-link arm by SciPy, apart from `tune`: the law and its cost."""
-
-    def at(x: np.ndarray) -> fp.AdaptiveFpid:
-        return dataclasses.replace(law, integral_order=x[:2], derivative_order=x[2:], name="")
-
-    found = differential_evolution(
-        lambda columns: fp.evaluate(experiment, list(map(at, columns.T)), cost, workers=workers),
-        [(0.0, 1.0)] * 4, popsize=-(-population // 4), maxiter=generations - 1, tol=0.0,
-        rng=np.random.default_rng(0), polish=False, vectorized=True, updating="deferred",
-    )  # fmt: skip
-    return at(found.x), float(found.fun)
 
 
 def parameters(law: fp.Controller, names: Iterable[str]) -> str:

@@ -26,7 +26,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import ORDERS, Report, by_differential_evolution, parameters, table, variation
+from common import ORDERS, Report, parameters, table, variation
+from cross_check import cross_check
 
 import fpid_pin as fp
 from fpid_pin.costs import QuadraticCost
@@ -116,10 +117,11 @@ def one_weight(w2: float, experiment: fp.Experiment, options: argparse.Namespace
             f"- {title}: {result.cost:.5g} (seeds: {', '.join(f'{c:.5g}' for c in result.costs)}), "
             f"{result.evaluations} evaluations: {parameters(result.controller, genes)}"
         )
-    law, least = by_differential_evolution(
-        experiment, fp.paper_controller(supervised=False), cost, options.population,
-        options.generations, options.workers,
-    )  # fmt: skip
+    settings = SearchSettings(
+        population=options.population, generations=options.generations, workers=options.workers
+    )
+    base = fp.paper_controller(supervised=False)
+    law, least, _ = cross_check(experiment, base, Space(**ORDERS), cost, settings)
     named["orders by differential evolution"] = law
     rows, costs = measure(experiment, named, cost)
     corners = [name for name in costs if name.startswith("corner")]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor, ThreadPoolExecutor
+from collections.abc import Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 
@@ -16,25 +16,18 @@ from fpid_pin.budget import require_memory
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, QuadraticCost
-from fpid_pin.exceptions import ArgumentError, FpidWarning, WorkersDied
+from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
 from fpid_pin.simulation.run import Run
-from fpid_pin.simulation.workers import WorkerPool, check_workers
+from fpid_pin.simulation.workers import WorkerPool, check_workers, spread, workers_of
 
 #: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
 _NUMBERS = 11
 
 #: Runs that are started together, and of a part that is dealt out to an executor.
 PART = 64
-
-
-class _Threads(ThreadPoolExecutor):
-    """Threads that begin nothing more after a fault or Ctrl-C."""
-
-    def __exit__(self, *fault: object) -> None:
-        self.shutdown(wait=True, cancel_futures=fault[0] is not None)
 
 
 def pair(
@@ -109,9 +102,7 @@ def simulate(
         A joint whose effort limit is lower than gravity at the start pose.
     """
     experiments, controllers = pair(experiment, controller)
-    size = sum(e.rows * (1 + _NUMBERS * e.arm.n) * 8.0 for e in experiments)
-    what = f"{len(experiments)} runs" if len(experiments) > 1 else "a run"
-    require_memory("duration", f"{what} of {max(e.rows for e in experiments):.3g} rows", size)
+    _require_room(experiments)
     distinct = {id(e): e for e in experiments}
     for line in dict.fromkeys(line for e in distinct.values() for line in overloaded_joints(e)):
         warnings.warn(line, FpidWarning, stacklevel=2)
@@ -121,6 +112,14 @@ def simulate(
     runs = record_runs(experiments, controllers, progress)
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
     return runs[0] if single else runs
+
+
+def _require_room(experiments: Sequence[Experiment]) -> None:
+    """Refuse a record that would not fit into memory."""
+    size = sum(e.rows * (1 + _NUMBERS * e.arm.n) * 8.0 for e in experiments)
+    longest = max(e.rows for e in experiments)
+    what = f"{len(experiments)} runs" if len(experiments) > 1 else "a run"
+    require_memory("duration", f"{what} of {longest:.3g} rows", size)
 
 
 def evaluate(
@@ -141,7 +140,7 @@ def evaluate(
     cost
         One cost gives (runs,), a sequence gives (runs, costs); None: eq. (33).
     executor
-        Any `concurrent.futures.Executor`; the runs are dealt out to it in parts of at most 64. The
+        Any `concurrent.futures.Executor`; the runs are dealt out to it, at most 64 a task. The
         result is the same to the last bit.
     workers
         In place of an executor: threads for compiled laws and dynamics, else processes.
@@ -163,52 +162,37 @@ def evaluate(
         [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
     )
     with executor_of(executor, workers, es, cs) as pool:
-        if pool is not None:
-            warm(es, cs)
-        table = np.concatenate(list(_parts(es, cs, costs, pool, progress)))
+        table = _table(es, cs, costs, pool, progress)
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
 
-def _parts(
+def _table(
     es: list[Experiment], cs: list[Controller], costs: list[Cost], pool: Executor | None,
     progress: ProgressCallback | None,
-) -> Iterator[FloatArray]:  # fmt: skip
-    """Yield the costs of runs, a part after another; one whose worker died is sent once more."""
+) -> FloatArray:  # fmt: skip
+    """Return the costs of runs, (runs, costs), simulated part by part."""
     # Imported late: it loads numba.
     from fpid_pin.simulation.batch import costs_of
 
+    if pool is not None:
+        warm(es, cs)
     # Small parts: progress is told, and Ctrl-C obeyed, after each.
-    workers = int(getattr(pool, "_max_workers", 2)) if pool is not None else 1
-    cuts = np.array_split(np.arange(len(es)), min(max(workers, -(-len(es) // PART)), len(es)))
+    runs = len(es)
+    size = -(-runs // max(workers_of(pool), -(-runs // PART)))
+    cuts = [slice(first, first + size) for first in range(0, runs, size)]
+    table, done = np.empty((runs, len(costs))), 0
 
-    def tell(done: float) -> None:
+    def told(inner: Progress) -> None:
         if progress is not None:
-            progress(Progress(done / len(es)))
+            progress(Progress((done + inner.part * min(size, runs - done)) / runs))
 
-    def within(cut: Any) -> ProgressCallback:
-        return lambda inner: tell(int(cut[0]) + len(cut) * inner.part)
-
-    def given(cut: Any) -> tuple[list[Experiment], list[Controller], list[Cost]]:
-        return [es[i] for i in cut], [cs[i] for i in cut], costs
-
-    if pool is None:
-        for cut in cuts:
-            yield costs_of(*given(cut), within(cut))
-        return
-    try:
-        futures = [pool.submit(costs_of, *given(cut), None) for cut in cuts]
-        for cut, future in zip(cuts, futures, strict=True):
-            try:
-                yield future.result()
-            except BrokenExecutor:
-                yield pool.submit(costs_of, *given(cut), None).result()
-            tell(int(cut[-1]) + 1)
-    except BrokenExecutor:
-        raise WorkersDied(
-            "workers: expected processes that live, got some that died twice over the same task: "
-            "out of memory, or a script that starts its work outside "
-            '`if __name__ == "__main__":`'
-        ) from None
+    tasks = [(es[cut], cs[cut], costs, None if pool else told) for cut in cuts]
+    for k, rows in spread(costs_of, tasks, pool):
+        table[cuts[k]] = rows
+        done += len(rows)
+        if progress is not None and pool is not None:
+            progress(Progress(done / runs))
+    return table
 
 
 def executor_of(
@@ -227,7 +211,7 @@ def executor_of(
         return nullcontext(executor)
     holds = any(c.control is not None for c in controllers)
     holds = holds or any(e.dynamics == "pinocchio" for e in experiments)
-    return WorkerPool(workers) if holds else _Threads(workers)
+    return WorkerPool(workers) if holds else ThreadPoolExecutor(workers)
 
 
 def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:
@@ -237,4 +221,4 @@ def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -
     kinds = {(type(c), e.arm.n): (e, c) for e, c in zip(experiments, controllers, strict=True)}
     for e, c in kinds.values():
         short = dataclasses.replace(e, duration=2.0 * e.step)
-        costs_of([short], [c], [QuadraticCost()], None)
+        costs_of([short], [c], [QuadraticCost()])
