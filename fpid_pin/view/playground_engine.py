@@ -115,7 +115,7 @@ class Engine:
         kept = OWN_SIGNALS + len(SIGNALS)
         bundles: dict[str, Any] = {
             # Without friction's part of the rotor inertias: it depends on step and slider.
-            "plant": robot._arrays._replace(bodies=bodies_of(robot.plant.arm)),
+            "plant": robot.arrays._replace(bodies=bodies_of(robot.plant.arm)),
             "sensing": Sensing(
                 sensors, np.zeros((MOST_DELAY + 1, 2, n)), np.zeros((BLOCK_ROWS, 2, n))
             ),
