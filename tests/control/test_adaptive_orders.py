@@ -234,7 +234,5 @@ def test_bad_arguments_of_the_rule_give_one_clear_line():
         adapt_orders(dataclasses.replace(PAPER, derivative_order=0.2), arm)
     three = moving(np.ones((2, 3)), kp=1.0, ki=1.0, kd=1.0, integral_order=1.0,
                    derivative_order=1.0)  # fmt: skip
-    with pytest.raises(
-        ArgumentError, match=r"order_learning_rate: expected shape \(2,\) or \(2, 2\)"
-    ):
+    with pytest.raises(ArgumentError, match=r"order_learning_rate: .*\(2,\) or \(2, 2\)"):
         three.start(arm, step=1e-3)
