@@ -115,12 +115,9 @@ class Controller(Description, ABC):
         _ = self.bandwidth  # refuses two observers that differ
 
     def check_fields(self) -> None:
-        """Check that no field of a law of one's own hides something that all laws have.
+        """Refuse a field of a law of one's own that hides something that all laws have.
 
-        Raises
-        ------
-        ArgumentError
-            One does: a field ``bandwidth`` would be taken for the observer's.
+        A field ``bandwidth`` would be taken for the observer's.
         """
         for field in dataclasses.fields(self):
             if field.name not in _OPTIONS and hasattr(Controller, field.name):
