@@ -136,7 +136,7 @@ def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
             # Not measured: taken to be constant over the step.
             now[1] = before[1] = (sources[k] - before[0]) / tick.step
         last[2 * k : 2 * k + 2] = now
-        rule = tick.modes.at(j, i).recursion()
+        rule = tick.recursion(j, i)
         direct[k] = rule.now @ now + rule.before @ before
         drive.append(rule.drive_now @ now + rule.drive_before @ before)
         weights.append(rule.weights)
