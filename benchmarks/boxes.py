@@ -28,8 +28,8 @@ import fpid_pin as fp
 from fpid_pin.arms import names
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Safeguards, certify_gains, explain_gains, gain_ceilings
-from fpid_pin.control.ceilings import seeded_poses
 from fpid_pin.control.damping import GainBox, damping_ratios
+from fpid_pin.control.linear import seeded_poses
 from fpid_pin.control.linear_law import feedback, terms_of
 
 SEED, DURATION, CHUNK = 20, 12.0, 100

@@ -11,7 +11,13 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.linear import critical_gain, frequencies, gravity_stiffness
+from fpid_pin.control.linear import (
+    critical_gain,
+    frequencies,
+    gravity_stiffness,
+    pose_limits,
+    seeded_poses,
+)
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.fractional import Design
 from fpid_pin.fractional.design import modes_of
@@ -193,12 +199,6 @@ def gain_table(controller: AdaptiveFpid, n: int) -> FloatArray:
     return np.stack([checks.per_joint(k, getattr(controller, k), n) for k in ("kp", "ki", "kd")])
 
 
-def seeded_poses(arm: Arm, poses: int, seed: int) -> FloatArray:
-    """Return the home pose and others drawn within the limits, (poses, n)."""
-    rng = np.random.default_rng(seed)
-    return np.vstack([arm.home, rng.uniform(*_limits(arm), (poses - 1, arm.n))])
-
-
 def worst_pose(
     arm: Arm, measure: Callable[[FloatArray], float], poses: FloatArray
 ) -> tuple[float, FloatArray]:
@@ -212,7 +212,7 @@ def worst_pose(
     values = np.array([measure(q) for q in poses])
     order = np.argsort(-values)
     most, where = float(values[order[0]]), poses[order[0]]
-    low, high = _limits(arm)
+    low, high = pose_limits(arm)
     bounds = list(zip(low, np.maximum(low, high), strict=True))
     for k in order[:2]:
         found = minimize(
@@ -223,9 +223,3 @@ def worst_pose(
         if value > most:
             most, where = value, found.x
     return most, where
-
-
-def _limits(arm: Arm) -> tuple[FloatArray, FloatArray]:
-    """Return the joints' lower and upper limits, half a turn either way where there is none."""
-    low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
-    return low, np.where(np.isfinite(arm.upper), arm.upper, np.pi)

@@ -12,9 +12,10 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.ceilings import DerivativeBound, gain_table, seeded_poses
+from fpid_pin.control.ceilings import DerivativeBound, gain_table
 from fpid_pin.control.damping import SLACK, FrozenLoops, GainBox, nearest_gains
 from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.linear import seeded_poses
 from fpid_pin.control.observer_bandwidth import SUGGESTED, check_observer, suggest_observer
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.exceptions import FpidWarning

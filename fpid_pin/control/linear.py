@@ -66,6 +66,18 @@ def linear_arm(
     return LinearSystem(a, b, np.eye(size)[size - 2 * n :])
 
 
+def pose_limits(arm: Arm) -> tuple[FloatArray, FloatArray]:
+    """Return the joints' lower and upper limits, half a turn either way where there is none."""
+    low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
+    return low, np.where(np.isfinite(arm.upper), arm.upper, np.pi)
+
+
+def seeded_poses(arm: Arm, poses: int, seed: int) -> FloatArray:
+    """Return the home pose and others drawn within the limits, (poses, n)."""
+    rng = np.random.default_rng(seed)
+    return np.vstack([arm.home, rng.uniform(*pose_limits(arm), (poses - 1, arm.n))])
+
+
 def gravity_stiffness(arm: Arm, q: FloatArray) -> FloatArray:
     """Return dG/dq at `q`, (n, n) [N m/rad], by central differences."""
     shifts = STIFFNESS_STEP * np.eye(arm.n)

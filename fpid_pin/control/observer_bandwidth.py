@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.control.ceilings import seeded_poses
 from fpid_pin.control.law import Controller
-from fpid_pin.control.linear import linear_arm
+from fpid_pin.control.linear import linear_arm, seeded_poses
 from fpid_pin.control.linear_law import LinearLaw, linearised
 from fpid_pin.control.parameters import FASTEST, observer_gains
 from fpid_pin.exceptions import FpidWarning

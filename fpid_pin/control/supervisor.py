@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint
+from fpid_pin.control.linear import seeded_poses
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import FpidWarning
 
@@ -182,12 +183,10 @@ class Supervisor(Description):
         bound = checks.per_joint("supervisor.disturbance_bound", self.disturbance_bound, arm.n)
         if self.kind != "sampled" or self.observer > 0.0 or not bound.any():
             return
-        rng = np.random.default_rng(0)
-        low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
-        high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
-        poses = [arm.home, *rng.uniform(low, high, (POSES - 1, arm.n))]
         implicit = step * np.diag(arm.viscous_friction)
-        inverses = np.abs(np.linalg.inv([arm.mass_matrix(q) + implicit for q in poses]))
+        inverses = np.abs(
+            np.linalg.inv([arm.mass_matrix(q) + implicit for q in seeded_poses(arm, POSES, 0)])
+        )
         largest, r_min = float(np.linalg.norm(inverses @ bound, axis=1).max()), self.tolerance(step)
         if largest > r_min:
             warnings.warn(
