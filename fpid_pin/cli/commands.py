@@ -190,16 +190,14 @@ def view(
     html: Annotated[Path | None, typer.Option(help="Write one page that opens anywhere.")] = None,
     caption: Annotated[list[str] | None, typer.Option(help="A caption a run; repeat.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
-    speed: Annotated[float, typer.Option(help="1 is real time.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end.")] = False,
     browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
     port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
 ) -> None:
-    """Show recorded runs in meshcat: live, or as one self-contained page."""
+    """Show recorded runs in meshcat: in a browser, or as one self-contained page."""
     from fpid_pin.cli.view import run_view
 
     run_view(
-        files, html=html, captions=caption or (), fps=fps, speed=speed, loop=loop,
+        files, html=html, captions=caption or (), fps=fps,
         browser=browser, port=port,
     )  # fmt: skip
 
