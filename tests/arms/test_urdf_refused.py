@@ -148,8 +148,8 @@ def test_a_mesh_of_such_a_path_is_a_missing_one(address, tmp_path):
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ({"path": 5}, "path: expected the path of a URDF file, got 5"),
-        ({"path": "a\0b"}, r"path: expected the path of a URDF file, got 'a\\x00b'"),
+        ({"path": 5}, "path: expected the path of a URDF file, got int"),
+        ({"urdf": 5}, "urdf: expected the text of a URDF, got 5"),
         ({"package_dirs": 5}, "package_dirs: expected a list of folders, got int"),
         ({"package_dirs": [5]}, "package_dirs.0: expected a folder, got int"),
         ({"inertia": "near"}, r"inertia: expected one of .*did you mean nearest\?"),
