@@ -297,22 +297,21 @@ def from_dict(table: Any, family: Callable[..., T], name: str = "") -> T:
 def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     """Build the description that `table` holds, or None; every fault is appended to `faults`.
 
-    A table may leave out its kind where the family has only one, and hold descriptions that are
-    built already.
+    A table may leave out its kind where the family has only one, has none where no name is
+    registered, and may hold descriptions that are built already.
     """
     before = len(faults)
     if not isinstance(table, Mapping):
         faults.append(ArgumentError(path or "description", "a table", shown(table)))
         return None
-    known = kinds(family)
-    only = getattr(family, "_kind", None)
-    try:
-        kind = checks.choice(_join(path, "kind"), table.get("kind", only), known)
-    except ArgumentError as error:
-        faults.append(error)
-        return None
-    cls = known[kind]
-    fields = {key: value for key, value in table.items() if key != "kind"}
+    known, cls, fields = kinds(family), family, dict(table)
+    if known:
+        kind = fields.pop("kind", getattr(family, "_kind", None))
+        try:
+            cls = known[checks.choice(_join(path, "kind"), kind, known)]
+        except ArgumentError as error:
+            faults.append(error)
+            return None
     if "variant" in fields and "kind" in {field.name for field in dataclasses.fields(cls)}:
         fields["kind"] = fields.pop("variant")
     own = getattr(cls, "from_table", None)

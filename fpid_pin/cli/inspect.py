@@ -12,7 +12,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.cli.arm_argument import find_arm
-from fpid_pin.cli.screen import say, screen
+from fpid_pin.cli.table import say
 from fpid_pin.control import AdaptiveFpid, gain_ceilings, stability_report, suggest_gains
 from fpid_pin.control.law import Controller
 from fpid_pin.text import visible
@@ -26,7 +26,6 @@ def run_inspect(
 ) -> None:
     """Print all of it; draw the arm where a picture is asked for."""
     arm = find_arm(text, locks)
-    console = screen()
     if picture is not None:
         from fpid_pin.view import plots
         from fpid_pin.view.portrait import portrait
@@ -35,9 +34,9 @@ def run_inspect(
         plots.save_figure(portrait(arm), picture)
     # All of it before the first line: what is refused leaves no half of a page.
     for line in list(described(arm, bandwidth, step)):
-        say(console, line)
+        say(line)
     if picture is not None:
-        say(console, f"Written: {picture}")
+        say(f"Written: {picture}")
 
 
 def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator[str]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.cli.config import parse
+from fpid_pin.cli.configuration import parse
 from fpid_pin.disturbances import Cosine, Pulse
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold, Sinusoid

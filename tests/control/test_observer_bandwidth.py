@@ -9,7 +9,7 @@ from scipy.optimize import brentq
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.cli.config import parse
+from fpid_pin.cli.configuration import parse
 from fpid_pin.control import suggest_observer
 from fpid_pin.control.linear import linear_arm
 from fpid_pin.control.linear_law import linearised
