@@ -33,7 +33,7 @@ TIERS = [
 ]
 HEAVY = (
     "matplotlib", "pymoo", "meshcat", "example_robot_data", "typer", "rich",
-    "scipy", "control", "sympy", "tornado", "numba",
+    "scipy", "sympy", "tornado", "numba",
 )  # fmt: skip
 
 

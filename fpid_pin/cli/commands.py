@@ -46,6 +46,9 @@ OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the r
 Chosen = Annotated[str | None, typer.Option(help="Which controller, by name.")]
 ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, or a robot's file.")]
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
+Tip = Annotated[str | None, typer.Option(metavar="TIP", help="The arm's last link; hold the rest.")]
+PackageDirs = Annotated[list[Path] | None, typer.Option(help="Where meshes are; repeat.")]
+Tool = Annotated[str | None, typer.Option(metavar="FRAME", help="The tool's frame.")]
 Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
 NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
 Png = Annotated[bool, typer.Option("--png", help="Draw figures as PNG, too.")]
@@ -206,11 +209,16 @@ def inspect(
     bandwidth: Annotated[float, typer.Option(help="Of the gains [rad/s].")] = 10.0,
     step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
     picture: Annotated[Path | None, typer.Option(help="Draw it: .svg, .png or .pdf.")] = None,
+    keep: Tip = None,
+    package_dir: PackageDirs = None,
+    tool: Tool = None,
 ) -> None:
     """Say what there is to know of an arm, with suggested gains."""
+    from fpid_pin.cli.arm_argument import arm_table
     from fpid_pin.cli.inspect import run_inspect
 
-    run_inspect(arm, lock or (), bandwidth, step, picture)
+    table = arm_table(arm, lock or (), keep, package_dir or (), tool)
+    run_inspect(table, bandwidth, step, picture)
 
 
 @app.command()
@@ -218,11 +226,15 @@ def init(
     arm: ArmName,
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("config.toml"),
     lock: Locks = None,
+    keep: Tip = None,
+    package_dir: PackageDirs = None,
+    tool: Tool = None,
 ) -> None:
     """Write a configuration that `compare` runs as it is."""
+    from fpid_pin.cli.arm_argument import arm_table
     from fpid_pin.cli.init import run_init
 
-    run_init(arm, lock or (), out)
+    run_init(arm, arm_table(arm, lock or (), keep, package_dir or (), tool), out)
 
 
 @app.command()
@@ -231,12 +243,10 @@ def view(
     html: Page = None,
     caption: Annotated[list[str] | None, typer.Option(help="A caption a run; repeat.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
-    speed: Annotated[float, typer.Option(help="1 is real time.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end.")] = False,
     browser: Browser = True,
     port: Port = None,
 ) -> None:
-    """Show recorded runs in meshcat: live, or as one page."""
+    """Show recorded runs in meshcat: in a browser, or as one page."""
     from fpid_pin.cli.table import say, say_written
     from fpid_pin.files import require_file
     from fpid_pin.simulation import Run
@@ -248,10 +258,8 @@ def view(
     if html is not None:
         say_written(export_html(runs, html, captions=caption or None, fps=fps))
         return
-    say("Ctrl-C ends it; in the page, the space bar halts and q ends it")
     play(
-        runs, speed=speed, loop=loop, open_browser=browser, port=port, fps=fps,
-        captions=caption or None, announce=say,
+        runs, fps=fps, captions=caption or None, open_browser=browser, port=port, announce=say
     )  # fmt: skip
 
 

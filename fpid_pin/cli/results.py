@@ -185,14 +185,14 @@ def comparison_figures(
 ) -> dict[str, Figure]:
     """Draw the ranking, the runs under each condition, and gains of laws whose orders move."""
     from fpid_pin.view import plots
-    from fpid_pin.view.panels import has_orders
+    from fpid_pin.view.panels import ORDERS, has_all
 
     label = f"{ranking.measure.label}, {ranking.measure.unit}".removesuffix(", ")
     figures = {
         "ranking": plots.heat_map(ranking.values, ranking.controllers, ranking.conditions, label)
     }
     figures |= condition_figures(entries)
-    moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
+    moving = [e for e in entries[: len(config.controllers)] if has_all(e.run, ORDERS)]
     stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
     return figures | {s: plots.gains(e.run) for s, e in zip(stems, moving, strict=True)}
 

@@ -60,8 +60,8 @@ class EncoderRate(Description):
         Rounding counts as white noise of ``resolution/sqrt(12)``, as it is while the joint moves by
         more than a step of it a tick.
         """
-        share = step / (self.tau + step)
-        return float(resolution / np.sqrt(12.0) * share / step * np.sqrt(2.0 / (2.0 - share)))
+        a = step / (self.tau + step)
+        return float(resolution / np.sqrt(12.0) * a / step * np.sqrt(2.0 / (2.0 - a)))
 
     def nearest(self, angle: FloatArray, to: FloatArray) -> FloatArray:
         """Return `angle` moved by whole turns, to within half a turn of `to` [rad].

@@ -94,7 +94,6 @@ class Controller(Description, ABC):
     memory: ClassVar[tuple[str, ...]] = ()
     uses_model: ClassVar[bool] = False
     estimates_model: ClassVar[bool] = False
-    own_columns: ClassVar[int] = 0
     surface: ClassVar[Any] = None
     torque: ClassVar[Any] = None
     adapt: ClassVar[Any] = None
@@ -173,8 +172,8 @@ class Controller(Description, ABC):
         }
 
     def arrays(self, arm: Arm, step: float, horizon: float) -> FloatArray:
-        """Return the arrays of a law of the whole robot at the start, (rows, own_columns)."""
-        return np.zeros((0, self.own_columns))
+        """Return the arrays of a law of the whole robot at the start, (rows, columns)."""
+        return np.zeros((0, 0))
 
     def scale_on(self, arm: Arm) -> FloatArray:
         """Return the scale on an arm, (n,)."""
@@ -209,10 +208,7 @@ class Controller(Description, ABC):
         from fpid_pin.control.loop import Loop
         from fpid_pin.control.start import start_all
 
-        def restart() -> Any:
-            return start_all([self], arm, step=step, horizon=horizon)[0]
-
-        return Loop(restart(), restart, self)
+        return Loop(lambda: start_all([self], arm, step=step, horizon=horizon)[0], self)
 
 
 _OPTIONS = {field.name for field in dataclasses.fields(Controller)}

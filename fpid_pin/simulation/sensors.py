@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,30 +49,25 @@ class Sensors(Description):
 
 
 class SensorState:
-    """The sensors of one run, as records for the kernels.
-
-    Parameters
-    ----------
-    sensors
-        None: exact ones.
-    seed
-        Of the noise, which depends on nothing else.
-    n
-        Number of joints.
-    step
-        Sampling period [s].
-    """
+    """The sensors of one run, None exact, as records for the kernels; `seed` is the noise's."""
 
     def __init__(self, sensors: Sensors | None, seed: int, n: int, step: float) -> None:
         joints = np.zeros(0 if sensors is None else n, SENSOR)
+        delay, noisy = 0, False
         if sensors is not None:
-            _fill(joints, sensors, n, step)
-        noisy = bool(joints["noise_q"].any() or joints["noise_v"].any())
+            for name, field in (
+                ("noise_q", "position_noise"), ("noise_v", "velocity_noise"),
+                ("bias", "velocity_bias"), ("resolution", "position_resolution"),
+            ):  # fmt: skip
+                joints[name] = checks.per_joint(f"sensors.{field}", getattr(sensors, field), n)
+            joints["keep"] = np.exp(-sensors.velocity_cutoff * step)
+            joints["gain"] = (1.0 - joints["keep"]) / step
+            joints["delay"] = delay = sensors.delay
+            joints["derived"] = sensors.velocity == "differentiated"
+            noisy = bool(joints["noise_q"].any() or joints["noise_v"].any())
         self._generator = np.random.default_rng(seed)
-        depth = 1 + (0 if sensors is None else int(joints["delay"].max()))
-        self._records = Sensing(
-            joints, np.zeros((depth, 2, n)), np.zeros((BLOCK_ROWS if noisy else 0, 2, n))
-        )
+        noise = np.zeros((BLOCK_ROWS if noisy else 0, 2, n))
+        self._records = Sensing(joints, np.zeros((1 + delay, 2, n)), noise)
         self._drawn = 0
 
     def records(self, first: int, count: int) -> Sensing:
@@ -85,16 +80,3 @@ class SensorState:
             noise[:] = self._generator.standard_normal(noise.shape)
             self._drawn += len(noise)
         return self._records
-
-
-def _fill(joints: Any, sensors: Sensors, n: int, step: float) -> None:
-    """Write sensors into their records, (n,)."""
-    for name, value in (
-        ("noise_q", "position_noise"), ("noise_v", "velocity_noise"), ("bias", "velocity_bias"),
-        ("resolution", "position_resolution"),
-    ):  # fmt: skip
-        joints[name] = checks.per_joint(f"sensors.{value}", getattr(sensors, value), n)
-    joints["keep"] = np.exp(-sensors.velocity_cutoff * step)
-    joints["gain"] = (1.0 - joints["keep"]) / step
-    joints["delay"] = sensors.delay
-    joints["derived"] = sensors.velocity == "differentiated"
