@@ -18,18 +18,21 @@ Keys are the constructors' arguments. Every fault is reported at once, each with
 
 from __future__ import annotations
 
-import dataclasses
 import tomllib
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from numpy.typing import ArrayLike
 
 from fpid_pin import checks, descriptions, own_code
 from fpid_pin.arms import Arm
+from fpid_pin.checks import Array, Number, Text
 from fpid_pin.cli.progress import say_if_compiling
 from fpid_pin.control import Controller
+from fpid_pin.descriptions import Description
 from fpid_pin.disturbances import Disturbance, Sum
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.references import Reference
@@ -41,15 +44,56 @@ FORMAT = 1
 MOST_BYTES = 1 << 24
 #: Faults told of one file, each in a line.
 MOST_FAULTS = 40
-TABLES = (
-    "format", "title", "import", "arm", "plant", "reference", "disturbance", "sensors",
-    "simulation", "controller", "condition", "tune", "campaign",
-)  # fmt: skip
 SIMULATION_KEYS = (
     "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
 )  # fmt: skip
-PAYLOAD_KEYS = ("mass", "com", "frame")
-CONDITION_KEYS = ("name", "plant", "sensors", "disturbance")
+Table = Annotated[Mapping[str, Any], checks.Plain(Mapping, "a table")]
+
+
+@dataclass(frozen=True, eq=False)
+class Payload(Description):
+    """A body that the plant holds, and no controller knows of."""
+
+    mass: Annotated[float, Number("kg", low=0.0)]
+    com: Annotated[ArrayLike, Array("m", shape=(3,))] = (0.0, 0.0, 0.0)
+    frame: Annotated[str | None, Text] = None
+
+
+@dataclass(frozen=True, eq=False)
+class PlantTable(Plant):
+    """A plant as files have it."""
+
+    payload: Payload | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surroundings(Description):
+    """What a condition may have otherwise."""
+
+    plant: PlantTable | None = None
+    sensors: Sensors | None = None
+    disturbance: Sequence[Disturbance] | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Condition(Surroundings):
+    """One [[condition]]."""
+
+    name: Annotated[str, Text]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class File(Surroundings):
+    """A whole file, as it is written."""
+
+    arm: Arm
+    reference: Reference
+    controller: Sequence[Controller]
+    simulation: Table = field(default_factory=dict)
+    condition: Sequence[Condition] = ()
+    tune: Table = field(default_factory=dict)
+    campaign: Table = field(default_factory=dict)
+    title: Annotated[str, Text] = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,14 +177,15 @@ def demo_config() -> Config:
 
 def parse(text: str, name: str, folder: Path) -> Config:
     """Check a configuration's text; `folder` is where its relative paths start."""
+    faults: list[FpidError] = []
     try:
-        table = tomllib.loads(text)
+        try:
+            table = tomllib.loads(text)
+        except ValueError as error:
+            raise ConfigError.of(name, [f"not valid TOML: {error}"]) from None
+        config = _read(table, folder, name, text, faults)
     except RecursionError:
         raise ConfigError.of(name, ["not valid TOML: nested too deeply"]) from None
-    except ValueError as error:
-        raise ConfigError.of(name, [f"not valid TOML: {error}"]) from None
-    faults: list[FpidError] = []
-    config = _Reader(table, folder, faults).read(name, text)
     if faults or config is None:
         # Conditions share what is wrong with the nominal experiment.
         told = list(dict.fromkeys(map(str, faults)))
@@ -149,171 +194,114 @@ def parse(text: str, name: str, folder: Path) -> Config:
     return config
 
 
-class _Reader:
-    """Builds the parts of a configuration and collects their faults."""
-
-    def __init__(self, table: Mapping[str, Any], folder: Path, faults: list[FpidError]) -> None:
-        self._table, self._folder, self._faults = table, folder, faults
-
-    def read(self, name: str, text: str) -> Config | None:
-        table, faults = self._table, self._faults
-        number = table.get("format", "none")
-        # Of "true" and 1.0 Python says that they are 1.
-        if type(number) is not int or number != FORMAT:
-            self._fault("format", f"{FORMAT}", shown(number))
-            return None
-        known("", table, TABLES, faults)
-        if "import" in table and not self._import(table["import"]):
-            # Without them their kinds are unknown, which would be told over and over.
-            return None
-        for key in ("arm", "reference", "controller"):
-            if key not in table:
-                self._fault(key, "a table", "none")
-        arm = self._build(table["arm"], Arm, "arm") if "arm" in table else None
-        reference = self._reference(table["reference"]) if "reference" in table else None
-        controllers = self._controllers(self._list("controller", table))
-        section = self._section("simulation", table.get("simulation", {}))
-        simulation = known("simulation", section, SIMULATION_KEYS, faults)
-        nominal = self._surroundings(table, "", arm)
-        conditions = self._conditions(arm, nominal)
-        tune, campaign = (self._section(key, table.get(key, {})) for key in ("tune", "campaign"))
-        title = table.get("title", "")
-        if not isinstance(title, str):
-            self._fault("title", "a text", shown(title))
-        if faults:
-            return None
-        base = {"arm": arm, "reference": reference} | simulation
-        experiment = self._experiment(base | nominal)
-        named = {label: self._experiment(base | parts) for label, parts in conditions.items()}
-        if faults or experiment is None:
-            return None
-        say_if_compiling()
-        for label, controller in controllers.items():
-            try:
-                controller.start(experiment.arm, step=experiment.step)
-            except FpidError as error:
-                faults.append(moved(error, f"controller {shown(label)}"))
-        return Config(
-            name, text, title or Path(name).stem, experiment, controllers,
-            named or {"nominal": experiment}, tune, campaign,
-        )  # fmt: skip
-
-    def _fault(self, key: str, expected: str, got: str) -> None:
-        self._faults.append(ArgumentError(key, expected, got))
-
-    def _import(self, value: Any) -> bool:
-        files = [value] if isinstance(value, str) else value
-        if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
-            self._fault("import", "a path, or a list of them", shown(value))
-            return False
-        try:
-            own_code.load([self._folder / file for file in files])
-        except FpidError as error:
-            self._faults.append(error)
-            return False
-        return True
-
-    def _section(self, path: str, value: Any) -> Mapping[str, Any]:
-        if isinstance(value, Mapping):
-            return value
-        self._fault(path, "a table", shown(value))
-        return {}
-
-    def _list(self, key: str, table: Mapping[str, Any], path: str = "") -> list[Any]:
-        value = table.get(key, [])
-        if isinstance(value, list):
-            return value
-        self._fault(f"{path}{key}", f"a list of tables ([[{path}{key}]])", shown(value))
-        return []
-
-    def _build(self, value: Any, family: type, path: str) -> Any:
-        if isinstance(value, Mapping) and isinstance(value.get("path"), str):
-            # A relative path starts at the configuration's folder.
-            value = dict(value) | {"path": str(self._folder / value["path"])}
-        return descriptions.build(value, family, path, self._faults)
-
-    def _reference(self, value: Any) -> Any:
-        kind = value.get("kind") if isinstance(value, Mapping) else None
-        cls = descriptions.kinds(Reference).get(str(kind))
-        if cls is not None and "arm" in descriptions.keys(cls) and "arm" not in value:
+def _read(
+    table: dict[str, Any], folder: Path, name: str, text: str, faults: list[FpidError]
+) -> Config | None:
+    """Build what a table describes; every fault is appended to `faults`."""
+    number = table.pop("format", "none")
+    # Of "true" and 1.0 Python says that they are 1.
+    if type(number) is not int or number != FORMAT:
+        faults.append(ArgumentError("format", f"{FORMAT}", shown(number)))
+        return None
+    if not _import(table.pop("import", []), folder, faults):
+        # Without them their kinds are unknown, which would be told over and over.
+        return None
+    reference = table.get("reference")
+    if isinstance(reference, dict):
+        cls = descriptions.kinds(Reference).get(str(reference.get("kind")))
+        if cls is not None and "arm" in descriptions.keys(cls) and "arm" in table:
             # A circle of the tool is one of this arm's, if nothing else is said.
-            value = dict(value) | {"arm": self._build(self._table.get("arm"), Arm, "arm")}
-        return self._build(value, Reference, "reference")
+            reference.setdefault("arm", table["arm"])
+    file: File | None = descriptions.build(_rooted(table, folder), File, "", faults)
+    if file is None:
+        return None
+    if not file.controller:
+        faults.append(ArgumentError("controller", "at least one [[controller]]", "none"))
+    labels = [law.name or getattr(law, "_kind", "law") for law in file.controller]
+    for path, names in (("controller", labels), ("condition", [c.name for c in file.condition])):
+        for k, label in enumerate(names):
+            if not label or label in names[:k]:
+                got = f"{shown(label)} again" if label else "none"
+                faults.append(ArgumentError(f"{path}.{k}.name", "a name of its own", got))
+    simulation = known("simulation", file.simulation, SIMULATION_KEYS, faults)
+    if faults:
+        return None
+    nominal = _experiment(file, file, simulation, "", faults)
+    conditions = {
+        c.name: _experiment(file, c, simulation, f"condition.{k}.", faults)
+        for k, c in enumerate(file.condition)
+    }
+    if faults:
+        return None
+    say_if_compiling()
+    for label, law in zip(labels, file.controller, strict=True):
+        try:
+            law.start(nominal.arm, step=nominal.step)
+        except FpidError as error:
+            faults.append(moved(error, f"controller {shown(label)}"))
+    controllers = dict(zip(labels, file.controller, strict=True))
+    return Config(
+        name, text, file.title or Path(name).stem, nominal, controllers,
+        conditions or {"nominal": nominal}, file.tune, file.campaign,
+    )  # fmt: skip
 
-    def _controllers(self, tables: list[Any]) -> dict[str, Controller]:
-        found: dict[str, Controller] = {}
-        if not tables and self._table.get("controller") == []:
-            self._fault("controller", "at least one [[controller]]", "none")
-        for k, value in enumerate(tables):
-            controller = self._build(value, Controller, f"controller.{k}")
-            if controller is not None:
-                name = str(controller.name or getattr(controller, "_kind", f"controller.{k}"))
-                if name in found:
-                    self._fault(f"controller.{k}.name", "a name of its own", f"{shown(name)} again")
-                found[name] = controller
-        return found
 
-    def _surroundings(self, table: Mapping[str, Any], path: str, arm: Arm | None) -> dict[str, Any]:
-        """Build plant, disturbance and sensors from the tables under `path`."""
-        parts: dict[str, Any] = {}
-        if "sensors" in table:
-            parts["sensors"] = self._build(table["sensors"], Sensors, f"{path}sensors")
-        if "disturbance" in table:
-            items = enumerate(self._list("disturbance", table, path))
-            built = [self._build(x, Disturbance, f"{path}disturbance.{k}") for k, x in items]
-            whole = built and None not in built
-            parts["disturbance"] = (built[0] if built[1:] == [] else Sum(built)) if whole else None
-        if "plant" in table:
-            parts["plant"] = self._plant(table["plant"], f"{path}plant", arm)
-        return parts
+def _import(value: Any, folder: Path, faults: list[FpidError]) -> bool:
+    files = [value] if isinstance(value, str) else value
+    if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
+        faults.append(ArgumentError("import", "a path, or a list of them", shown(value)))
+        return False
+    try:
+        own_code.load([folder / file for file in files])
+    except FpidError as error:
+        faults.append(error)
+        return False
+    return True
 
-    def _plant(self, value: Any, path: str, arm: Arm | None) -> Plant | None:
-        table = dict(self._section(path, value))
-        if "disturbance" in table:
-            self._fault(f"{path}.disturbance", "[[disturbance]] tables instead", "a key")
-            return None
-        base = self._build(table["arm"], Arm, f"{path}.arm") if "arm" in table else arm
-        if "payload" in table:
-            section = self._section(f"{path}.payload", table.pop("payload"))
-            given = known(f"{path}.payload", section, PAYLOAD_KEYS, self._faults)
-            if "mass" not in given:
-                self._fault(f"{path}.payload.mass", "a number", "none")
-            elif base is not None:
-                try:
-                    table["arm"] = base.with_payload(**given)
-                except FpidError as error:
-                    self._faults.append(moved(error, f"{path}.payload"))
-        elif "arm" in table:
-            table["arm"] = base
-        if "arm" in table and table["arm"] is None:
-            return None
-        plant: Plant | None = self._build(table, Plant, path)
-        return plant
 
-    def _conditions(self, arm: Arm | None, parts: dict[str, Any]) -> dict[str, dict[str, Any]]:
-        found: dict[str, dict[str, Any]] = {}
-        for k, value in enumerate(self._list("condition", self._table)):
-            path = f"condition.{k}"
-            table = self._section(path, value)
-            known(path, table, CONDITION_KEYS, self._faults)
-            name = table.get("name")
-            if not isinstance(name, str) or not name or name in found:
-                self._fault(f"{path}.name", "a name of its own", shown(name))
-                continue
-            found[name] = parts | self._surroundings(table, f"{path}.", arm)
-        return found
+def _rooted(value: Any, folder: Path) -> Any:
+    """Let relative paths start at the configuration's folder."""
+    if isinstance(value, list):
+        return [_rooted(item, folder) for item in value]
+    if not isinstance(value, dict):
+        return value
+    table = {key: _rooted(item, folder) for key, item in value.items()}
+    if isinstance(table.get("path"), str):
+        table["path"] = str(folder / table["path"])
+    return table
 
-    def _experiment(self, table: dict[str, Any]) -> Any:
-        faults: list[FpidError] = []
-        disturbance = table.pop("disturbance", None)
-        if disturbance is not None:
-            plant = table.get("plant") or Plant()
-            table["plant"] = dataclasses.replace(plant, disturbance=disturbance)
-        experiment = descriptions.build(table, Experiment, "", faults)
-        for fault in faults:
-            own = isinstance(fault, ArgumentError) and fault.name.split(".")[0] in SIMULATION_KEYS
-            self._faults.append(moved(fault, "simulation") if own else fault)
-        return experiment
+
+def _experiment(
+    file: File, own: Surroundings, simulation: Mapping[str, Any], path: str,
+    faults: list[FpidError],
+) -> Any:  # fmt: skip
+    """Build the experiment of a condition, with what it does not say as the file has it."""
+    plant, sensors, disturbance = (
+        getattr(file, name) if getattr(own, name) is None else getattr(own, name)
+        for name in ("plant", "sensors", "disturbance")
+    )
+    parts: dict[str, Any] = {}
+    if plant is not None:
+        parts = {key: getattr(plant, key) for key in descriptions.keys(Plant)}
+        if plant.payload is not None:
+            load = {key: getattr(plant.payload, key) for key in descriptions.keys(Payload)}
+            try:
+                parts["arm"] = (plant.arm or file.arm).with_payload(**load)
+            except FpidError as error:
+                faults.append(moved(error, f"{path}plant.payload"))
+    pushes = [*(() if plant is None or plant.disturbance is None else (plant.disturbance,))]
+    pushes += disturbance or ()
+    if pushes:
+        parts["disturbance"] = Sum(pushes) if pushes[1:] else pushes[0]
+    table = {"arm": file.arm, "reference": file.reference, "sensors": sensors, **simulation}
+    found: list[FpidError] = []
+    if parts:
+        table["plant"] = Plant(**parts)
+    experiment = descriptions.build(table, Experiment, "", found)
+    for fault in found:
+        inner = isinstance(fault, ArgumentError) and fault.name.split(".")[0] in SIMULATION_KEYS
+        faults.append(moved(fault, "simulation") if inner else fault)
+    return experiment
 
 
 def known(
