@@ -113,7 +113,9 @@ def _rich(rows: Sequence[Row], heads: Sequence[str], title: str) -> Table:
 
 
 def cell(value: Any) -> str:
-    """Write a value with four significant digits."""
+    """Write a value with four significant digits; None is a dash."""
+    if value is None:
+        return "-"
     return f"{float(value):.4g}" if isinstance(value, (float, np.floating)) else str(value)
 
 
@@ -129,7 +131,7 @@ def _is_number(value: Any) -> bool:
 
 def is_numeric(rows: Sequence[Row], head: str) -> bool:
     """Return whether a column is one of numbers."""
-    return all(_is_number(row[head]) for row in rows)
+    return all(row[head] is None or _is_number(row[head]) for row in rows)
 
 
 def drop_constant(rows: list[Row], key: str) -> list[Row]:
