@@ -27,7 +27,7 @@ from common import Report, head, row
 import fpid_pin as fp
 from fpid_pin.arms import names
 from fpid_pin.checks import FloatArray
-from fpid_pin.control import certify_gains, explain_gains, gain_ceilings
+from fpid_pin.control import Safeguards, certify_gains, explain_gains, gain_ceilings
 from fpid_pin.control.ceilings import seeded_poses
 from fpid_pin.control.damping import GainBox, damping_ratios
 from fpid_pin.control.linear_law import feedback, terms_of
@@ -76,7 +76,7 @@ def box_of(name: str, step: float, draws: int) -> str:
     spent = time.process_time() - began
     law = found.controller
     scale = law.scale_on(arm)
-    low, high = (scale * side for side in fp.Safeguards.bounds_of(law.safeguards, arm.n))
+    low, high = (scale * side for side in Safeguards.bounds_of(law.safeguards, arm.n))
     gains = drawn(GainBox(low, low, high), draws)
     poses = seeded_poses(arm, draws, SEED)
     poses[::10] = gain_ceilings(arm, law, step=step, poses=1000, seed=SEED).pose

@@ -97,7 +97,7 @@ def whole(function: Callable[[], np.ndarray], samples: int) -> Result:
     return out, (time.perf_counter() - begin) / samples
 
 
-def ours(quick: bool) -> dict[str, Method]:
+def ours() -> dict[str, Method]:
     """Return our methods by name."""
     designs: list[tuple[str, fr.Design, bool]] = [
         ("24 modes", fr.ExponentialSum(24), True),
@@ -107,12 +107,6 @@ def ours(quick: bool) -> dict[str, Method]:
         ("CRONE N = 5", fr.Crone(1e-2, 1e3, 5), True),
         ("CRONE N = 10, 2 decades wider", fr.Crone(1e-2, 1e3, 10, 2.0), True),
     ]
-    if not quick:
-        designs += [
-            ("L1, whole past, streamed", fr.L1(), False),
-            ("GL, whole past, streamed", fr.GrunwaldLetnikov(), False),
-            ("GL, last second, streamed", fr.GrunwaldLetnikov(memory=1.0), False),
-        ]
     methods: dict[str, Method] = {
         name: lambda s, d=design, k=known: streamed(d, s.f, s.rates if k else None, s.order)
         for name, design, known in designs
@@ -204,7 +198,7 @@ def accuracy_and_cost(quick: bool) -> tuple[list[str], dict[str, tuple[float, fl
         for order in ORDERS
     }
     rows, points = [], {}
-    for name, method in (ours(quick) | peers(quick)).items():
+    for name, method in (ours() | peers(quick)).items():
         costs, largest = [], dict.fromkeys(SIGNALS, 0.0)
         for (signal, order), want in truth.items():
             function, rate = SIGNALS[signal]

@@ -89,7 +89,7 @@ def distributions(data: CampaignData) -> Figure:
 
     Of all plants: a curve ends at its controller's success rate.
     """
-    figure, (axes,) = new_figure(1, len(SHOWN), WIDE, 3.3, share_x=False)
+    figure, axes = new_figure(1, len(SHOWN), WIDE, 3.3, share_x=False)
     for panel, metric in zip(axes, SHOWN, strict=True):
         scores = scored(data, metric)
         for k, column in enumerate(scores.T):
@@ -120,7 +120,7 @@ def violins(data: CampaignData) -> Figure:
     """
     names = [textwrap.fill(name, 24) for name in names_of(data)]
     height = 0.8 + 0.5 * len(names)
-    figure, (axes,) = new_figure(1, len(SHOWN), WIDE, height, share_x=False)
+    figure, axes = new_figure(1, len(SHOWN), WIDE, height, share_x=False)
     for panel, metric in zip(axes, SHOWN, strict=True):
         scores = scored(data, metric)
         log = _scale(panel, scores)

@@ -157,11 +157,9 @@ def _panels(data: CampaignData, row: float, below: float) -> tuple[Figure, list[
     # No more than three side by side, and none left by itself.
     columns = 2 if count in (2, 4) else min(count, 3)
     rows = -(-count // columns)
-    figure, axes = new_figure(rows, columns, WIDE, row * rows + below, share_x=False)
-    flat = [panel for several in axes for panel in several]
-    for spare in flat[count:]:
-        spare.set_visible(False)
-    for k, (panel, name) in enumerate(zip(flat, names_of(data), strict=False)):
+    size = WIDE, row * rows + below
+    figure, panels = new_figure(rows, columns, *size, count=count, share_x=False)
+    for k, (panel, name) in enumerate(zip(panels, names_of(data), strict=True)):
         # Long names would push their neighbour's panel aside.
         panel.set_title("\n".join(textwrap.wrap(name, _LETTERS)[:_LINES]), color=colour(k))
-    return figure, flat[:count], columns
+    return figure, panels, columns

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.descriptions import described
+from fpid_pin.checks import Number, OneOf, PerJoint, Whole
+from fpid_pin.descriptions import Description, described
 from fpid_pin.kernels.records import SENSOR, Sensing
 from fpid_pin.simulation.blocks import BLOCK_ROWS
-
-VELOCITY_SOURCES = ("measured", "differentiated")
 
 
 @described("sensors")
 @dataclass(frozen=True, eq=False)
-class Sensors:
+class Sensors(Description):
     """Imperfect measurements, in the order in which they spoil: delay, noise, bias, quantisation.
 
     Parameters
@@ -37,24 +37,15 @@ class Sensors:
         Whole samples by which everything measured is late.
     """
 
-    position_resolution: ArrayLike = 0.0
-    position_noise: ArrayLike = 0.0
-    velocity_noise: ArrayLike = 0.0
-    velocity_bias: ArrayLike = 0.0
-    velocity: str = "measured"
-    velocity_cutoff: float = 500.0
-    delay: int = 0
+    _path = "sensors"
 
-    def __post_init__(self) -> None:
-        for name in ("position_resolution", "position_noise", "velocity_noise"):
-            array = checks.floats(f"sensors.{name}", getattr(self, name), low=0.0, max_ndim=1)
-            object.__setattr__(self, name, array)
-        bias = checks.floats("sensors.velocity_bias", self.velocity_bias, max_ndim=1)
-        object.__setattr__(self, "velocity_bias", bias)
-        checks.choice("sensors.velocity", self.velocity, VELOCITY_SOURCES)
-        cutoff = checks.number("sensors.velocity_cutoff", self.velocity_cutoff, above=0.0)
-        object.__setattr__(self, "velocity_cutoff", cutoff)
-        object.__setattr__(self, "delay", checks.integer("sensors.delay", self.delay, low=0))
+    position_resolution: Annotated[ArrayLike, PerJoint("rad", low=0.0)] = 0.0
+    position_noise: Annotated[ArrayLike, PerJoint("rad", low=0.0)] = 0.0
+    velocity_noise: Annotated[ArrayLike, PerJoint("rad/s", low=0.0)] = 0.0
+    velocity_bias: Annotated[ArrayLike, PerJoint("rad/s")] = 0.0
+    velocity: Annotated[str, OneOf("measured", "differentiated")] = "measured"
+    velocity_cutoff: Annotated[float, Number("rad/s", above=0.0)] = 500.0
+    delay: Annotated[int, Whole(low=0)] = 0
 
 
 class SensorState:
