@@ -71,21 +71,6 @@ def test_a_pd_is_its_own_line_scaled_and_clipped_in_every_form(form, scale, limi
     assert (cut > 50) == (limit is not None)
 
 
-@LIMITS
-@SCALES
-def test_the_integral_is_the_pid_s_with_anti_windup(scale, limit):
-    gains = {"kp": (40.0, 30.0), "ki": (25.0, 20.0), "kd": (20.0, 5.0), "scale": scale}
-    laws = [form(**gains) for form in (fp.Pid, JointPid, PythonPid)]
-    loops = [law.start(two_link(limit), step=STEP) for law in laws]
-    for row in signals(1000, seed=1):
-        first, *others = (loop.torque(*row) for loop in loops)
-        assert all(np.array_equal(first, torque) for torque in others)
-    first, *others = fp.simulate(paper(2.0, limit), laws)
-    assert limit is None or (np.abs(first.torque) == limit).any()
-    for run in others:
-        same_run(run, first)
-
-
 def test_the_model_is_asked_as_the_package_s_laws_ask_it():
     experiment = paper()
     gains = {"kp": (40.0, 30.0), "kd": (20.0, 5.0), "scale": (0.7, 1.9)}
@@ -172,9 +157,6 @@ REFUSED = "feedforward: expected none: {} has the model itself, got True"
     [
         (lambda: fp.ComputedTorque(feedforward=True), REFUSED.format("ComputedTorque")),
         (lambda: fp.PdGravity(1.0, 1.0, feedforward=True), REFUSED.format("PdGravity")),
-        (lambda: fp.SlidingMode(1.0, 1.0, feedforward=True), REFUSED.format("SlidingMode")),
-        (lambda: fp.SlotineLi(1.0, 1.0, feedforward=True), REFUSED.format("SlotineLi")),
-        (lambda: fp.GravityOnly(feedforward=True), REFUSED.format("GravityOnly")),
         (lambda: JointGravity(1.0, 1.0, feedforward=True), REFUSED.format("JointGravity")),
         (lambda: fp.Pid(1.0, 1.0, 1.0, feedforward=1),
          "feedforward: expected true or false, got 1"),
