@@ -77,10 +77,13 @@ def plain_function(function: Any) -> Any:
 def _bind(function: Any, record: Any, role: str, columns: int, key: Any) -> tuple[int, Any]:
     if _numba.config.DISABLE_JIT:
         address = next(_COUNT)
-        PLAIN[address] = _in_python(function, record, role)
+        plain = _over_arrays(function, role, columns, lambda array, _: array)
+        PLAIN[address] = lambda numbers, own, *model: plain(
+            numbers.view(record)[:, 0], own, *model, len(numbers), len(own)
+        )
         return address, None
     try:
-        called = _over_arrays(compile_plain(function, cache=False), role, columns)
+        called = _over_arrays(compile_plain(function, cache=False), role, columns, _numba.carray)
         return _compiled(called, _signature(record), key)
     except FpidError:
         raise
@@ -132,9 +135,11 @@ def _signature(record: Any) -> Any:
     return types.void(joints, reals, bodies, links, reals, reals, types.int64, types.int64)
 
 
-def _over_arrays(inner: Any, role: str, columns: int) -> Callable[..., None]:
-    """Return what calls a law's function for all joints, with the arguments of `call_law`."""
-    carray = _numba.carray
+def _over_arrays(inner: Any, role: str, columns: int, carray: Any) -> Callable[..., None]:
+    """Return what calls a law's function for all joints, with the arguments of `call_law`.
+
+    `carray` makes an array of a pointer and a shape.
+    """
     if role == "robot":
 
         def call_whole(joints, own, bodies, links, motions, gravity, n, rows):  # type: ignore[no-untyped-def]
@@ -163,23 +168,6 @@ def _over_arrays(inner: Any, role: str, columns: int) -> Callable[..., None]:
             inner(c[j])
 
     return call_each
-
-
-def _in_python(function: Any, record: Any, role: str) -> Callable[..., None]:
-    """Return the same without compilation."""
-
-    def call(numbers, own, bodies, links, motions, gravity):  # type: ignore[no-untyped-def]
-        joints = numbers.view(record)[:, 0]
-        if role == "robot":
-            function(joints, own, Model(bodies, links, motions, gravity))
-            return
-        for c in joints:
-            if role == "torque":
-                c.u_law = c.scale * function(c)
-            else:
-                function(c)
-
-    return call
 
 
 class _Cache(FunctionCache):
