@@ -295,8 +295,8 @@ def _item(cls: type[T], row: Any, where: str) -> T:
     for name, key in known.items():
         if key.required and name not in row:
             raise ArgumentError(f"{where}.{name}", "a value", "none")
-    values = {name: known[name].checked(f"{where}.{name}", value) for name, value in row.items()}
-    return cls(**{name: _plain(value) for name, value in values.items()})
+    # What the values are is checked with all else.
+    return cls(**{name: _plain(value) for name, value in row.items()})
 
 
 def _row(item: Any) -> dict[str, Any]:

@@ -57,7 +57,7 @@ def urdf_tree(
     require_root(root, "robot", label)
     _require_single(root, label)
     _require_few(root, label)
-    remarks = list(_mend_limits(root))
+    remarks = list(_fix_limits(root))
     model = _model(root, label)
     places = {str(f.name): f for f in model.frames if f.type == pin.FrameType.BODY}
     lost = [link.get("name", "") for link in root.findall("link") if link.get("name") not in places]
@@ -118,7 +118,7 @@ def _require_few(root: ET.Element, label: str) -> None:
             raise ArmError(f"{label}: expected at most {most} {what}, got {count}")
 
 
-def _mend_limits(root: ET.Element) -> Iterator[tuple[str, str]]:
+def _fix_limits(root: ET.Element) -> Iterator[tuple[str, str]]:
     """Write limits as urdfdom takes them; yield joints, and what was made of their limits.
 
     It insists on effort and velocity (0: none) and does not know inf.
