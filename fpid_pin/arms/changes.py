@@ -56,15 +56,18 @@ class ArmChanges:
         if impossible(np.array([row_of(body)]), rounding=1e-9)[0]:
             expected = "principal moments >= 0, none above the sum of the others"
             raise ArgumentError("inertia", expected, np.linalg.eigvalsh(about).tolist())
-        places = {joint.name: (k, pin.SE3.Identity()) for k, joint in enumerate(spec.joints)}
-        places |= {f.name: (f.joint, placement_of(f.placement)) for f in spec.frames}
+        # A joint's own frame is where its link begins.
+        places: dict[str, Any] = {
+            joint.name: (k, np.eye(4)[:3]) for k, joint in enumerate(spec.joints)
+        }
+        places |= {f.name: (f.joint, f.placement) for f in spec.frames}
         name = checks.choice("frame", frame or spec.tool_frame, places)
         joint, place = places[name]
         if joint < 0:
             raise ArgumentError("frame", "a frame that moves with the arm", shown(name))
         rows = spec.column("inertia")
         if mass > 0.0:
-            rows[joint] = row_of(inertia_of(rows[joint]) + place.act(body))
+            rows[joint] = row_of(inertia_of(rows[joint]) + placement_of(place).act(body))
         fields = {"mass": mass, "com": centre, "frame": frame, "inertia": given}
         return self._changed(spec.with_columns(inertia=rows), _table("payload", fields))
 

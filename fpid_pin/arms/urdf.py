@@ -93,15 +93,15 @@ def urdf_tree(
 
 
 def _require_single(root: ET.Element, label: str) -> None:
-    """Drop what is written twice alike; urdfdom would quietly take the first of what differs."""
+    """Refuse what is written twice and differs: urdfdom would quietly take the first."""
     for owner in [part for kind in ("link", "joint") for part in root.findall(kind)]:
         for parent in (owner, *owner.findall("inertial")):
-            seen: dict[str, bytes] = {}
-            for part in list(parent):
-                written = b"".join(ET.tostring(part).split())
-                if part.tag in ("visual", "collision"):
+            seen: dict[str, ET.Element] = {}
+            for part in parent:
+                first = seen.setdefault(part.tag, part)
+                if part is first or part.tag in ("visual", "collision"):
                     continue
-                if seen.setdefault(part.tag, written) != written:
+                if ET.tostring(part).split() != ET.tostring(first).split():
                     raise ArmError(
                         f"{label}: {owner.tag} {named(owner.get('name', ''))}: expected one "
                         f"<{cut(part.tag)}>, got several that differ"
