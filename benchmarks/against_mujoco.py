@@ -2,7 +2,7 @@
 
     python benchmarks/against_mujoco.py
 
-MuJoCo (extra `peers`) steps the arm alone, by semi-implicit Euler at 1 ms, without contacts,
+MuJoCo (extra `mujoco`) steps the arm alone, by semi-implicit Euler at 1 ms, without contacts,
 limits or control, by `mujoco.rollout` on one thread; ours has the law with 24 modes a term, drives,
 figures of merit and dynamics. Its model is written from Pinocchio's: both have the same bodies.
 Processor time, best of some repeats, of a longer run less a shorter one.

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 from abc import abstractmethod
-from collections.abc import Mapping
-from typing import Any, Self
+from collections.abc import Callable, Mapping
+from typing import Any, Self, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +19,7 @@ from fpid_pin.arms.spec import ArmSpec, gravity_vector
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
 
+T = TypeVar("T")
 #: A limit that is none, in a file: inf is not a number in JSON.
 _FAR = 1e9
 
@@ -54,15 +56,18 @@ class ArmChanges:
         if impossible(np.array([row_of(body)]), rounding=1e-9)[0]:
             expected = "principal moments >= 0, none above the sum of the others"
             raise ArgumentError("inertia", expected, np.linalg.eigvalsh(about).tolist())
-        places = {joint.name: (k, pin.SE3.Identity()) for k, joint in enumerate(spec.joints)}
-        places |= {f.name: (f.joint, placement_of(f.placement)) for f in spec.frames}
+        # A joint's own frame is where its link begins.
+        places: dict[str, Any] = {
+            joint.name: (k, np.eye(4)[:3]) for k, joint in enumerate(spec.joints)
+        }
+        places |= {f.name: (f.joint, f.placement) for f in spec.frames}
         name = checks.choice("frame", frame or spec.tool_frame, places)
         joint, place = places[name]
         if joint < 0:
             raise ArgumentError("frame", "a frame that moves with the arm", shown(name))
         rows = spec.column("inertia")
         if mass > 0.0:
-            rows[joint] = row_of(inertia_of(rows[joint]) + place.act(body))
+            rows[joint] = row_of(inertia_of(rows[joint]) + placement_of(place).act(body))
         fields = {"mass": mass, "com": centre, "frame": frame, "inertia": given}
         return self._changed(spec.with_columns(inertia=rows), _table("payload", fields))
 
@@ -149,13 +154,9 @@ class ArmChanges:
             if not isinstance(table, Mapping) or len(table) != 1:
                 raise ArgumentError(f"changes.{k}", "a table with one change", shown(table))
             ((name, fields),) = table.items()
-            checks.choice(f"changes.{k}", name, CHANGES)
+            checks.choice(f"changes.{k}", name, _NAMES)
             checks.instance(f"changes.{k}.{name}", fields, Mapping, "a table")
-            for key in fields:
-                checks.choice(f"key in changes.{k}.{name}", key, CHANGES[name])
-            if name in _REQUIRED and _REQUIRED[name] not in fields:
-                raise ArgumentError(f"changes.{k}.{name}.{_REQUIRED[name]}", "a value", "none")
-            arm = getattr(arm, f"with_{name}")(**fields)
+            arm = call(getattr(arm, f"with_{name}"), fields, f"changes.{k}.{name}")
         return arm
 
     def perturbed(
@@ -213,17 +214,25 @@ class ArmChanges:
         }
 
 
-#: Changes of a file's table, and their keys; those without which a change is none.
-CHANGES = {
-    "payload": ("mass", "com", "frame", "inertia"),
-    "friction": ("viscous", "dry"),
-    "limits": ("effort", "velocity", "lower", "upper"),
-    "gravity": ("gravity",),
-    "armature": ("armature",),
-    "inertias": ("rows",),
-    "scaled_links": ("mass", "inertia"),
-}
-_REQUIRED = {"payload": "mass", "gravity": "gravity", "armature": "armature", "inertias": "rows"}
+#: Changes of a file's table; the keys of each are the method's arguments.
+_NAMES = ("payload", "friction", "limits", "gravity", "armature", "inertias", "scaled_links")
+
+
+def call(make: Callable[..., T], fields: Mapping[str, Any], where: str, of: Any = None) -> T:
+    """Call `make` with the keys of a table, which are its arguments, or those of `of`.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown or missing key.
+    """
+    known = inspect.signature(of or make).parameters
+    for key in fields:
+        checks.choice(f"key in {where}", key, known)
+    for key, parameter in known.items():
+        if parameter.default is parameter.empty and key not in fields:
+            raise ArgumentError(f"{where}.{key}", "a value", "none")
+    return make(**fields)
 
 
 def _table(name: str, fields: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from fpid_pin.checks import FloatArray
 
@@ -70,9 +70,9 @@ def rows_of(placement: Any) -> tuple[Numbers, ...]:
     return tuple(tuple(row) for row in np.asarray(placement.homogeneous)[:3].tolist())
 
 
-def placement_of(rows: Sequence[Sequence[float]]) -> Any:
+def placement_of(rows: ArrayLike) -> Any:
     """Build a ``pinocchio.SE3`` from three rows of four numbers."""
-    matrix = np.array(rows)
+    matrix = np.array(rows, dtype=np.float64)
     return pin.SE3(np.array(matrix[:, :3]), np.array(matrix[:, 3]))
 
 

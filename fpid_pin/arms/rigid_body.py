@@ -14,8 +14,12 @@ from fpid_pin import checks
 from fpid_pin.arms.joints import EFFORT_UNITS, UNITS, kind_of, link_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArmError
+from fpid_pin.shown import html_table
 from fpid_pin.text import cut, named
 
+#: Of an arm in a notebook.
+_SHOWN = ("lower", "upper", "velocity_limit", "effort_limit", "viscous_friction", "dry_friction",
+          "home")  # fmt: skip
 #: Poses at which the mass matrix is tried, besides the arm's zero and home.
 _POSES = 4
 #: Smallest admissible ratio of the mass matrix's extreme eigenvalues (rounding alone gives 1e-16).
@@ -148,9 +152,11 @@ class RigidBody:
         return np.array(found).reshape(6, self.n)
 
     def _repr_html_(self) -> str:
-        from fpid_pin.arms.joint_table import joint_table
-
-        return joint_table(self)
+        columns = [getattr(self, name).tolist() for name in _SHOWN]
+        units = [", ".join(pair) for pair in zip(self.units, self.effort_units, strict=True)]
+        heads = ("joint", "in (rates per s)", *(name.replace("_", " ") for name in _SHOWN))
+        rows = zip(self.joint_names, units, *columns, strict=True)
+        return html_table(f"{self.name}: {self.n} joints, tool {self.tool}", heads, rows)
 
     @property
     def _data(self) -> Any:

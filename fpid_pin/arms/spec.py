@@ -41,7 +41,8 @@ INERTIA = ("error", "nearest", "accept")
 
 def _unit_vector(name: str, value: Any) -> FloatArray:
     axis = checks.floats(name, value, shape=(3,))
-    if not abs(np.linalg.norm(axis) - 1.0) < 1e-6:
+    # Large numbers first: their squares would overflow.
+    if np.abs(axis).max() > 2.0 or not abs(np.linalg.norm(axis) - 1.0) < 1e-6:
         raise ArgumentError(name, "a unit vector", axis.tolist())
     return axis
 
@@ -49,7 +50,8 @@ def _unit_vector(name: str, value: Any) -> FloatArray:
 def _placement(name: str, value: Any) -> FloatArray:
     rows = checks.floats(name, value, shape=(3, 4))
     rotation = rows[:, :3]
-    near = np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6
+    small = np.abs(rotation).max() < 2.0
+    near = small and np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6
     if not near or np.linalg.det(rotation) < 0.0:
         raise ArgumentError(name, "a rotation in its first three columns", rotation.tolist())
     return rows
@@ -295,8 +297,8 @@ def _item(cls: type[T], row: Any, where: str) -> T:
     for name, key in known.items():
         if key.required and name not in row:
             raise ArgumentError(f"{where}.{name}", "a value", "none")
-    values = {name: known[name].checked(f"{where}.{name}", value) for name, value in row.items()}
-    return cls(**{name: _plain(value) for name, value in values.items()})
+    # What the values are is checked with all else.
+    return cls(**{name: _plain(value) for name, value in row.items()})
 
 
 def _row(item: Any) -> dict[str, Any]:

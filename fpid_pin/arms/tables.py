@@ -14,48 +14,40 @@ and in each of them ``"changes"``: a list of ``{"payload": {...}}``, ``{"frictio
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from fpid_pin import checks
 from fpid_pin.arms.arm import Arm
+from fpid_pin.arms.changes import call
 from fpid_pin.arms.spec import ArmSpec
 from fpid_pin.arms.tree import HoldError
 from fpid_pin.descriptions import described
-from fpid_pin.exceptions import ArgumentError
 
 
 def _model(**fields: Any) -> Arm:
     return Arm._assembled(ArmSpec.from_table(fields))
 
 
-#: Of each kind, what makes the arm, and what has its keys as arguments.
-_KINDS: dict[str, tuple[Callable[..., Arm], Callable[..., Any]]] = {
-    "two_link": (Arm.two_link, Arm.two_link),
-    "planar": (Arm.planar, Arm.planar),
-    "urdf": (Arm.from_urdf, Arm.from_urdf),
-    "mjcf": (Arm.from_mjcf, Arm.from_mjcf),
-    "example": (Arm.from_example, Arm.from_example),
-    "description": (Arm.from_description, Arm.from_description),
-    "model": (_model, ArmSpec),
+#: By kind, what makes the arm; its arguments are the table's keys.
+_KINDS: dict[str, Callable[..., Arm]] = {
+    "two_link": Arm.two_link,
+    "planar": Arm.planar,
+    "urdf": Arm.from_urdf,
+    "mjcf": Arm.from_mjcf,
+    "example": Arm.from_example,
+    "description": Arm.from_description,
+    "model": _model,
 }
 
 
 def arm_of(table: Mapping[str, Any]) -> Arm:
     """Build the arm of a table; raises `ArgumentError` for an unknown or missing key."""
     kind = checks.choice("kind", table.get("kind"), _KINDS)
-    fields = {key: value for key, value in table.items() if key != "kind"}
-    make, signed = _KINDS[kind]
-    keys = inspect.signature(signed).parameters
-    for key in fields:
-        checks.choice(key, key, [*keys, "changes"])
-    for key, parameter in keys.items():
-        if parameter.default is parameter.empty and key not in fields:
-            raise ArgumentError(f"arm.{key}", "a value", "none")
-    changes = fields.get("changes", [])
+    changes = table.get("changes", ())
     checks.instance("changes", changes, (list, tuple), "a list of tables")
-    arm = make(**{key: value for key, value in fields.items() if key != "changes"})
+    fields = {key: value for key, value in table.items() if key not in ("kind", "changes")}
+    arm = call(_KINDS[kind], fields, "arm", of=ArmSpec if kind == "model" else None)
     return arm.with_changes(*changes)
 
 

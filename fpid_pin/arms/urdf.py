@@ -57,7 +57,7 @@ def urdf_tree(
     require_root(root, "robot", label)
     _require_single(root, label)
     _require_few(root, label)
-    remarks = list(_mend_limits(root))
+    remarks = list(_fix_limits(root))
     model = _model(root, label)
     places = {str(f.name): f for f in model.frames if f.type == pin.FrameType.BODY}
     lost = [link.get("name", "") for link in root.findall("link") if link.get("name") not in places]
@@ -93,15 +93,15 @@ def urdf_tree(
 
 
 def _require_single(root: ET.Element, label: str) -> None:
-    """Drop what is written twice alike; urdfdom would quietly take the first of what differs."""
+    """Refuse what is written twice and differs: urdfdom would quietly take the first."""
     for owner in [part for kind in ("link", "joint") for part in root.findall(kind)]:
         for parent in (owner, *owner.findall("inertial")):
-            seen: dict[str, bytes] = {}
-            for part in list(parent):
-                written = b"".join(ET.tostring(part).split())
-                if part.tag in ("visual", "collision"):
+            seen: dict[str, ET.Element] = {}
+            for part in parent:
+                first = seen.setdefault(part.tag, part)
+                if part is first or part.tag in ("visual", "collision"):
                     continue
-                if seen.setdefault(part.tag, written) != written:
+                if ET.tostring(part).split() != ET.tostring(first).split():
                     raise ArmError(
                         f"{label}: {owner.tag} {named(owner.get('name', ''))}: expected one "
                         f"<{cut(part.tag)}>, got several that differ"
@@ -118,7 +118,7 @@ def _require_few(root: ET.Element, label: str) -> None:
             raise ArmError(f"{label}: expected at most {most} {what}, got {count}")
 
 
-def _mend_limits(root: ET.Element) -> Iterator[tuple[str, str]]:
+def _fix_limits(root: ET.Element) -> Iterator[tuple[str, str]]:
     """Write limits as urdfdom takes them; yield joints, and what was made of their limits.
 
     It insists on effort and velocity (0: none) and does not know inf.

@@ -89,7 +89,7 @@ class Visuals:
             # The system has no file of a name that is too long for it, and says so by an error.
             with suppress(OSError, ValueError):
                 if candidate.is_file():
-                    return str(candidate.resolve())
+                    return os.path.abspath(candidate)
         return address
 
 
