@@ -48,6 +48,10 @@ ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, o
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
 Tip = Annotated[str | None, typer.Option(metavar="TIP", help="The arm's last link; hold the rest.")]
 PackageDirs = Annotated[list[Path] | None, typer.Option(help="Where meshes are; repeat.")]
+Inertia = Annotated[
+    str | None,
+    typer.Option(metavar="nearest|accept", help="Of a link's inertia that no body has."),
+]
 Tool = Annotated[str | None, typer.Option(metavar="FRAME", help="The tool's frame.")]
 Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
 NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
@@ -216,12 +220,13 @@ def inspect(
     keep: Tip = None,
     package_dir: PackageDirs = None,
     tool: Tool = None,
+    inertia: Inertia = None,
 ) -> None:
     """Say what there is to know of an arm, with suggested gains."""
     from fpid_pin.cli.arm_argument import arm_table
     from fpid_pin.cli.inspect import run_inspect
 
-    table = arm_table(arm, lock or (), keep, package_dir or (), tool)
+    table = arm_table(arm, lock or (), keep, package_dir or (), tool, inertia)
     run_inspect(table, bandwidth, step, picture)
 
 
@@ -233,12 +238,13 @@ def init(
     keep: Tip = None,
     package_dir: PackageDirs = None,
     tool: Tool = None,
+    inertia: Inertia = None,
 ) -> None:
     """Write a configuration that `compare` runs as it is."""
     from fpid_pin.cli.arm_argument import arm_table
     from fpid_pin.cli.init import run_init
 
-    run_init(arm, arm_table(arm, lock or (), keep, package_dir or (), tool), out)
+    run_init(arm, arm_table(arm, lock or (), keep, package_dir or (), tool, inertia), out)
 
 
 @app.command()
