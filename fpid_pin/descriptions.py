@@ -74,36 +74,16 @@ class Description:
 
 @dataclass(frozen=True)
 class Key:
-    """A field of a description, as its annotation declares it: a key of its table.
-
-    Attributes
-    ----------
-    name
-        Of the field.
-    default
-        None where there is none, or it is None.
-    required
-        Whether it has no default.
-    checks
-        As declared: none, one, or a choice for texts and one for all else.
-    plain
-        The check of a table's value where none is declared, of the field's plain type.
-    family
-        The class of the descriptions that it holds; None: it holds none.
-    several
-        Whether it holds a sequence of them.
-    optional
-        Whether it may be None.
-    """
+    """A field of a description, as its annotation declares it: a key of its table."""
 
     name: str
-    default: Any
-    required: bool
-    checks: tuple[Check, ...]
-    plain: Check | None
-    family: type | None
-    several: bool
-    optional: bool
+    default: Any  # None where there is none
+    required: bool  # whether there is no default
+    checks: tuple[Check, ...]  # as declared: none, one, or a choice for texts and one for all else
+    plain: Check | None  # of a table's value, by the field's plain type where none is declared
+    family: type | None  # of the descriptions that it holds; None: it holds none
+    several: bool  # whether it holds a sequence of them
+    optional: bool  # whether it may be None
 
     @property
     def is_per_joint(self) -> bool:

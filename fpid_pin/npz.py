@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import warnings
 import zipfile
 from collections.abc import Mapping
@@ -28,9 +27,6 @@ Arrays = dict[str, NDArray[Any]]
 
 #: Number of this file format.
 FORMAT = 4
-#: Contents may take this many times the file's size, and so many bytes more: a small file that
-#: claims to be large is refused before it fills the memory.
-MOST_RATIO, MOST_BYTES = 32, 25_000_000
 _TABLE, _CHECKSUM = "meta", "sha256"
 
 
@@ -51,8 +47,7 @@ def write(
     arrays
         Of numbers or texts.
     compressed
-        Pack arrays of float64 by pcodec, every bit kept. What packs so well that `read` would
-        refuse it is written as it is.
+        Pack arrays of float64 by pcodec, every bit kept.
 
     Raises
     ------
@@ -71,10 +66,8 @@ def write(
             raise ArgumentError("arrays", "names that a file can have", shown(name))
     head: dict[str, Any] = {"kind": kind, "format": FORMAT}
     if compressed:
-        shapes = {name: array.shape for name, array in members.items()}
-        packed = {name: _packed(array) for name, array in members.items()}
-        if _size(shapes) <= _most(sum(array.nbytes for array in packed.values())):
-            members, head["packed"] = packed, shapes
+        head["packed"] = {name: array.shape for name, array in members.items()}
+        members = {name: _packed(array) for name, array in members.items()}
     members[_TABLE] = np.array(json.dumps(head | dict(table)))
     members[_CHECKSUM] = np.array(_checksum(members))
     with replacing(path) as temporary, open(temporary, "wb") as file:
@@ -98,8 +91,7 @@ def read(path: str | Path, kind: str) -> tuple[Arrays, dict[str, Any]]:
     try:
         with zipfile.ZipFile(path) as zipped, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # NumPy's, of headers that it can only guess
-            most = _most(os.path.getsize(path))
-            return _contents(zipped, kind, most)
+            return _contents(zipped, kind)
     except FpidError as error:
         raise type(error)(f"{path}: {error}") from None
     except OSError as error:
@@ -114,12 +106,9 @@ def read(path: str | Path, kind: str) -> tuple[Arrays, dict[str, Any]]:
         ) from None
 
 
-def _contents(zipped: zipfile.ZipFile, kind: str, most: int) -> tuple[Arrays, dict[str, Any]]:
-    infos = zipped.infolist()
-    if sum(info.file_size for info in infos) > most:
-        raise FileFormatError(f"expected a {kind}, got one larger than a file of its size can be")
+def _contents(zipped: zipfile.ZipFile, kind: str) -> tuple[Arrays, dict[str, Any]]:
     members: Arrays = {}
-    for info in infos:
+    for info in zipped.infolist():
         with zipped.open(info) as file:
             array = np.lib.format.read_array(file, allow_pickle=False)
         members[info.filename.removesuffix(".npy")] = array
@@ -135,10 +124,6 @@ def _contents(zipped: zipfile.ZipFile, kind: str, most: int) -> tuple[Arrays, di
         raise FileFormatError(f"expected a {kind} of format {FORMAT}, got format {number}")
     shapes = table.pop("packed", None)
     if shapes is not None:
-        if _size(shapes) > most:
-            raise FileFormatError(
-                f"expected a {kind}, got one larger than a file of its size can be"
-            )
         members = {name: _unpacked(members[name], tuple(shape)) for name, shape in shapes.items()}
     return members, table
 
@@ -151,16 +136,6 @@ def _checksum(members: Mapping[str, NDArray[Any]]) -> str:
         whole.update(repr((name, array.dtype.str, array.shape)).encode())
         whole.update(array.tobytes())
     return whole.hexdigest()
-
-
-def _size(shapes: Mapping[str, Any]) -> int:
-    """Return the bytes that arrays of float64 take."""
-    return sum(8 * prod(shape) for shape in shapes.values())
-
-
-def _most(size: int) -> int:
-    """Return the most bytes that the contents of a file of `size` bytes may take."""
-    return MOST_RATIO * size + MOST_BYTES
 
 
 def _packed(array: NDArray[Any]) -> NDArray[np.uint8]:

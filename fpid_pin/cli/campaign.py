@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
+from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers, results_path
 
 if TYPE_CHECKING:
     from fpid_pin.campaign import CampaignData, Replay, Study
@@ -43,8 +43,8 @@ def run(
     from fpid_pin.cli.plans import read_campaign
 
     executor = executor_of(workers, dask)
-    study, planned = read_campaign(load(config))
-    ledger = out or Path("runs") / f"{config.stem}-campaign.sqlite"
+    study, planned = read_campaign(load(config, allow_import))
+    ledger = out or results_path(config, "-campaign.sqlite")
     _carry_out(study, ledger, planned if runs is None else runs, executor, workers, chunk, until)
 
 
@@ -190,11 +190,11 @@ def attack(
     from fpid_pin.exceptions import ArgumentError
     from fpid_pin.files import kind_of
 
-    out = out or Path("runs") / f"{config.stem}-attack.sqlite"
+    out = out or results_path(config, "-attack.sqlite")
     if kind_of(out) is not None:
         raise ArgumentError("--out", "a new file", f"{out}, which is there")
     executor = executor_of(workers, dask)
-    study, _ = read_campaign(load(config))
+    study, _ = read_campaign(load(config, allow_import))
     with executor as pool, progress_bar("attack") as bar:
         data = campaign.attack(
             study, out, population=population, generations=generations, executor=pool,

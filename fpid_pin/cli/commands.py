@@ -12,7 +12,7 @@ import typer
 
 from fpid_pin._version import __version__
 from fpid_pin.cli import campaign
-from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Page, Workers
+from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Page, Workers, results_path
 
 if TYPE_CHECKING:
     from fpid_pin.cli.configuration import Config
@@ -88,12 +88,15 @@ def run(
     from fpid_pin.cli.configuration import load
     from fpid_pin.cli.results import OutputOptions
 
-    options, found = OutputOptions(not no_runs, not no_figures, every, png), load(config)
+    options, found = (
+        OutputOptions(not no_runs, not no_figures, every, png),
+        load(config, allow_import),
+    )
     name = found.chosen(controller)
     one = dataclasses.replace(
         found, controllers={name: found.controllers[name]}, conditions={"nominal": found.experiment}
     )
-    _compare(one, out or Path("runs") / config.stem, "tail", options)
+    _compare(one, out or results_path(config), "tail", options)
 
 
 @app.command()
@@ -115,7 +118,7 @@ def compare(
     from fpid_pin.cli.results import OutputOptions
 
     options = OutputOptions(not no_runs, not no_figures, every, png)
-    _compare(load(config), out or Path("runs") / config.stem, metric, options)
+    _compare(load(config, allow_import), out or results_path(config), metric, options)
 
 
 def _compare(
@@ -160,8 +163,9 @@ def tune(
     from fpid_pin.cli.results import OutputOptions
     from fpid_pin.cli.tune import run_tuning
 
-    folder = out or Path("runs") / f"{config.stem}-tuned"
-    run_tuning(config, folder, resume, workers, OutputOptions(png=png), dask)
+    run_tuning(
+        config, out or results_path(config, "-tuned"), resume, workers, OutputOptions(png=png), dask
+    )
 
 
 @app.command()
@@ -283,7 +287,7 @@ def playground(
     from fpid_pin.files import require_file
 
     require_file(html)
-    found = load(config)
+    found = load(config, allow_import)
     name = None if controller is None else found.chosen(controller)
     for line in write_playground(found, html, name):
         say(f"fpid-pin: left out: {line}", error=True)
@@ -312,10 +316,9 @@ def live(
     from fpid_pin.view.live_session import HELP
     from fpid_pin.view.live_session import live as show
 
-    found = load(config)
-    experiment, law = found.experiment, found.controllers[
-        found.chosen(controller or next(iter(found.controllers)))
-    ]  # fmt: skip
+    found = load(config, allow_import)
+    name = found.chosen(controller or next(iter(found.controllers)))
+    experiment, law = found.experiment, found.controllers[name]
     if checks.number("--baseline", baseline, low=0.0):
         say(f"{baseline:g} s without the view, to compare ...")
         alone = show(experiment, law, duration=baseline, view=False)
@@ -348,7 +351,7 @@ def export(
     from fpid_pin.cli.table import say
     from fpid_pin.export import export_c
 
-    found = load(config)
+    found = load(config, allow_import)
     name, experiment = found.chosen(controller), found.experiment
     options = f"--horizon {horizon:g} --ticks {ticks}"
     folder = export_c(

@@ -96,19 +96,35 @@ def over_joints(rms: FloatArray) -> float:
     return 1e3 * float(np.sqrt(np.mean(rms**2)))
 
 
+#: Figures of a run over all joints, by their heads. Of all joints RMS and tail are root mean
+#: squares over the joints of their RMS errors (whole run, last half), energy and variation sums;
+#: what is of the worst joint is the largest.
+FIGURES: dict[str, Callable[[Metrics], float]] = {
+    "tail (all joints) [mrad]": lambda m: over_joints(m.rms_tail),
+    "RMS (all joints) [mrad]": lambda m: over_joints(m.rms),
+    "peak (worst joint) [N m]": lambda m: float(m.peak_torque.max()),
+    "variation (all joints) [N m]": lambda m: float(m.total_variation.sum()),
+    "energy (all joints) [N²m²s]": lambda m: float(m.energy.sum()),
+    "cost (33)": COST.of,
+    "peak error (worst joint) [mrad]": lambda m: 1e3 * float(m.peak_error.max()),
+    "settled (worst joint) [s]": lambda m: float(m.settling_time.max()),
+    "at its limit (worst joint) [%]": lambda m: 100.0 * float(m.saturated.max()),
+    "torque rate (worst joint) [N m/s]": lambda m: float(m.torque_rate.max()),
+}
+#: Those that a screen has room for, and those that are infinite where a run ended early.
+_ON_SCREEN, _OF_WHOLE_RUNS = list(FIGURES)[:6], ("tail (all joints) [mrad]", "cost (33)")
 #: What `compare --metric` may name.
 MEASURES = {
-    "tail": Measure("RMS error of the last half", "mrad", lambda m: over_joints(m.rms_tail)),
-    "rms": Measure("RMS error", "mrad", lambda m: over_joints(m.rms)),
-    "peak_error": Measure(
-        "peak error (worst joint)", "mrad", lambda m: 1e3 * float(m.peak_error.max())
-    ),
-    "cost": Measure(f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "", COST.of),
-    "energy": Measure("energy (all joints)", "N²m²s", lambda m: float(m.energy.sum())),
-    "variation": Measure(
-        "torque variation (all joints)", "N m", lambda m: float(m.total_variation.sum())
-    ),
-    "peak": Measure("peak torque (worst joint)", "N m", lambda m: float(m.peak_torque.max())),
+    name: Measure(label, head.partition(" [")[2].rstrip("]"), FIGURES[head])
+    for name, label, head in (
+        ("tail", "RMS error of the last half", "tail (all joints) [mrad]"),
+        ("rms", "RMS error", "RMS (all joints) [mrad]"),
+        ("peak_error", "peak error (worst joint)", "peak error (worst joint) [mrad]"),
+        ("cost", f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "cost (33)"),
+        ("energy", "energy (all joints)", "energy (all joints) [N²m²s]"),
+        ("variation", "torque variation (all joints)", "variation (all joints) [N m]"),
+        ("peak", "peak torque (worst joint)", "peak (worst joint) [N m]"),
+    )
 }
 
 
@@ -229,37 +245,15 @@ def limit_lines(entries: Sequence[Entry]) -> list[str]:
 
 
 def run_rows(entries: Sequence[Entry], ranking: Ranking | None = None) -> list[Row]:
-    """Return one row a run: figures over all joints.
-
-    Of all joints RMS and tail are root mean squares over the joints of their RMS errors (whole
-    run, last half), energy and total variation sums; what is of the worst joint is the largest.
-
-    Parameters
-    ----------
-    entries
-        The runs.
-    ranking
-        Says which runs are the best under their conditions; None: no such column.
-    """
+    """Return one row a run, its `FIGURES`; the best of a ranking are marked."""
     rows = []
     for entry in entries:
-        m, outcome = entry.run.metrics, entry.run.outcome
-        row: Row = {
-            "condition": entry.condition,
-            "controller": entry.controller,
-            "tail (all joints) [mrad]": over_joints(m.rms_tail) if outcome.completed else np.inf,
-            "RMS (all joints) [mrad]": over_joints(m.rms),
-            "peak (worst joint) [N m]": float(m.peak_torque.max()),
-            "variation (all joints) [N m]": float(m.total_variation.sum()),
-            "energy (all joints) [N²m²s]": float(m.energy.sum()),
-            "cost (33)": COST.of(m) if outcome.completed else np.inf,
-            "peak error (worst joint) [mrad]": 1e3 * float(m.peak_error.max()),
-            "settled (worst joint) [s]": float(m.settling_time.max()),
-            "at its limit (worst joint) [%]": 100.0 * float(m.saturated.max()),
-            "torque rate (worst joint) [N m/s]": float(m.torque_rate.max()),
-            "outcome": "completed" if outcome.completed else str(outcome),
-            "file": entry.file,
-        }
+        m, ended = entry.run.metrics, not entry.run.outcome.completed
+        row: Row = {"condition": entry.condition, "controller": entry.controller}
+        for head, figure in FIGURES.items():
+            row[head] = np.inf if ended and head in _OF_WHOLE_RUNS else figure(m)
+        row["outcome"] = str(entry.run.outcome) if ended else "completed"
+        row["file"] = entry.file
         if ranking is not None:
             row["best"] = "best" if ranking.is_best(entry.condition, entry.controller) else ""
         rows.append(row)
@@ -268,7 +262,7 @@ def run_rows(entries: Sequence[Entry], ranking: Ranking | None = None) -> list[R
 
 def screen_rows(rows: Sequence[Row]) -> list[Row]:
     """Return the columns of `run_rows` that a screen has room for."""
-    heads = ["condition", "controller", *list(rows[0])[2:8], "best"]
+    heads = ["condition", "controller", *_ON_SCREEN, "best"]
     return [{head: row[head] for head in heads if head in row} for row in rows]
 
 

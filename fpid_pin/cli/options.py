@@ -24,3 +24,8 @@ AllowImport = Annotated[
 Workers = Annotated[int | None, typer.Option(help="Threads, or processes for laws in Python.")]
 Dask = Annotated[str | None, typer.Option(help="Or a scheduler: tcp://127.0.0.1:8786.")]
 Page = Annotated[Path | None, typer.Option(help="Write one page that opens anywhere.")]
+
+
+def results_path(config: str | Path, ending: str = "") -> Path:
+    """Return where results go that were not told where: ``runs`` and the configuration's name."""
+    return Path("runs") / f"{Path(config).stem}{ending}"

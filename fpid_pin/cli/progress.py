@@ -49,14 +49,12 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
     def advance(progress: Progress) -> None:
         nonlocal last
         now, part, head = time.monotonic(), progress.part, title
-        told = (
-            f"{100.0 * part:3.0f} %, {_clock((now - began) * (1.0 / max(part, 0.01) - 1.0))} left"
-        )
+        told = f"{100.0 * part:3.0f} %"
+        if part > 0.0:
+            told += f", {_clock((now - began) * (1.0 / part - 1.0))} left"
         if isinstance(progress, SearchProgress):
-            head, told = (
-                f"generation {progress.generation} of {progress.generations}",
-                _told(progress),
-            )
+            head = f"generation {progress.generation} of {progress.generations}"
+            told = _told(progress)
             if not console.is_terminal and now - last >= _QUIET and progress.rate > 0.0:
                 last = now
                 console.print(f"{head}: {told}", highlight=False)

@@ -1,5 +1,6 @@
 """Kinds of one's own, named by a configuration: run only where that is allowed."""
 
+import contextvars
 import sys
 import textwrap
 import warnings
@@ -9,7 +10,9 @@ import pytest
 from bounded import finished
 
 import fpid_pin as fp
+from fpid_pin.cli import commands
 from fpid_pin.cli.main import main
+from fpid_pin.exceptions import ConfigError
 
 OWN = '''
 """A law, a reference and a cost of one's own."""
@@ -108,6 +111,18 @@ def test_nothing_is_run_that_was_not_allowed(config, capsys):
     allowed = ["run", str(config), "--out", str(config.parent / "out")]
     assert main([*allowed, "--allow-import"]) == 0
     assert main(allowed) == 2
+
+
+def test_a_script_calls_commands_as_functions(config, capsys):
+    def script():
+        with pytest.raises(ConfigError, match="expected --allow-import"):
+            commands.run(config, out=out)
+        commands.run(config, out=out, no_figures=True, allow_import=True)
+
+    out = config.parent / "out"
+    contextvars.copy_context().run(script)  # in which alone it stays allowed
+    assert "mine" in capsys.readouterr().out
+    assert fp.Run.load(out / "mine.npz").outcome.completed
 
 
 @pytest.mark.parametrize("name", ["MyPd", "MyPythonPd"])

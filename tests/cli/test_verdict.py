@@ -125,6 +125,20 @@ def test_no_number_is_cut_in_a_narrow_terminal(width, capsys):
     assert all(table._short(row["energy (all joints) [N²m²s]"]) in piped for row in rows)
 
 
+def test_columns_that_do_not_fit_follow_below_with_the_names_again(capsys):
+    heads = [f"figure {k} [N m]" for k in range(12)]
+    rows = [{"controller": f"law {j}"} | {h: 1.2345 * 10.0**k for k, h in enumerate(heads)}
+            for j in range(3)]  # fmt: skip
+    rows[1][heads[0]] = None  # not known
+    table.print_table(rows, "", console=Console(force_terminal=True, width=80, color_system=None))
+    printed = capsys.readouterr().out
+    assert max(map(len, printed.splitlines())) <= 80
+    for head in heads[1:]:
+        assert printed.split().count(table._short(rows[0][head])) == 3
+    assert printed.count("law 1") == printed.count("controller") == 2
+    assert printed.split().count("-") == 1
+
+
 CONFIG = """
 format = 1
 [arm]
