@@ -20,6 +20,7 @@ from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.document import as_text, asset, closed, document
+from fpid_pin.view.palette import ON_DARK, PALETTE
 from fpid_pin.view.playground_engine import Engine
 from fpid_pin.view.playground_law import Law, supervisor_of
 from fpid_pin.view.playground_presets import presets
@@ -188,4 +189,5 @@ def _page(
         "groups": settings.shared_groups(e, start),
         "presets": presets(e, laws, steps, peak.tolist()),
         "toml": settings.toml_tables(e, laws, names),
+        "palette": {"light": PALETTE, "dark": ON_DARK},
     }  # fmt: skip

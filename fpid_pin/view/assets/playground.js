@@ -271,7 +271,7 @@ element("joint").addEventListener("change", () => {
 element("signal-name").addEventListener("change", ask);
 function colours() {
   JOINTS.forEach((_, j) =>
-    document.documentElement.style.setProperty(`--joint-${j % 7}`, colour(j)));
+    document.documentElement.style.setProperty(`--joint-${j}`, colour(j)));
 }
 colours();
 dark.addEventListener("change", () => {
