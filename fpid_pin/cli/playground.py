@@ -12,7 +12,8 @@ from fpid_pin.cli.screen import say, screen
 from fpid_pin.exceptions import ConfigError, FpidError
 from fpid_pin.files import require_file
 from fpid_pin.text import visible
-from fpid_pin.view.playground_page import Playground, playground
+from fpid_pin.view.document import Page
+from fpid_pin.view.playground_page import playground
 
 
 def run_playground(path: Path, html: Path, name: str | None) -> None:
@@ -27,7 +28,7 @@ def run_playground(path: Path, html: Path, name: str | None) -> None:
     say(screen(), f"Written to {html} ({len(page.text.encode()) / 1e6:.1f} MB): open it")
 
 
-def make(config: Config, html: Path, name: str | None = None) -> tuple[Playground, list[str]]:
+def make(config: Config, html: Path, name: str | None = None) -> tuple[Page, list[str]]:
     """Write a page of what it can hold; return it, and a line for each controller that it cannot.
 
     Raises
