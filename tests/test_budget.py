@@ -1,6 +1,5 @@
 """What would take more than there is, in memory or in time, is refused before it starts."""
 
-
 import pytest
 
 import fpid_pin as fp

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.arms.change import Change, Payload, ScaledLinks
 from fpid_pin.checks import FloatArray
 from fpid_pin.disturbances import Cosine
 from fpid_pin.exceptions import ArgumentError
@@ -119,12 +118,12 @@ def _plant(nominal: Experiment, value: Mapping[str, Any]) -> Plant:
     plant = nominal.plant or Plant()
     changed = _some(value, "viscous_friction", "dry_friction")
     arm = nominal.arm if plant.arm is None else plant.arm
-    carried: list[Change] = []
+    carried: list[dict[str, Any]] = []
     scaled = _some(value, "mass", "inertia")
     if scaled:
-        carried.append(ScaledLinks(**scaled))
+        carried.append({"scaled_links": scaled})
     if "payload" in value:
-        carried.append(Payload(float(value["payload"])))
+        carried.append({"payload": {"mass": float(value["payload"])}})
     if carried:
         changed["arm"] = arm.with_changes(*carried)
     pushed = _under(value, _DISTURBANCE)

@@ -12,6 +12,7 @@ from typing import Any
 from fpid_pin import checks, descriptions
 from fpid_pin.campaign.scenarios import BoundScenarios, Scenarios
 from fpid_pin.control import Controller
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.simulation import Experiment
 from fpid_pin.text import shown
@@ -21,7 +22,7 @@ FORMAT = 1
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Study(Description):
     """What a campaign simulates: every run's plant under every controller.
 
     Parameters
@@ -47,15 +48,15 @@ class Study:
     title: str = ""
 
     def __post_init__(self) -> None:
-        checks.instance("experiment", self.experiment, Experiment, "an Experiment")
+        super().__post_init__()
         checks.instance("scenarios", self.scenarios, Scenarios, "Scenarios")
         if not isinstance(self.controllers, Mapping) or not self.controllers:
             raise ArgumentError("controllers", "at least one, by name", "none")
         for name, controller in self.controllers.items():
             checks.instance(f"controllers.{name}", controller, Controller, "a Controller")
-        object.__setattr__(self, "controllers", dict(self.controllers))
-        # Written out: what is recorded says it, and a replay has the same bits.
-        object.__setattr__(self, "experiment", self.experiment.with_dynamics("compiled"))
+        # Dynamics written out: what is recorded says it, and a replay has the same bits.
+        experiment = self.experiment.with_dynamics("compiled")
+        self._set(controllers=dict(self.controllers), experiment=experiment)
         self.scenarios.bind(self.experiment)
 
     @cached_property

@@ -6,16 +6,18 @@ from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from fpid_pin import checks
+from fpid_pin.checks import Flag, Number, Whole
 from fpid_pin.control.law import Controller
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.workers import check_workers
 
 
 @dataclass(frozen=True)
-class SearchSettings:
+class SearchSettings(Description):
     """How to search; the defaults are the paper's (section 5.1), in this process.
 
     Parameters
@@ -49,31 +51,25 @@ class SearchSettings:
         What is out of range, or does not go together.
     """
 
-    population: int = 60
-    generations: int = 80
-    crossover: float = 0.75
-    mutation: float = 0.03
+    population: Annotated[int, Whole(low=4)] = 60
+    generations: Annotated[int, Whole(low=1)] = 80
+    crossover: Annotated[float, Number(low=0.0, high=1.0)] = 0.75
+    mutation: Annotated[float, Number(low=0.0, high=1.0)] = 0.03
     seeds: Sequence[int] = (0,)
     initial: Sequence[Controller] = ()
-    reuse: bool = True
+    reuse: Annotated[bool, Flag] = True
     workers: int | None = None
     executor: Executor | None = None
     checkpoint: str | Path | None = None
-    resume: bool = False
+    resume: Annotated[bool, Flag] = False
 
     def __post_init__(self) -> None:
-        checks.integer("population", self.population, low=4)
-        checks.integer("generations", self.generations, low=1)
-        checks.number("crossover", self.crossover, low=0.0, high=1.0)
-        checks.number("mutation", self.mutation, low=0.0, high=1.0)
-        for name in ("reuse", "resume"):
-            checks.instance(name, getattr(self, name), bool, "True or False")
-        object.__setattr__(self, "seeds", self._checked_seeds())
-        object.__setattr__(self, "initial", self._checked_initial())
+        super().__post_init__()
+        self._set(seeds=self._checked_seeds(), initial=self._checked_initial())
         check_workers(self.executor, self.workers)
         if self.checkpoint is not None:
             checks.instance("checkpoint", self.checkpoint, (str, Path), "a path")
-            object.__setattr__(self, "checkpoint", Path(self.checkpoint))
+            self._set(checkpoint=Path(self.checkpoint))
         elif self.resume:
             raise ArgumentError("resume", "a checkpoint to resume from", "none")
 
@@ -87,9 +83,7 @@ class SearchSettings:
         return seeds
 
     def _checked_initial(self) -> tuple[Controller, ...]:
-        initial = _several(self.initial)
-        for k, controller in enumerate(initial):
-            checks.instance(f"initial.{k}", controller, Controller, "a Controller")
+        initial = tuple(self.initial)
         if len(initial) > self.population:
             raise ArgumentError("initial", f"at most {self.population} (population)", len(initial))
         return initial

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin.arms.bodies import bodies_of
-from fpid_pin.control.order_changes import NODES
+from fpid_pin.control.state import NODES
 from fpid_pin.export.javascript import HELPERS, JavaScript
 from fpid_pin.export.kinds import INT, Array, Kind, bundle, real, words
 from fpid_pin.export.law import INPUTS, stand_ins
@@ -115,7 +115,7 @@ class Engine:
         kept = OWN_SIGNALS + len(SIGNALS)
         bundles: dict[str, Any] = {
             # Without friction's part of the rotor inertias: it depends on step and slider.
-            "plant": robot._arrays._replace(bodies=bodies_of(robot.plant.arm)),
+            "plant": robot.arrays._replace(bodies=bodies_of(robot.plant.arm)),
             "sensing": Sensing(
                 sensors, np.zeros((MOST_DELAY + 1, 2, n)), np.zeros((BLOCK_ROWS, 2, n))
             ),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC, axis_of
-from fpid_pin.arms.solids import solid_of
+from fpid_pin.arms.shapes import solid_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import FpidError, FpidWarning
 
