@@ -6,16 +6,16 @@ Matplotlib and the web server are imported by the functions that need them, not 
 from __future__ import annotations
 
 from fpid_pin.view import plots
+from fpid_pin.view.document import Page
 from fpid_pin.view.live_session import LiveReport, live
-from fpid_pin.view.playground_page import Playground, playground
+from fpid_pin.view.playground_page import playground
 from fpid_pin.view.plots import figures, plot, save_figure
-from fpid_pin.view.replay import Replay, export_html, play, show
+from fpid_pin.view.replay import export_html, play, show
 from fpid_pin.view.report import report_html
 
 __all__ = [
     "LiveReport",
-    "Playground",
-    "Replay",
+    "Page",
     "export_html",
     "figures",
     "live",

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from functools import cache
 from html import escape
 from importlib import resources
+from pathlib import Path
 from typing import NamedTuple
 
 from fpid_pin.text import cut, visible
@@ -64,6 +65,37 @@ class Link(NamedTuple):
     def html(self) -> str:
         """The link as an element."""
         return f'<a href="{as_text(self.href)}">{as_text(self.text)}</a>'
+
+
+class Page:
+    """A page that is there; in a notebook it shows itself, shut off from what is around.
+
+    Attributes
+    ----------
+    text
+        HTML.
+    path
+        Where it was written; None: nowhere.
+    """
+
+    def __init__(
+        self, text: str, kind: str, height: int, path: Path | None = None,
+        rights: str = "allow-scripts",
+    ) -> None:  # fmt: skip
+        self.text, self.path = text, path
+        self._kind, self._height, self._rights = kind, height, rights
+
+    def __repr__(self) -> str:
+        return f"<{self._kind}, {len(self.text.encode()) / 1e6:.2f} MB>"
+
+    def _repr_html_(self) -> str:
+        style = f"width: 100%; height: {self._height}px; border: 1px solid #8884"
+        return framed(self.text, f'title="{self._kind}" style="{style}"', self._rights)
+
+
+def framed(page: str, attributes: str, rights: str = "allow-scripts") -> str:
+    """Return a page in a frame within another, shut off from it."""
+    return f'<iframe sandbox="{rights}" {attributes} srcdoc="{escape(page)}"></iframe>'
 
 
 def document(

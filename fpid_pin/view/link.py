@@ -86,8 +86,10 @@ class LiveLink:
                     if not self.alive or time.monotonic() > limit:
                         raise FpidError("live view: the server did not start on 127.0.0.1")
                 self.port = int(self._socket.recv())
-            except BaseException:
+            except BaseException as error:
                 self.close()
+                if isinstance(error, zmq.ZMQError):
+                    raise FpidError(f"live view: {address}: {error}") from None
                 raise
         self._waiting = False
         self.url = f"http://127.0.0.1:{self.port}/{token}/"

@@ -1,14 +1,14 @@
 """A controller as a playground plays it: its start, and which numbers its settings move.
 
-What a setting moves is found by trying: a field of a law is a slider where the law's numbers go
-with it in proportion.
+What a field of a law moves is found by trying: it is a slider where the law's numbers go with it
+in proportion.
 """
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -27,8 +27,6 @@ from fpid_pin.simulation.experiment import Experiment
 
 #: Signals that a page can plot: the law's own, as many as this, and what every law has.
 OWN_SIGNALS, SIGNALS = 5, ("u_law", "u_model", "u_s")
-#: What a setting changes of a law's fields.
-_Change = Callable[[Any], dict[str, Any]]
 
 
 def supervisor_of(e: Experiment, controller: Controller) -> Supervisor:
@@ -60,7 +58,7 @@ class Law:
     settings : dict
         Fields that sliders can move, by name: one number, or one for each joint.
     moves : dict
-        For each of them the numbers that it moves: column, change per unit, value at 0, (n,) each.
+        For each of them the numbers that it moves: column, and number over setting, (n,).
 
     Raises
     ------
@@ -90,7 +88,10 @@ class Law:
         self.state = start(dataclasses.replace(law, **changes), arm, self._step, self._horizon)
         self.settings: dict[str, Any] = {}
         self.moves: dict[str, list[Any]] = {}
-        self._find_settings()
+        if isinstance(law, AdaptiveFpid):
+            self._of_fpid(law)
+        else:
+            self._of_fields(law)
 
     @property
     def operators(self) -> Mapping[str, Any]:
@@ -129,84 +130,68 @@ class Law:
         found = {name: np.zeros(self._arm.n) + np.asarray(value) for name, value in given.items()}
         return found | {"": np.asarray(law.arrays(self._arm, step, self._horizon))}
 
-    def _changes(self) -> tuple[Controller, dict[str, tuple[Any, _Change]]]:
-        """Return a law to try settings on; by setting, its value and what it changes of the law.
-
-        A value with an axis is one for each joint.
-        """
-        law, n = self.controller, self._arm.n
-        if not isinstance(law, AdaptiveFpid):
-            options = {field.name for field in dataclasses.fields(Controller)}
-            found = {}
-            for field in dataclasses.fields(law):
-                value = getattr(law, field.name)
-                if field.name not in options and is_number(value):
-                    one = field.type in (float, "float")
-                    found[field.name] = (value if one else np.zeros(n) + value, _field(field.name))
-            return law, found
-        names = ["integral_order", "derivative_order", "kp", "ki", "kd", "k0", "k1"]
-        found = {
-            name: (np.zeros(n) + np.asarray(getattr(law, name)), _field(name)) for name in names
-        }
+    def _of_fpid(self, law: AdaptiveFpid) -> None:
+        """Note the settings of the adaptive FPID."""
+        n, plain = self._arm.n, ("integral_order", "derivative_order", "kp", "ki", "kd", "k0", "k1")
         rates, guard = np.asarray(law.order_learning_rate), law.safeguards or Safeguards()
         if np.ptp(rates) > 0.0:
             raise ArgumentError(
                 "order_learning_rate", "one number for a page's slider", rates.tolist()
             )
-        found |= {
-            # A factor of the described rates.
-            "learning_rate": (1.0, lambda x: {"learning_rate": x * np.asarray(law.learning_rate)}),
-            "order_learning_rate": (float(rates.max()), _field("order_learning_rate")),
-            "sigma": (guard.sigma, lambda x: {"safeguards": Safeguards(sigma=x)}),
-            "dead_zone": (guard.dead_zone, lambda x: {"safeguards": Safeguards(dead_zone=x)}),
-        }
-        free = dataclasses.replace(
-            law, safeguards=None, order_learning_rate=0.5, integral_order_bounds=(0.0, 1.0),
-            derivative_order_bounds=(0.0, 1.0),
-        )  # fmt: skip
-        return free, found
+        for name in plain:
+            self._note(name, np.zeros(n) + getattr(law, name), {name: 1.0})
+        # A factor of the described rates.
+        gammas = zip(("gamma_p", "gamma_i", "gamma_d"), law.rates(n), strict=False)
+        self._note("learning_rate", 1.0, dict(gammas))
+        orders = dict.fromkeys(("integral_order_rate", "derivative_order_rate"), 1.0)
+        self._note("order_learning_rate", float(rates.max()), orders)
+        self._note("sigma", guard.sigma, {"sigma": 1.0})
+        self._note("dead_zone", guard.dead_zone, {"dead_zone": 1.0})
 
-    def _find_settings(self) -> None:
-        """Find the fields that move numbers in proportion, each by itself."""
-        law, changes = self._changes()
-        columns, rng = list(self.state.record.names), np.random.default_rng(0)
-
-        def numbers(some: dict[str, Any]) -> dict[str, Any]:
-            return self._numbers(dataclasses.replace(law, **some), self._step)
-
-        def learn(name: str, value: Any) -> None:
-            change = changes[name][1]
-            low, high = (numbers(change(np.full(np.shape(value), x)[()])) for x in (0.25, 0.5))
-            with np.errstate(invalid="ignore"):  # numbers may be infinite
-                slopes = {
-                    key: np.where(high[key] == low[key], 0.0, (high[key] - low[key]) / 0.25)
-                    for key in low
-                }
-            x = rng.uniform(0.3, 0.7, np.shape(value))
-            found = numbers(change(x[()]))
-            if slopes.pop("").any() or not all(
-                np.allclose(found[key], low[key] + slope * (x - 0.25), rtol=1e-12)
-                for key, slope in slopes.items()
-            ):
-                return
-            self.moves[name] = [
-                [columns.index(key), slope.tolist(), (low[key] - 0.25 * slope).tolist()]
-                for key, slope in slopes.items()
-                if slope.any()
-            ]
-            self.settings[name] = np.asarray(value).tolist()
-
-        for name, (value, _) in changes.items():
-            try:
-                learn(name, value)
-            except (FpidError, ValueError, TypeError):
+    def _of_fields(self, law: Controller) -> None:
+        """Find the fields of a law that move its numbers in proportion."""
+        options = {field.name for field in dataclasses.fields(Controller)}
+        for field in dataclasses.fields(law):
+            value = getattr(law, field.name)
+            if field.name in options or not is_number(value):
+                continue
+            one = float(np.ravel(value)[0])
+            each = [] if field.type in (float, "float") else [np.zeros(self._arm.n) + value]
+            for chosen in (*each, one):
                 # One number for all joints, or such as are not tried here.
                 with contextlib.suppress(FpidError, ValueError, TypeError):
-                    learn(name, float(np.ravel(value)[0]))
-        moved = [column for name in self.moves for column, _, _ in self.moves[name]]
+                    slopes = self._proportions(field.name, np.shape(chosen))
+                    if slopes is not None:
+                        self._note(field.name, chosen, slopes)
+                    break
+        moved = [column for name in self.moves for column, _ in self.moves[name]]
         if len(set(moved)) < len(moved):
             # Fields that move the same numbers: a page would set them as if there were one.
             self.settings, self.moves = {}, {}
+
+    def _proportions(self, name: str, shape: tuple[int, ...]) -> dict[str, Any] | None:
+        """Return the numbers that a field moves, over the field; None: not in proportion."""
+        x = np.random.default_rng(0).uniform(0.3, 0.7, shape)
+        changes: list[dict[str, Any]]
+        changes = [{name: value[()]} for value in (np.full(shape, 0.25), np.full(shape, 0.5), x)]
+        low, high, found = (
+            self._numbers(dataclasses.replace(self.controller, **change), self._step)
+            for change in changes
+        )
+        moved = [key for key in low if not np.array_equal(low[key], high[key])]
+        for key, value in found.items():
+            expected = 2.0 * x * high[key] if key and key in moved else low[key]
+            if not np.allclose(value, expected, rtol=1e-12):
+                return None
+        return {key: 2.0 * high[key] for key in moved}
+
+    def _note(self, name: str, value: Any, slopes: Mapping[str, Any]) -> None:
+        columns = self.state.record.names.index
+        self.settings[name] = np.asarray(value).tolist()
+        self.moves[name] = [
+            [columns(key), (np.zeros(self._arm.n) + slope).tolist()]
+            for key, slope in slopes.items()
+        ]
 
     def table(self, e: Experiment) -> dict[str, Any]:
         """Return what the page needs of it."""
@@ -236,7 +221,3 @@ class Law:
                 "bound": s.bound(e.arm.n).tolist(), "constants": constants,
             },
         }  # fmt: skip
-
-
-def _field(name: str) -> _Change:
-    return lambda x: {name: x}

@@ -19,11 +19,12 @@ from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.view import playground_settings as settings
-from fpid_pin.view.document import as_text, asset, closed, document
+from fpid_pin.view.document import Page, as_text, asset, closed, document
+from fpid_pin.view.palette import ON_DARK, PALETTE
 from fpid_pin.view.playground_engine import Engine
 from fpid_pin.view.playground_law import Law, supervisor_of
 from fpid_pin.view.playground_presets import presets
-from fpid_pin.view.replay import framed, licences, meshcat_file
+from fpid_pin.view.replay import licences, meshcat_file
 from fpid_pin.view.scene import experiment_scene, to_script_json
 
 #: Points of a curve: two for each of so many spans of time.
@@ -40,33 +41,13 @@ _SCRIPTS = (
 )  # fmt: skip
 
 
-class Playground:
-    """A page that is there: its text, and where it was written.
-
-    In a notebook it shows itself.
-    """
-
-    def __init__(self, text: str, path: Path | None) -> None:
-        self.text, self.path = text, path
-
-    def __repr__(self) -> str:
-        where = "not written" if self.path is None else str(self.path)
-        return f"Playground({where}, {len(self.text.encode()) / 1e6:.2f} MB)"
-
-    def _repr_html_(self) -> str:
-        """Return the page in a frame of its own, shut off from the notebook around it."""
-        style = "width: 100%; height: 820px; border: 1px solid #8884; border-radius: 8px"
-        rights = "allow-scripts allow-downloads allow-modals"
-        return framed(self.text, f'title="playground" style="{style}"', rights)
-
-
 def playground(
     experiment: Experiment,
     controllers: Controller | Sequence[Controller],
     path: str | Path | None = None,
     *,
     title: str = "",
-) -> Playground:
+) -> Page:
     """Make a page with sliders for everything that a run depends on; each move simulates again.
 
     The page holds the compiled kernels as JavaScript: its run is that of
@@ -87,7 +68,7 @@ def playground(
 
     Returns
     -------
-    Playground
+    Page
 
     Raises
     ------
@@ -96,9 +77,8 @@ def playground(
         CRONE's poles, an arm with other joints than revolute and prismatic ones.
     """
     text = playground_html(experiment, controllers, title=title)
-    if path is None:
-        return Playground(text, None)
-    return Playground(text, put_text(path, text))
+    written = None if path is None else put_text(path, text)
+    return Page(text, "Playground", 820, written, "allow-scripts allow-downloads allow-modals")
 
 
 def playground_html(
@@ -188,4 +168,5 @@ def _page(
         "groups": settings.shared_groups(e, start),
         "presets": presets(e, laws, steps, peak.tolist()),
         "toml": settings.toml_tables(e, laws, names),
+        "palette": {"light": PALETTE, "dark": ON_DARK},
     }  # fmt: skip

@@ -6,7 +6,6 @@ import contextlib
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
-from html import escape
 from importlib import util
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from fpid_pin.exceptions import FpidError
 from fpid_pin.files import put_text
 from fpid_pin.simulation.run import Run
 from fpid_pin.text import cut
-from fpid_pin.view.document import as_text, asset, document
+from fpid_pin.view.document import Page, as_text, asset, document
 from fpid_pin.view.link import LiveLink
 from fpid_pin.view.scene import as_runs, captions_of, replay_scene, to_script_json
 
@@ -164,33 +163,13 @@ def play(
                 raise FpidError("live view: its server was ended from outside")
 
 
-class Replay:
-    """A page that is there, `text`; in a notebook it shows itself, shut off from what is around."""
-
-    def __init__(self, text: str, height: int, runs: int) -> None:
-        self.text, self._height, self._runs = text, height, runs
-
-    def __repr__(self) -> str:
-        runs = "1 run" if self._runs == 1 else f"{self._runs} runs"
-        return f"<Replay of {runs}, {len(self.text.encode()) / 1e6:.2f} MB>"
-
-    def _repr_html_(self) -> str:
-        style = f"width: 100%; height: {self._height}px; border: 1px solid #8884"
-        return framed(self.text, f'title="replay" style="{style}"')
-
-
-def framed(page: str, attributes: str, rights: str = "allow-scripts") -> str:
-    """Return a page in a frame within another, shut off from it."""
-    return f'<iframe sandbox="{rights}" {attributes} srcdoc="{escape(page)}"></iframe>'
-
-
 def show(
     runs: Run | Sequence[Run],
     *,
     captions: Sequence[str] | None = None,
     fps: float = 30.0,
     height: int = 520,
-) -> Replay:
+) -> Page:
     """Return the replay of runs for a notebook: the last line of a cell shows it.
 
     Parameters
@@ -205,4 +184,6 @@ def show(
     ArgumentError
         As `export_html` does.
     """
-    return Replay(replay_html(runs, captions=captions, fps=fps), height, len(as_runs(runs)))
+    count = len(as_runs(runs))
+    kind = f"Replay of {count} run{'s' * (count > 1)}"
+    return Page(replay_html(runs, captions=captions, fps=fps), kind, height)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from fpid_pin.arms import Arm
@@ -186,8 +187,4 @@ def tool_placement(arm: Arm) -> tuple[int, FloatArray]:
 
 def _frame_along(direction: FloatArray) -> FloatArray:
     """Return a rotation whose z axis points along `direction`."""
-    z = direction / np.linalg.norm(direction)
-    other = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = np.cross(other, z)
-    x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z], axis=1)
+    return np.array(pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), direction).matrix())

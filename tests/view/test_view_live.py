@@ -377,8 +377,8 @@ def test_live_runs_for_its_duration_and_reports():
 
 def test_bad_input_to_the_live_view_is_named(wave):
     job, law = paper_experiment(), paper_controller()
-    with pytest.raises(ArgumentError, match="speed: expected a number > 0"):
-        play(wave, speed=0.0)
+    with pytest.raises(ArgumentError, match="fps: expected a number in"):
+        play(wave, fps=0.0)
     with pytest.raises(ArgumentError, match="port: expected a whole number"):
         play(wave, port=70_000, open_browser=False)
     with pytest.raises(ArgumentError, match="joint: expected one of joint1, joint2"):

@@ -3,7 +3,6 @@ from html.parser import HTMLParser
 
 import pytest
 
-from fpid_pin.exceptions import FileFormatError
 from fpid_pin.view import plots, report_html
 from fpid_pin.view.report import MOST_IN_REPLAY, inline_svg
 
@@ -99,10 +98,3 @@ def test_a_run_that_diverged_is_pointed_out(make_run, two_link, tmp_path):
     run = make_run(two_link, rows=100)
     path = report_html(run, tmp_path / "r.html", title="t", figures={}, embed_replay=False)
     assert '<p class="bad">wave: diverged at 0.1 s' in path.read_text()
-
-
-def test_a_report_that_cannot_be_written_leaves_nothing(wave, tmp_path):
-    (tmp_path / "file").write_text("")
-    with pytest.raises(FileFormatError, match="cannot be written"):
-        report_html(wave, tmp_path / "file" / "r.html", title="t", figures={}, embed_replay=False)
-    assert [f.name for f in tmp_path.iterdir()] == ["file"]

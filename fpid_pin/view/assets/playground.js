@@ -269,13 +269,8 @@ element("joint").addEventListener("change", () => {
   draw();
 });
 element("signal-name").addEventListener("change", ask);
-function colours() {
-  JOINTS.forEach((_, j) =>
-    document.documentElement.style.setProperty(`--joint-${j % 7}`, colour(j)));
-}
-colours();
 dark.addEventListener("change", () => {
-  colours();
+  built = null;
   Object.values(plots).forEach((plot) => plot.build());
   refresh();
 });

@@ -149,7 +149,7 @@ function jointSliders(control, key, {row}, shown) {
     "aria-label": `${control.label}: a slider for each joint`}, "joints");
   JOINTS.forEach((name, j) => {
     const one = new Slider(control, key, j, name);
-    one.row.style.setProperty("--joint", `var(--joint-${j % 7})`);
+    one.row.style.setProperty("--joint", colour(j));
     shown.push(one);
     each.append(one.row);
   });

@@ -80,9 +80,7 @@ function setLaw(S, law) {
       set({derivative_order_min: Math.max(M[at("derivative_order_min")], 2 ** -1022)});
     }
     for (const [key, columns] of Object.entries(law.moves)) {
-      for (const [column, slope, offset] of columns) {
-        M[numberOf(j, column)] = offset[j] + slope[j] * own(S[key], j);
-      }
+      for (const [column, slope] of columns) M[numberOf(j, column)] = slope[j] * own(S[key], j);
     }
     // Projection counts from the start.
     for (const name of Object.keys(law.fields).filter((one) => `${one}_min` in law.fields)) {
