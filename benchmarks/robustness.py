@@ -6,16 +6,11 @@ Engine: whole runs on plants that are there already, 64 at a time, nothing recor
 the call to the last row in the ledger. Both by the clock and by the processor's time, which others
 on the machine do not lengthen as much. Asked: at most 1.35 times the engine's time for as many
 run-steps with two workers, memory under 1 GB, efficiency from 1 to 2 workers at least 0.85.
-
-Scaling beyond this machine is simulated, from the times that chunks took here: each worker takes
-the next chunk when it is free, one driver sends and records them one after the other, and nothing
-else is shared. It has no network and no stragglers but those that were measured here.
 """
 
 from __future__ import annotations
 
 import argparse
-import heapq
 import os
 import resource
 import tempfile
@@ -28,9 +23,7 @@ from common import arm_of, table
 
 import fpid_pin as fp
 from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
-from fpid_pin.campaign.chunk import Job, run_chunk
 from fpid_pin.campaign.driver import CHUNK
-from fpid_pin.campaign.ledger import Ledger
 from fpid_pin.simulation.batch import advance_all, start_robots
 
 UNCERTAIN = {
@@ -41,7 +34,6 @@ UNCERTAIN = {
     "disturbance_amplitude": LogUniform(low=0.1, high=2.0),
     "disturbance_frequency": Uniform(low=1.0, high=20.0, shared=True),
 }
-WORKERS = (1, 2, 10, 100, 1000)
 
 
 def study(arm: str, duration: float) -> Study:
@@ -90,32 +82,6 @@ def campaign(made: Study, plants: int, workers: int, dask: bool = False) -> tupl
         return time.perf_counter() - clock, time.process_time() - spent
 
 
-def chunk_times(made: Study, chunks: int) -> tuple[list[float], float]:
-    """Return what chunks take, one by one, and what recording one takes the driver [s]."""
-    times, recording = [], []
-    with tempfile.TemporaryDirectory() as folder, Ledger(Path(folder, "l"), made) as book:
-        for k in range(chunks):
-            began = time.perf_counter()
-            done = run_chunk(Job(made), k * CHUNK, (k + 1) * CHUNK)
-            times.append(time.perf_counter() - began)
-            began = time.perf_counter()
-            book.record(done)
-            recording.append(time.perf_counter() - began)
-    return times, float(np.median(recording))
-
-
-def simulated(times: list[float], driver: float, workers: int, chunks: int, seed: int = 0) -> float:
-    """Return how long so many chunks take with so many workers [s]: see the top of this file."""
-    drawn = np.random.default_rng(seed).choice(times, chunks)
-    free, idle = 0.0, [0.0] * workers  # when the driver, and each worker, is free
-    for duration in drawn:
-        # Sent when a worker is free, recorded when the driver is.
-        end = heapq.heappop(idle) + duration
-        free = max(free, end) + driver
-        heapq.heappush(idle, end + driver)
-    return free
-
-
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser()
@@ -144,14 +110,6 @@ def main() -> None:
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
     print(f"memory at most {most:.0f} MB")
     print(f"efficiency from 1 to 2 workers: {found[1, False][0] / 2 / found[2, False][0]:.2f}")
-    times, driver = chunk_times(made, min(20, max(options.plants // CHUNK, 2)))
-    chunks = max(options.plants // CHUNK, 1)
-    each = f"{chunks} chunks of {np.median(times):.2f} s, {1e3 * driver:.1f} ms of the driver"
-    print(f"\nsimulated, {each}")
-    one = simulated(times, driver, 1, chunks)
-    for workers in WORKERS:
-        clock = simulated(times, driver, workers, chunks)
-        print(f"{workers:5d} workers: {clock:8.2f} s, efficiency {one / workers / clock:.2f}")
 
 
 if __name__ == "__main__":

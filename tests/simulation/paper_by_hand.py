@@ -73,40 +73,7 @@ def closed_loop(operator, *, step, duration, orders=PUBLISHED, corrected=False):
     return record
 
 
-class FullMemory:
-    """What the sums over the whole past have in common: a row of the past for each channel."""
-
-    def __init__(self, alpha, step, rows):
-        self.alpha, self.step = alpha, step
-        self.k = -1
-        self.past = np.zeros((alpha.size, rows))
-        # Newest last: the past so far times the tail of this. (channels, rows)
-        self.weights = np.stack([self.kernel(a, rows)[::-1] for a in alpha])
-
-    def kernel(self, alpha, rows):
-        raise NotImplementedError
-
-    def convolved(self, past, weights, k):
-        rows = weights.shape[1]
-        return np.array([row[:k] @ w[rows - k :] for row, w in zip(past, weights, strict=True)])
-
-
-class GrunwaldLetnikov(FullMemory):
-    """Eq. (1) of f - f(0), which is Caputo's derivative for orders below one; rate unknown."""
-
-    def kernel(self, alpha, rows):
-        factors = 1.0 - (alpha + 1.0) / np.arange(1, rows)
-        return self.step**-alpha * np.concatenate([[1.0], np.cumprod(factors)])
-
-    def __call__(self, f, rate):
-        self.k += 1
-        if self.k == 0:
-            self.first = f
-        self.past[:, self.k] = f - self.first
-        return self.convolved(self.past, self.weights, self.k + 1)
-
-
-class ProductIntegration(FullMemory):
+class ProductIntegration:
     """The kernel integrated exactly against the package's rule for the rate, over the whole past.
 
     Within a step theta runs back from its newest sample and f' is taken as the quadratic that
@@ -121,7 +88,7 @@ class ProductIntegration(FullMemory):
     """
 
     def __init__(self, alpha, step, rows):
-        self.alpha, self.step, self.k = alpha, step, -1
+        self.step, self.k = step, -1
         self.past = np.zeros((3, alpha.size, rows))
         scale = [step ** (1.0 - a) / math.gamma(1.0 - a) for a in alpha]
         shares = [s * step_shares(a, rows)[:, ::-1] for s, a in zip(scale, alpha, strict=True)]
@@ -133,8 +100,13 @@ class ProductIntegration(FullMemory):
             mean = (f - self.last[0]) / self.step - 0.5 * (rate + self.last[1])
             self.past[:, :, self.k - 1] = rate, self.last[1], mean
         self.last = f, rate
-        parts = zip(self.past, self.weights, strict=True)
-        return sum(self.convolved(past, weights, self.k) for past, weights in parts)
+        # Newest last: the past so far times the tail of the weights.
+        tail = self.weights.shape[2] - self.k
+        parts = [
+            [past[: self.k] @ weights[tail:] for past, weights in zip(*pair, strict=True)]
+            for pair in zip(self.past, self.weights, strict=True)
+        ]
+        return np.sum(parts, axis=0)
 
 
 def step_shares(alpha, count):

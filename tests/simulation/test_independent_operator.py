@@ -5,7 +5,6 @@ that keeps the whole past. Each test's docstring says by how much the two must d
 """
 
 import dataclasses
-import itertools
 
 import mpmath as mp
 import numpy as np
@@ -59,33 +58,6 @@ def test_fewer_modes_cost_the_angles_less_than_they_cost_the_kernel():
     hand = closed_loop(by_hand.ProductIntegration, step=2e-3, duration=20.0, corrected=True)
     for modes, bound in ((24, 1e-7), (32, 3e-10)):
         assert largest(engine(2e-3, 20.0, PUBLISHED, modes).q - hand.q) < bound
-
-
-def test_a_grunwald_letnikov_loop_ten_times_finer_has_the_same_limit():
-    """The whole loop, plant, law and eq. (1), at h/10 against the engine at h.
-
-    Both are of order one: Euler's steps, the held torque, the sum (1) itself. Largest difference
-    of the angles over 2 s, engine at 2 and 1 ms against the loop at 0.2 and 0.1 ms, 1e-4 rad:
-    12.55 6.15.
-    Richardson's extrapolation of the two loops is their limit (within 1e-7, by a third loop at
-    0.05 ms). The engine at 2, 1, 0.5, 0.25 ms is away from it by, 1e-4 rad,
-    14.20 6.97 3.43 1.69 (orders 1.03 1.02 1.02); once extrapolated itself, by 0.259 0.118 0.055:
-    an order above one, since torques that grow like t^(1 - mu) from the start are not smooth.
-    """
-    steps = [2e-3, 1e-3, 5e-4, 2.5e-4]
-    ours = [engine(h, 2.0, PUBLISHED).q[:: 2**k] for k, h in enumerate(steps)]
-    theirs = []
-    for k, h in enumerate(steps[:2]):
-        hand = closed_loop(by_hand.GrunwaldLetnikov, step=h / 10, duration=2.0)
-        theirs.append(hand.q[:: 10 * 2**k])
-    gaps = [largest(a - b) for a, b in zip(ours[:2], theirs, strict=True)]
-    assert gaps[0] / gaps[1] == pytest.approx(2.0, abs=0.1)
-    limit = 2.0 * theirs[1] - theirs[0]
-    away = np.array([largest(a - limit) for a in ours])
-    assert np.log2(away[:-1] / away[1:]) == pytest.approx([1.0] * 3, abs=0.05)
-    left = np.array([largest(2.0 * b - a - limit) for a, b in itertools.pairwise(ours)])
-    assert (left[:-1] > 2.0 * left[1:]).all()
-    assert left[-1] < 8e-6
 
 
 @pytest.mark.parametrize("alpha", [0.069, 0.5, 0.932])
