@@ -14,12 +14,10 @@ from fpid_pin.fractional.design import modes_of
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
-    from fpid_pin.control.law import Controller
+    from fpid_pin.control.base import Law
 
 
-def start_all(
-    controllers: Sequence[Controller], arm: Arm, *, step: float, horizon: float
-) -> list[State]:
+def start_all(controllers: Sequence[Law], arm: Arm, *, step: float, horizon: float) -> list[State]:
     """Start laws on robots of one arm, each in a state of its own.
 
     The modes of laws with the same operators are fitted together, which costs hardly more than

@@ -26,7 +26,7 @@ from fpid_pin.kernels.rollout import step_tick
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
-    from fpid_pin.control.law import Controller
+    from fpid_pin.control.base import Law
 
 #: Rates of given signals.
 RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
@@ -70,7 +70,7 @@ class State:
         For laws in plain Python: what they remember; signals for the record, (n,) arrays.
     """
 
-    def __init__(self, controller: Controller, arm: Arm, *, step: float, horizon: float) -> None:
+    def __init__(self, controller: Law, arm: Arm, *, step: float, horizon: float) -> None:
         self.controller, self.arm, self.n = controller, arm, arm.n
         self.step = checks.number("step", step, above=0.0)
         self.horizon, n = horizon, arm.n

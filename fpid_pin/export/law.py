@@ -45,7 +45,7 @@ def start(controller: Controller, arm: Arm, step: float, horizon: float) -> Stat
     return state
 
 
-def stand_ins(controller: Controller, joints: str = "joints") -> Mapping[Any, Any]:
+def stand_ins(controller: Law, joints: str = "joints") -> Mapping[Any, Any]:
     """Return what stands in the place of calls of a law's functions by address, for `Program`.
 
     `joints` is the array of the controller that has the joints' whole records.
