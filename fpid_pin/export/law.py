@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from fpid_pin import checks
 from fpid_pin.control import Controller
+from fpid_pin.control.base import Law
 from fpid_pin.exceptions import ExportError
 
 if TYPE_CHECKING:
