@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from cross_check import cross_check
 from order_cases import (
     COST,
     GUARDS,
@@ -35,7 +36,7 @@ from order_cases import (
 import fpid_pin as fp
 from fpid_pin.control import adapt_orders
 from fpid_pin.references import Hold
-from fpid_pin.tuning import SearchSettings, Space, cross_check, tune
+from fpid_pin.tuning import SearchSettings, Space, tune
 
 
 def best_fixed(options: argparse.Namespace) -> tuple[fp.AdaptiveFpid, float, list[str]]:
@@ -47,18 +48,18 @@ def best_fixed(options: argparse.Namespace) -> tuple[fp.AdaptiveFpid, float, lis
     )  # fmt: skip
     space = Space(integral_order=(0, 1), derivative_order=(0, 1))
     found = tune(experiment, PAPER, space, COST, settings)
-    other = cross_check(experiment, PAPER, space, COST, settings)
-    best = found if found.cost <= other.cost else other
+    law, other, _ = cross_check(experiment, PAPER, space, COST, settings)
+    best, cost = (found.controller, found.cost) if found.cost <= other else (law, other)
     orders = ", ".join(
-        f"{name} ({', '.join(f'{x:.3f}' for x in np.atleast_1d(getattr(best.controller, name)))})"
+        f"{name} ({', '.join(f'{x:.3f}' for x in np.atleast_1d(getattr(best, name)))})"
         for name in ("integral_order", "derivative_order")
     )
     line = (
-        f"Best fixed orders: {best.cost:.4f}, {orders}. Genetic algorithm, {options.population} x "
+        f"Best fixed orders: {cost:.4f}, {orders}. Genetic algorithm, {options.population} x "
         f"{options.generations}, seeds: {', '.join(f'{c:.4f}' for c in found.costs)}; "
-        f"differential evolution: {other.cost:.4f}."
+        f"differential evolution: {other:.4f}."
     )
-    return best.controller, best.cost, [line, ""]
+    return best, cost, [line, ""]
 
 
 def paper(best: float, options: argparse.Namespace) -> Iterator[str]:

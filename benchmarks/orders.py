@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from cross_check import cross_check
 
 import fpid_pin as fp
 from fpid_pin.costs import QuadraticCost
@@ -37,7 +38,6 @@ from fpid_pin.tuning import (
     SearchSettings,
     Space,
     TuningResult,
-    cross_check,
     tune,
 )
 
@@ -203,7 +203,7 @@ def one_weight(
         )
         print(notes[-1], flush=True)
     if not options.no_cross_check:
-        found = cross_check(
+        law, cost_found, evaluations = cross_check(
             experiment,
             fp.paper_controller(supervised=False),
             Space(**ORDERS),
@@ -214,10 +214,10 @@ def one_weight(
                 workers=options.workers,
             ),
         )
-        named["orders by differential evolution"] = found.controller
+        named["orders by differential evolution"] = law
         notes.append(
-            f"- orders by differential evolution: {found.cost:.5g}, {found.evaluations} "
-            f"evaluations: {parameters_of(found.controller, list(ORDERS))}"
+            f"- orders by differential evolution: {cost_found:.5g}, {evaluations} "
+            f"evaluations: {parameters_of(law, list(ORDERS))}"
         )
         print(notes[-1], flush=True)
     rows = measure(experiment, named, w2)

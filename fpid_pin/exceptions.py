@@ -101,7 +101,19 @@ class TuningError(FpidError):
 
 
 class WorkersDied(TuningError):
-    """Worker processes died over one task, each time that it was tried."""
+    """Worker processes died over one task, each time that it was tried.
+
+    Parameters
+    ----------
+    message
+        What is said.
+    task
+        Number of the task.
+    """
+
+    def __init__(self, message: object = "", task: int = 0) -> None:
+        super().__init__(message)
+        self.task = task
 
 
 class FpidWarning(UserWarning):

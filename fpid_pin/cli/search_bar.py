@@ -9,7 +9,7 @@ from contextlib import contextmanager
 import numpy as np
 
 from fpid_pin.tuning import SearchProgress
-from fpid_pin.tuning.search_progress import SearchCallback
+from fpid_pin.tuning.settings import SearchCallback
 
 _QUIET = 10.0  # s between lines where there is no terminal to draw a bar on
 

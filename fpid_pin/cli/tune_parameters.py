@@ -21,7 +21,7 @@ def explore(plan: Plan, result: TuningResult, pool: Executor | None) -> Profile 
     """Find the cost along each parameter; None where that is not wanted, or the start was kept."""
     bound = _bound(plan)
     try:
-        bound.point(result.controller, bound.n)
+        bound.point(result.controller)
     except ArgumentError:
         return None  # The start was kept, and lies outside of the space.
     if not plan.profile_points:

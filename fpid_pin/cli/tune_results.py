@@ -187,7 +187,7 @@ def write(
     files = {
         "config.toml": config.text,
         "tuned.toml": _tuned_toml(config, plan, result, out),
-        "history.csv": result.history.comma_separated(),
+        "history.csv": summary.comma_separated(result.history.rows()),
         "summary.csv": summary.comma_separated(rows),
         "joints.csv": summary.comma_separated(joints),
         "summary.md": f"# {summary.in_markdown(title)}, tuned\n\n"

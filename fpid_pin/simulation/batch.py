@@ -10,7 +10,7 @@ import numpy as np
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.start import start_all
-from fpid_pin.costs import Cost, Rows
+from fpid_pin.costs import Cost, Metrics, Rows
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.blocks import BLOCK_ROWS, MOTION, Outcome
 from fpid_pin.simulation.engine import Robot, Samples, horizon_of
@@ -131,30 +131,44 @@ def _run(
     )  # fmt: skip
 
 
+def measure(
+    experiments: Sequence[Experiment],
+    controllers: Sequence[Controller],
+    take: Callable[[int, Rows], None] | None = None,
+    keep: Sequence[str] = (),
+    progress: ProgressCallback | None = None,
+) -> list[tuple[Outcome, Metrics]]:
+    """Simulate runs, whose rows and the signals `keep` go to `take`; return how they ended."""
+    robots = start_robots(experiments, controllers, dynamics="compiled", keep=keep, measures=True)
+    outcomes = advance_all(robots, take, progress)
+    return [
+        (outcome, metrics_from(robot.sums, e.rows - 1, e.step))
+        for outcome, robot, e in zip(outcomes, robots, experiments, strict=True)
+    ]
+
+
 def costs_of(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
     costs: Sequence[Cost],
-    progress: ProgressCallback | None,
+    progress: ProgressCallback | None = None,
 ) -> FloatArray:
     """Return the costs of some runs, (runs, costs): one chunk of work, wherever it is done."""
     streams = [cost.streamed() for cost in costs]
     streamed = [stream for stream in streams if stream is not None]
     wanted = sorted({name for stream in streamed for name in stream.signals})
-    robots = start_robots(experiments, controllers, dynamics="compiled", keep=wanted, measures=True)
     sinks = [RowCosts(streamed, e.rows - 1) for e in experiments]
 
     def take(i: int, rows: Rows) -> None:
         sinks[i].take(rows)
 
+    found = measure(experiments, controllers, take if streamed else None, wanted, progress)
     table = np.full((len(experiments), len(costs)), np.inf)
-    for i, outcome in enumerate(advance_all(robots, take if streamed else None, progress)):
-        if not outcome.completed:
-            continue
-        e, others = experiments[i], iter(sinks[i].results())
-        found = metrics_from(robots[i].sums, e.rows - 1, e.step)
-        table[i] = [
-            cost.of(found) if stream is None else next(others)
-            for cost, stream in zip(costs, streams, strict=True)
-        ]
+    for i, (outcome, metrics) in enumerate(found):
+        if outcome.completed:
+            others = iter(sinks[i].results())
+            table[i] = [
+                cost.of(metrics) if stream is None else next(others)
+                for cost, stream in zip(costs, streams, strict=True)
+            ]
     return table

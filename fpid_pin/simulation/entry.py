@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
 
@@ -16,25 +16,18 @@ from fpid_pin.budget import require_memory
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, QuadraticCost
-from fpid_pin.exceptions import ArgumentError, FpidWarning, WorkersDied
+from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import overloaded_joints
 from fpid_pin.simulation.run import Run
-from fpid_pin.simulation.workers import WorkerPool, check_workers
+from fpid_pin.simulation.workers import WorkerPool, check_workers, spread, workers_of
 
 #: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
 _NUMBERS = 11
 
 #: Runs that are started together, and of a part that is dealt out to an executor.
 PART = 64
-
-
-class _Threads(ThreadPoolExecutor):
-    """Threads that begin nothing more after a fault or Ctrl-C."""
-
-    def __exit__(self, *fault: object) -> None:
-        self.shutdown(wait=True, cancel_futures=fault[0] is not None)
 
 
 def pair(
@@ -136,7 +129,6 @@ def evaluate(
     *,
     executor: Executor | None = None,
     workers: int | None = None,
-    shards: int | None = None,
     progress: ProgressCallback | None = None,
 ) -> FloatArray:
     """Simulate and keep only the cost; memory does not depend on the horizon.
@@ -148,12 +140,10 @@ def evaluate(
     cost
         One cost gives (runs,), a sequence gives (runs, costs); None: eq. (33).
     executor
-        Any `concurrent.futures.Executor`; the runs are dealt out to it. The result is the same to
-        the last bit.
+        Any `concurrent.futures.Executor`; the runs are dealt out to it, at most 64 a task. The
+        result is the same to the last bit.
     workers
         In place of an executor: threads for compiled laws and dynamics, else processes.
-    shards
-        Number of parts for the executor; None: parts of at most 64 runs, one a worker at least.
     progress
         As for `simulate`.
 
@@ -172,63 +162,37 @@ def evaluate(
         [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
     )
     with executor_of(executor, workers, es, cs) as pool:
-        if pool is None:
-            table = _one_by_one(es, cs, costs, progress)
-        else:
-            warm(es, cs)
-            table = _dealt_out(es, cs, costs, pool, shards, progress)
+        table = _table(es, cs, costs, pool, progress)
     return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
 
-def _one_by_one(
-    es: list[Experiment], cs: list[Controller], costs: list[Cost], progress: ProgressCallback | None
-) -> FloatArray:
-    """Return the costs of runs, (runs, costs), simulated in this process part by part."""
+def _table(
+    es: list[Experiment], cs: list[Controller], costs: list[Cost], pool: Executor | None,
+    progress: ProgressCallback | None,
+) -> FloatArray:  # fmt: skip
+    """Return the costs of runs, (runs, costs), simulated part by part."""
     # Imported late: it loads numba.
     from fpid_pin.simulation.batch import costs_of
 
-    pieces = []
-    for start in range(0, len(es), PART):
-        part = slice(start, start + PART)
-
-        def overall(inner: Progress, start: int = start, size: int = len(es[part])) -> None:
-            if progress is not None:
-                progress(Progress((start + inner.part * size) / len(es)))
-
-        pieces.append(costs_of(es[part], cs[part], costs, overall))
-    return np.concatenate(pieces)
-
-
-def _dealt_out(
-    es: list[Experiment], cs: list[Controller], costs: list[Cost], pool: Executor,
-    shards: int | None, progress: ProgressCallback | None,
-) -> FloatArray:  # fmt: skip
-    """Deal runs out to an executor; a part whose worker died is sent once more."""
-    from fpid_pin.simulation.batch import costs_of
-
-    def send(cut: Any) -> Future[FloatArray]:
-        return pool.submit(costs_of, [es[i] for i in cut], [cs[i] for i in cut], costs, None)
-
+    if pool is not None:
+        warm(es, cs)
     # Small parts: progress is told, and Ctrl-C obeyed, after each.
-    parts = shards or max(int(getattr(pool, "_max_workers", 2)), -(-len(es) // PART))
-    cuts = np.array_split(np.arange(len(es)), min(parts, len(es)))
-    pieces = []
-    try:
-        futures = [send(cut) for cut in cuts]
-        for number, (cut, future) in enumerate(zip(cuts, futures, strict=True), start=1):
-            try:
-                pieces.append(future.result())
-            except BrokenExecutor:
-                pieces.append(send(cut).result())
-            if progress is not None:
-                progress(Progress(number / len(futures)))
-    except BrokenExecutor:
-        raise WorkersDied(
-            "workers: expected processes that live, got some that died twice over the same task: "
-            "out of memory, or a script that starts its work outside "
-            '`if __name__ == "__main__":`'
-        ) from None
-    return np.concatenate(pieces)
+    runs = len(es)
+    size = -(-runs // max(workers_of(pool), -(-runs // PART)))
+    cuts = [slice(first, first + size) for first in range(0, runs, size)]
+    table, done = np.empty((runs, len(costs))), 0
+
+    def told(inner: Progress) -> None:
+        if progress is not None:
+            progress(Progress((done + inner.part * min(size, runs - done)) / runs))
+
+    tasks = [(es[cut], cs[cut], costs, None if pool else told) for cut in cuts]
+    for k, rows in spread(costs_of, tasks, pool):
+        table[cuts[k]] = rows
+        done += len(rows)
+        if progress is not None and pool is not None:
+            progress(Progress(done / runs))
+    return table
 
 
 def executor_of(
@@ -247,7 +211,7 @@ def executor_of(
         return nullcontext(executor)
     holds = any(c.control is not None for c in controllers)
     holds = holds or any(e.dynamics == "pinocchio" for e in experiments)
-    return WorkerPool(workers) if holds else _Threads(workers)
+    return WorkerPool(workers) if holds else ThreadPoolExecutor(workers)
 
 
 def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -> None:
@@ -257,4 +221,4 @@ def warm(experiments: Sequence[Experiment], controllers: Sequence[Controller]) -
     kinds = {(type(c), e.arm.n): (e, c) for e, c in zip(experiments, controllers, strict=True)}
     for e, c in kinds.values():
         short = dataclasses.replace(e, duration=2.0 * e.step)
-        costs_of([short], [c], [QuadraticCost()], None)
+        costs_of([short], [c], [QuadraticCost()])

@@ -1,4 +1,7 @@
-"""Worker processes, for what holds the interpreter's lock: Python laws, Pinocchio's dynamics."""
+"""How work is spread: over threads, over a cluster, or over processes of our own.
+
+Processes are for what holds the interpreter's lock: Python laws, Pinocchio's dynamics.
+"""
 
 from __future__ import annotations
 
@@ -8,16 +11,28 @@ import pickle
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from fpid_pin import checks, own_code
-from fpid_pin.exceptions import ArgumentError, TuningError
+from fpid_pin.exceptions import ArgumentError, FpidError, TuningError, WorkersDied
 
 T = TypeVar("T")
+
+#: Tasks under way for each worker: none is idle while its last result is taken.
+AHEAD = 2
 
 # One thread a process: Pinocchio's and BLAS's threads collapse where processes share the cores.
 _THREAD_SETTINGS = (
@@ -148,3 +163,78 @@ def check_workers(executor: Executor | None, workers: int | None) -> None:
             raise ArgumentError("workers", "workers or executor, not both", workers)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise ArgumentError("executor", "an Executor", type(executor).__name__)
+
+
+def workers_of(executor: Executor | None) -> int:
+    """Return how many tasks an executor works on at once, where it tells."""
+    return 1 if executor is None else int(getattr(executor, "_max_workers", 2))
+
+
+def spread(
+    call: Callable[..., T], tasks: Sequence[tuple[Any, ...]], executor: Executor | None
+) -> Iterator[tuple[int, T]]:
+    """Yield ``(k, call(*tasks[k]))`` as results come, in no order.
+
+    A worker that dies may take all tasks under way with it. These are tried once more, one by one,
+    so that a task whose worker dies again is the one to blame.
+
+    Parameters
+    ----------
+    call, tasks
+        What to do, and its arguments.
+    executor
+        Who does it; None: this process, one task after another.
+
+    Raises
+    ------
+    WorkersDied
+        Workers died twice over one task, whose number is the error's `task`.
+    FpidError
+        Tasks were cancelled, as where a scheduler is lost.
+    """
+    if executor is None:
+        yield from ((k, call(*task)) for k, task in enumerate(tasks))
+        return
+    waiting, lost = deque(range(len(tasks))), deque[int]()
+    running: dict[Future[T], int] = {}
+    k = 0
+    try:
+        while waiting or lost or running:
+            if lost and not running:
+                k = lost.popleft()
+                yield k, executor.submit(call, *tasks[k]).result()
+            while waiting and not lost and len(running) < AHEAD * workers_of(executor):
+                k = waiting.popleft()
+                running[executor.submit(call, *tasks[k])] = k
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                k = running.pop(future)
+                try:
+                    result = future.result()
+                except Exception as error:
+                    if not _worker_died(error):
+                        raise
+                    lost.append(k)
+                else:
+                    yield k, result
+    except CancelledError:
+        # Nobody here cancels what is waited for.
+        raise FpidError(
+            "executor: expected one that lasts, got tasks cancelled, as where a scheduler is lost"
+        ) from None
+    except Exception as error:
+        if not _worker_died(error):
+            raise
+        raise WorkersDied(
+            "workers: expected processes that live, got some that died twice over the same task: "
+            'out of memory, a script that starts its work outside `if __name__ == "__main__":`, '
+            "or an executor that does not outlive its workers (fp.tuning.WorkerPool does)",
+            k,
+        ) from None
+    finally:
+        for future in running:
+            future.cancel()
+
+
+def _worker_died(error: Exception) -> bool:
+    # Dask's, which need not be installed.
+    return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"

@@ -1,8 +1,8 @@
-"""How to search: what `tune`, `pareto` and `cross_check` have in common."""
+"""How to search, and where a search stands."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,8 @@ from typing import Any
 from fpid_pin import checks
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.workers import check_workers
+from fpid_pin.progress import Progress
+from fpid_pin.simulation.workers import check_workers, workers_of
 
 
 @dataclass(frozen=True)
@@ -29,9 +30,6 @@ class SearchSettings:
         does not depend on the others.
     initial
         Controllers that take part in the first generation of every seed.
-    reuse
-        Take over the cost of a candidate that equals, to the last bit, one of the present
-        population, in place of simulating it again. The result is the same.
     workers
         Number of workers: threads for compiled laws and dynamics, else processes; None: one run
         after another. The result is the same to the last bit whichever is chosen.
@@ -55,7 +53,6 @@ class SearchSettings:
     mutation: float = 0.03
     seeds: Sequence[int] = (0,)
     initial: Sequence[Controller] = ()
-    reuse: bool = True
     workers: int | None = None
     executor: Executor | None = None
     checkpoint: str | Path | None = None
@@ -66,33 +63,32 @@ class SearchSettings:
         checks.integer("generations", self.generations, low=1)
         checks.number("crossover", self.crossover, low=0.0, high=1.0)
         checks.number("mutation", self.mutation, low=0.0, high=1.0)
-        for name in ("reuse", "resume"):
-            checks.instance(name, getattr(self, name), bool, "True or False")
-        object.__setattr__(self, "seeds", self._checked_seeds())
-        object.__setattr__(self, "initial", self._checked_initial())
-        check_workers(self.executor, self.workers)
-        if self.checkpoint is not None:
-            checks.instance("checkpoint", self.checkpoint, (str, Path), "a path")
-            object.__setattr__(self, "checkpoint", Path(self.checkpoint))
-        elif self.resume:
-            raise ArgumentError("resume", "a checkpoint to resume from", "none")
-
-    def _checked_seeds(self) -> tuple[int, ...]:
-        given = _several(self.seeds)
-        seeds = tuple(checks.integer(f"seeds.{k}", seed, low=0) for k, seed in enumerate(given))
-        if not seeds:
-            raise ArgumentError("seeds", "at least one", "none")
-        if len(set(seeds)) < len(seeds):
-            raise ArgumentError("seeds", "each seed once", list(seeds))
-        return seeds
-
-    def _checked_initial(self) -> tuple[Controller, ...]:
-        initial = _several(self.initial)
+        checks.instance("resume", self.resume, bool, "True or False")
+        seeds, initial = _several(self.seeds), _several(self.initial)
+        seeds = tuple(checks.integer(f"seeds.{k}", seed, low=0) for k, seed in enumerate(seeds))
+        if not seeds or len(set(seeds)) < len(seeds):
+            raise ArgumentError("seeds", "at least one, each once", list(seeds) or "none")
         for k, controller in enumerate(initial):
             checks.instance(f"initial.{k}", controller, Controller, "a Controller")
         if len(initial) > self.population:
             raise ArgumentError("initial", f"at most {self.population} (population)", len(initial))
-        return initial
+        check_workers(self.executor, self.workers)
+        if self.checkpoint is not None:
+            checks.instance("checkpoint", self.checkpoint, (str, Path), "a path")
+        elif self.resume:
+            raise ArgumentError("resume", "a checkpoint to resume from", "none")
+        object.__setattr__(self, "seeds", seeds)
+        object.__setattr__(self, "initial", initial)
+
+    @property
+    def candidates(self) -> int:
+        """Candidates in a generation of all seeds."""
+        return self.population * len(self.seeds)
+
+    @property
+    def at_once(self) -> int:
+        """How many are simulated at once, where an executor tells."""
+        return self.workers or workers_of(self.executor)
 
 
 def _several(value: Any) -> tuple[Any, ...]:
@@ -101,9 +97,36 @@ def _several(value: Any) -> tuple[Any, ...]:
     return (value,) if alone else tuple(value)
 
 
-def checked(settings: SearchSettings | None) -> SearchSettings:
-    """Return what a search was given; None: the defaults."""
-    if settings is None:
-        return SearchSettings()
-    checks.instance("settings", settings, SearchSettings, "SearchSettings")
-    return settings
+@dataclass(frozen=True)
+class SearchProgress(Progress):
+    """Where a search stands.
+
+    Attributes
+    ----------
+    part
+        Of the whole search, 0 to 1.
+    generation, generations
+        The one at work, from 1; and how many there will be.
+    complete
+        Whether that generation is done, and its checkpoint written.
+    best
+        Lowest cost so far (the first of several), inf before the first generation is done.
+    evaluations
+        Candidates evaluated so far, all seeds together.
+    rate
+        Evaluations a second in this process [1/s], 0 before any is done.
+    seconds_left
+        At that rate [s]; NaN before any is done.
+    """
+
+    generation: int
+    generations: int
+    complete: bool
+    best: float
+    evaluations: int
+    rate: float
+    seconds_left: float
+
+
+#: What ``progress=`` of a search takes; a `fpid_pin.progress.ProgressCallback` will do as well.
+SearchCallback = Callable[[SearchProgress], None]

@@ -185,7 +185,7 @@ def test_a_run_has_the_same_bits_alone_in_company_and_with_any_number_of_threads
     for workers in (1, 2, 5):
         assert np.array_equal(fp.evaluate(experiments, controllers, COSTS, workers=workers), costs)
     with ThreadPoolExecutor(3) as pool:
-        other = fp.evaluate(experiments, controllers, COSTS, executor=pool, shards=7)
+        other = fp.evaluate(experiments, controllers, COSTS, executor=pool)
     assert np.array_equal(other, costs)
     for most in (1, 5):
         monkeypatch.setattr(entry, "PART", most)
@@ -352,7 +352,7 @@ def test_workers_find_the_kernels_compiled(monkeypatch):
     """Cold ones would each compile all of them, at the same time."""
     order, run_chunk = [], batch.costs_of
 
-    def chunk(es, cs, costs, progress):
+    def chunk(es, cs, costs, progress=None):
         order.append(sorted((type(c).__name__, e.rows) for e, c in zip(es, cs, strict=True)))
         return run_chunk(es, cs, costs, progress)
 

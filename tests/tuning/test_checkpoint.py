@@ -177,7 +177,7 @@ def test_a_search_that_was_stopped_in_its_first_generation_stands_in_nobody_s_wa
     settings = small(generations=1, checkpoint=path)
     with pytest.raises(KeyboardInterrupt):
         tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings, progress=stop)
-    assert path.exists()
+    assert not path.exists()
     other = Space(integral_order=(0.5, 1))
     tune(EXPERIMENT, CONTROLLER, other, settings=settings)
     with pytest.raises(TuningError, match="resume it, or remove it"):
@@ -209,7 +209,7 @@ def test_a_second_search_on_one_checkpoint_is_one_line_and_takes_nothing(tmp_pat
 
 
 def test_other_versions_are_told(checkpoint, monkeypatch):
-    monkeypatch.setattr("fpid_pin.tuning.checkpoint.__version__", "9.9")
+    monkeypatch.setattr("fpid_pin.tuning.search.__version__", "9.9")
     with pytest.warns(fp.FpidWarning, match=r"fpid_pin is '.*' there and '9\.9' here"):
         resume(checkpoint)
 

@@ -48,7 +48,7 @@ def test_the_middle_of_a_logarithmic_scale_is_the_geometric_mean():
 def test_a_controller_is_found_again_where_it_lies(point):
     bound = MIXED.bind(CONTROLLER, 2)
     law = bound.controller(np.array(point))
-    np.testing.assert_allclose(bound.point(law, 2), point, atol=1e-12)
+    np.testing.assert_allclose(bound.point(law), point, atol=1e-12)
 
 
 def test_shows_itself_as_it_is_written():
@@ -100,8 +100,8 @@ def test_parameters_that_the_controller_refuses_are_named(genes, said):
 def test_a_start_outside_the_space_is_refused():
     bound = Space(kp=(1, 11)).bind(CONTROLLER, 2)
     with pytest.raises(ArgumentError, match="initial.kp: expected within"):
-        bound.point(CONTROLLER, 2)
+        bound.point(CONTROLLER)
     shared = Space(kp=(1, 100, "shared")).bind(CONTROLLER, 2)
     with pytest.raises(ArgumentError, match="initial.kp: expected one value for all joints"):
-        shared.point(CONTROLLER, 2)
-    assert shared.point(dataclasses.replace(CONTROLLER, kp=50.5), 2) == pytest.approx([0.5])
+        shared.point(CONTROLLER)
+    assert shared.point(dataclasses.replace(CONTROLLER, kp=50.5)) == pytest.approx([0.5])

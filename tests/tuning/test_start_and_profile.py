@@ -108,7 +108,7 @@ class Bowl(Cost):
 
 
 def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
-    from fpid_pin.tuning import objective
+    from fpid_pin.tuning import robust
 
     weights = np.array([4.0, 0.0])
 
@@ -116,7 +116,7 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
         kp = np.array([c.kp for c in controllers])
         return (1.0 + (weights * (kp - 2.0) ** 2).sum(axis=1))[:, np.newaxis]
 
-    monkeypatch.setattr(objective, "evaluate", costs)
+    monkeypatch.setattr(robust, "evaluate", costs)
     law = dataclasses.replace(CONTROLLER, kp=(2.0, 2.0))
     found = profile(EXPERIMENT, law, Space(kp=(1, 5)), Bowl(), points=5)
     assert found.labels == ("kp.0", "kp.1")
