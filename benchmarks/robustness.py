@@ -30,7 +30,7 @@ import psutil
 
 import fpid_pin as fp
 from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
-from fpid_pin.campaign.chunk import Job, run_chunk
+from fpid_pin.campaign.chunk import run_chunk
 from fpid_pin.campaign.driver import CHUNK
 from fpid_pin.campaign.ledger import Ledger
 from fpid_pin.simulation.batch import advance_all, start_robots
@@ -113,7 +113,9 @@ def campaign(
         with kept as cluster:
             before, began = processors(), time.perf_counter()
             if dask:
-                with fp.campaign.dask_executor(cluster.address, patience=60.0) as executor:
+                with fp.campaign.dask_executor(
+                    cluster.scheduler_address, patience=60.0
+                ) as executor:
                     fp.campaign.run(made, Path(folder, "l"), plants, executor=executor)
             else:
                 fp.campaign.run(made, Path(folder, "l"), plants, workers=workers)
@@ -133,10 +135,10 @@ def chunk_times(made: Study, chunks: int) -> tuple[list[float], float]:
     with tempfile.TemporaryDirectory() as folder, Ledger(Path(folder, "l"), made) as book:
         for k in range(chunks):
             began = time.perf_counter()
-            done = run_chunk(Job(made), k * CHUNK, (k + 1) * CHUNK)
+            done = run_chunk(made, k * CHUNK, (k + 1) * CHUNK)
             times.append(time.perf_counter() - began)
             began = time.perf_counter()
-            book.record(done)
+            book.record(k * CHUNK, done)
             recording.append(time.perf_counter() - began)
     return times, float(np.median(recording))
 

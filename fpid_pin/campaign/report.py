@@ -23,7 +23,6 @@ from fpid_pin.campaign.statistics import (
     tornado,
     worst_runs,
 )
-from fpid_pin.campaign.stopping import rate_interval
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import put_text
 from fpid_pin.view.document import Link, as_text
@@ -46,8 +45,7 @@ _NOTES = {
     "success": (
         "A run succeeds when it ends, in its torque limits or at them, with finite errors. Best: "
         "share of all plants with the least RMS error. Wilson's intervals hold for a number of "
-        "runs that was fixed beforehand; those in the last columns also where the campaign was "
-        "stopped for what it showed."
+        "runs that was fixed beforehand."
     ),
     "metrics": "Of all plants; inf: so many were lost. 10 % of the plants are worse than p90.",
     "pairs": (
@@ -133,8 +131,7 @@ def _success(data: CampaignData) -> Table:
     best, rates = best_shares(data), success_rates(data)
     rows: list[dict[str, object]] = []
     for k, name in enumerate(data.controllers):
-        ends, counts = data.outcome[:, k], int(data.success[:, k].sum())
-        always = rate_interval(counts, data.runs)
+        ends = data.outcome[:, k]
         rows.append({
             "controller": name,
             "success, %": 100.0 * rates[k].estimate,
@@ -144,8 +141,6 @@ def _success(data: CampaignData) -> Table:
             "saturated": int((ends == "saturated").sum()),
             "diverged": int((ends == "diverged").sum()),
             "failed": int((ends == "failed").sum()),
-            "from, at any stop, %": 100.0 * always.low,
-            "to, at any stop, %": 100.0 * always.high,
         })  # fmt: skip
     return rows
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -143,7 +143,6 @@ class BoundScenarios:
 
     scenarios: Scenarios
     nominal: Experiment
-    _blocks: dict[int, FloatArray] = field(default_factory=dict, repr=False)
 
     def __post_init__(self) -> None:
         n = self.nominal.arm.n
@@ -217,27 +216,22 @@ class BoundScenarios:
                 raise ArgumentError("runs", f"at most {len(np.asarray(given))} (points)", last)
             return np.asarray(given)[first:last]
         blocks = range(first // BLOCK, (last - 1) // BLOCK + 1)
-        points = np.concatenate([self._block(k) for k in blocks])
+        how = self.scenarios.sampling, self.scenarios.seed, len(self.parameters)
+        points = np.concatenate([_block(*how, k) for k in blocks])
         skipped = blocks.start * BLOCK
         return np.asarray(points[first - skipped : last - skipped])
 
-    def _block(self, k: int) -> FloatArray:
-        if k not in self._blocks:
-            # One kept: chunks come in order.
-            self._blocks.clear()
-            self._blocks[k] = _drawn(self.scenarios, len(self.parameters), k)
-        return self._blocks[k]
 
-
-def _drawn(scenarios: Scenarios, size: int, k: int) -> FloatArray:
-    """Return the points of block `k`, (BLOCK, size)."""
+@lru_cache(4)
+def _block(sampling: str, seed: int, size: int, k: int) -> FloatArray:
+    """Return the points of block `k`, (BLOCK, size); a few are kept, as chunks come in order."""
     # Imported late: scipy is heavy.
     from scipy.stats import qmc
 
-    if scenarios.sampling == "sobol":
-        sobol = qmc.Sobol(size, rng=np.random.default_rng(scenarios.seed))
+    if sampling == "sobol":
+        sobol = qmc.Sobol(size, rng=np.random.default_rng(seed))
         if k:
             sobol.fast_forward(k * BLOCK)
         return np.asarray(sobol.random(BLOCK))
-    rng = np.random.default_rng(np.random.SeedSequence([scenarios.seed, k]))
+    rng = np.random.default_rng(np.random.SeedSequence([seed, k]))
     return np.asarray(qmc.LatinHypercube(size, rng=rng).random(BLOCK))

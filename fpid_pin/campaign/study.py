@@ -14,7 +14,6 @@ from fpid_pin.campaign.scenarios import BoundScenarios, Scenarios
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.simulation import Experiment
-from fpid_pin.text import shown
 
 #: Of a study's table.
 FORMAT = 1
@@ -123,19 +122,3 @@ class Study:
         table = self.to_dict()
         del table["title"]
         return hashlib.sha256(json.dumps(table).encode()).hexdigest()
-
-
-def difference(here: Mapping[str, Any], there: Mapping[str, Any], path: str = "") -> str:
-    """Return the first key at which two tables differ, and both values; empty where none does."""
-    for key in sorted({*here, *there}):
-        one, other = here.get(key), there.get(key)
-        where = f"{path}.{key}" if path else str(key)
-        if isinstance(one, Mapping) and isinstance(other, Mapping):
-            found = difference(one, other, where)
-            if found:
-                return found
-        elif one != other:
-            return f"{where} is {shown(other)} there and {shown(one)} here"
-    if list(here) != list(there):
-        return f"{path} are in another order" if path else "its keys are in another order"
-    return ""

@@ -15,7 +15,6 @@ from fpid_pin import campaign, checks
 from fpid_pin.campaign import CampaignData, Replay, Study, dask_executor
 from fpid_pin.campaign.data import METRICS, OUTCOMES
 from fpid_pin.campaign.ledger import Ledger
-from fpid_pin.campaign.stopping import parse
 from fpid_pin.cli.campaign_plan import read_campaign
 from fpid_pin.cli.config import load
 from fpid_pin.cli.executors import check_means
@@ -55,41 +54,35 @@ class Means:
         return nullcontext() if self.dask is None else dask_executor(self.dask)
 
 
-def run_campaign(
-    config: Path, out: Path, runs: int | None, means: Means, until: str | None = None
-) -> None:
+def run_campaign(config: Path, out: Path, runs: int | None, means: Means) -> None:
     """Simulate the campaign of a configuration, or go on with it where `out` holds it already."""
     plan = read_campaign(load(config))
-    _carry_out(plan.study, out, plan.runs if runs is None else runs, means, until)
+    _carry_out(plan.study, out, plan.runs if runs is None else runs, means)
 
 
-def resume_campaign(ledger: Path, runs: int | None, means: Means, until: str | None = None) -> None:
+def resume_campaign(ledger: Path, runs: int | None, means: Means) -> None:
     """Go on with a campaign by its ledger alone."""
     with Ledger(ledger) as book:
         study, planned = book.study(), book.planned
-    _carry_out(study, ledger, planned if runs is None else runs, means, until)
+    _carry_out(study, ledger, planned if runs is None else runs, means)
 
 
-def _carry_out(study: Study, ledger: Path, runs: int, means: Means, until: str | None) -> None:
+def _carry_out(study: Study, ledger: Path, runs: int, means: Means) -> None:
     console = screen(error=True)
     if runs < 1:
         raise ArgumentError("--runs", "a whole number >= 1", runs)
-    rule = None if until is None else parse(until, study.names)
     many = f"{runs} plants, {len(study.names)} controllers"
     say(console, f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}")
     try:
         with means.executor() as executor, progress_bar("campaign") as bar:
             data = campaign.run(
                 study, ledger, runs, executor=executor, workers=means.workers, chunk=means.chunk,
-                until=rule, progress=bar,
+                progress=bar,
             )  # fmt: skip
     except KeyboardInterrupt:
         say(console, f"{ledger}: `fpid-pin campaign resume {ledger}` goes on from here")
         raise
     show(data, ledger)
-    if rule is not None:
-        known, line = rule.judge(data)
-        say(screen(), line if known else f"not known yet: {line}")
 
 
 def show(data: CampaignData, ledger: Path) -> None:
@@ -197,6 +190,6 @@ def keep_cluster(workers: int) -> None:
     """Start a cluster on this machine and say where it is, until Ctrl-C."""
     with campaign.local_cluster(workers) as cluster:
         console = screen()
-        say(console, f"--dask {cluster.address}")
+        say(console, f"--dask {cluster.scheduler_address}")
         say(console, f"{workers} workers, on this machine only; Ctrl-C ends them")
         threading.Event().wait()

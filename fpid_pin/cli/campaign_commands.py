@@ -18,7 +18,6 @@ app = typer.Typer(
 LedgerFile = Annotated[Path, typer.Argument(metavar="LEDGER", help="Of a campaign.")]
 Runs = Annotated[int | None, typer.Option(help="Plants; those that are there are kept.")]
 Chunk = Annotated[int, typer.Option(help="Plants of a task.")]
-Until = Annotated[str | None, typer.Option(help='Stop when known: "success +- 0.01".')]
 NewLedger = Annotated[Path | None, typer.Option("--out", help="The ledger.")]
 
 
@@ -30,14 +29,13 @@ def run(
     workers: Workers = None,
     dask: Dask = None,
     chunk: Chunk = 64,
-    until: Until = None,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate the campaign of a configuration; where the ledger holds it already, go on."""
     from fpid_pin.cli.campaign import Means, run_campaign
 
     means = Means(workers, dask, chunk)
-    run_campaign(config, out or _ledger(config, "campaign"), runs, means, until)
+    run_campaign(config, out or _ledger(config, "campaign"), runs, means)
 
 
 @app.command()
@@ -47,12 +45,12 @@ def resume(
     workers: Workers = None,
     dask: Dask = None,
     chunk: Chunk = 64,
-    until: Until = None,
+    allow_import: AllowImport = False,
 ) -> None:
     """Go on with a campaign, also to more plants than were asked for at first."""
     from fpid_pin.cli.campaign import Means, resume_campaign
 
-    resume_campaign(ledger, runs, Means(workers, dask, chunk), until)
+    resume_campaign(ledger, runs, Means(workers, dask, chunk))
 
 
 @app.command()
@@ -72,6 +70,7 @@ def replay(
     run: Annotated[int, typer.Option(help="Number of the plant.")],
     controller: Annotated[str | None, typer.Option(help="By name; none: the first.")] = None,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("replay.html"),
+    allow_import: AllowImport = False,
 ) -> None:
     """Simulate a run again exactly, and show it beside its nominal twin."""
     from fpid_pin.cli.campaign import replay_campaign
@@ -103,6 +102,7 @@ def report(
     no_replays: Annotated[
         bool, typer.Option("--no-replays", help="Of the worst runs, none beside it.")
     ] = False,
+    allow_import: AllowImport = False,
 ) -> None:
     """Write a page with success rates, distributions, sensitivities and the worst runs."""
     from fpid_pin.cli.campaign import report_campaign

@@ -86,7 +86,7 @@ class WorkerPool(Executor):
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """See `concurrent.futures.Executor.submit`."""
         _require_importable((fn, args, kwargs))
-        with _fit_for_workers():
+        with fit_for_workers():
             try:
                 return self._pool.submit(fn, *args, **kwargs)
             except BrokenExecutor:
@@ -118,7 +118,7 @@ def _require_importable(task: Any) -> None:
 
 
 @contextmanager
-def _fit_for_workers() -> Iterator[None]:
+def fit_for_workers() -> Iterator[None]:
     """Let processes that are started in this block inherit one thread each, and no Ctrl-C.
 
     A terminal sends Ctrl-C to them too, also while they import what they will need.
@@ -205,8 +205,12 @@ def spread(
                 yield k, executor.submit(call, *tasks[k]).result()
             while waiting and not lost and len(running) < AHEAD * workers_of(executor):
                 k = waiting.popleft()
-                running[executor.submit(call, *tasks[k])] = k
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                try:
+                    running[executor.submit(call, *tasks[k])] = k
+                except BrokenExecutor:
+                    lost.append(k)
+            # What there is comes before what was lost.
+            for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=_failed):
                 k = running.pop(future)
                 try:
                     result = future.result()
@@ -233,6 +237,10 @@ def spread(
     finally:
         for future in running:
             future.cancel()
+
+
+def _failed(future: Future[Any]) -> bool:
+    return future.cancelled() or future.exception() is not None
 
 
 def _worker_died(error: Exception) -> bool:

@@ -11,7 +11,7 @@ from studies import bits, study
 
 import fpid_pin as fp
 from fpid_pin.campaign import export, load, run
-from fpid_pin.campaign import sqlite as ours
+from fpid_pin.campaign import ledger as ours
 from fpid_pin.campaign.data import METRICS
 from fpid_pin.campaign.ledger import Ledger
 from fpid_pin.campaign.study import Study
@@ -89,7 +89,7 @@ def test_another_campaign_is_refused_with_the_difference(made):
     other = study(duration=0.1)
     laws = dict(other.controllers)
     laws["integer"] = dataclasses.replace(laws["integer"], kp=(11.0, 12.0))
-    with pytest.raises(FileFormatError, match=r"controllers\.integer\.kp is"):
+    with pytest.raises(FileFormatError, match=r"controllers\.integer\.kp\.0 is"):
         run(dataclasses.replace(other, controllers=laws), path, 3)
     backwards = dict(reversed(other.controllers.items()))
     with pytest.raises(FileFormatError, match="another order"):
@@ -106,7 +106,7 @@ def test_files_that_are_no_ledgers_are_refused_untouched(tmp_path):
         file.execute("CREATE TABLE mine (x)")
         file.commit()
     for path, words in (
-        (text, "a file that is no SQLite"),
+        (text, "file is not a database"),
         (foreign, "got another SQLite file"),
         (tmp_path, "got a folder"),
     ):
@@ -130,7 +130,7 @@ def test_another_layout_and_damage_are_refused(made, tmp_path):
     newer = copy("newer.sqlite")
     with closing(sqlite3.connect(newer)) as file:
         file.execute("PRAGMA user_version = 7")
-    with pytest.raises(FileFormatError, match="expected a ledger of layout 1, got layout 7"):
+    with pytest.raises(FileFormatError, match="ledger of layout 1, got layout 7"):
         load(newer)
     without = copy("without.sqlite")
     with closing(sqlite3.connect(without)) as file:
@@ -145,12 +145,13 @@ def test_another_layout_and_damage_are_refused(made, tmp_path):
 
 
 def test_a_locked_ledger_is_told_and_stays_readable(made, tmp_path, monkeypatch):
-    monkeypatch.setattr("fpid_pin.campaign.ledger.PATIENCE", 0.1)
+    connect = sqlite3.connect
+    monkeypatch.setattr(ours.sqlite3, "connect", lambda *a, **k: connect(*a, timeout=0.1, **k))
     path = tmp_path / "l.sqlite"
     before = run(study(duration=0.1), path, 6)
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("BEGIN IMMEDIATE")
-        with pytest.raises(FileFormatError, match="another program has locked it"):
+        with pytest.raises(FileFormatError, match="database is locked"):
             run(study(duration=0.1), path, 12)
         assert bits(load(path)) == bits(before)
         other.execute("ROLLBACK")
@@ -169,7 +170,7 @@ def test_a_full_disk_is_told_and_what_was_recorded_stays(made, tmp_path, monkeyp
             return super().executemany(sql, rows)
 
     monkeypatch.setattr(ours.sqlite3, "connect", lambda *a, **k: connect(*a, factory=Full, **k))
-    with pytest.raises(FileFormatError, match=r"the disk is full\); what was recorded stays"):
+    with pytest.raises(FileFormatError, match=r"database or disk is full"):
         run(study(duration=0.05), path, 60, chunk=10)
     monkeypatch.undo()
     kept = load(path)
