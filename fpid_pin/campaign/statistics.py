@@ -7,7 +7,7 @@ each by itself, for a number of runs that was fixed beforehand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -56,15 +56,6 @@ def scored(data: CampaignData, metric: str = "rms") -> FloatArray:
     return np.where(data.success & ~np.isnan(values), values, np.inf)
 
 
-def ecdf(scores: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return values in order, and the share of all runs that are at most so large.
-
-    It ends at the share of runs that were not lost, not at one.
-    """
-    finite = np.sort(scores[np.isfinite(scores)])
-    return finite, np.arange(1, len(finite) + 1) / max(len(scores), 1)
-
-
 def quantile(scores: FloatArray, share: float) -> float:
     """Return the least value that so large a share of the runs does not exceed; inf where lost."""
     if len(scores) == 0:
@@ -97,6 +88,13 @@ class Difference:
     median: Interval
     differing: int
     better: Interval
+
+    @property
+    def reversed(self) -> Difference:
+        """The second one against the first."""
+        median = Interval(-self.median.estimate, -self.median.high, -self.median.low)
+        better = Interval(*(1.0 - x for x in (self.better[0], self.better[2], self.better[1])))
+        return replace(self, first=self.second, second=self.first, median=median, better=better)
 
 
 def paired_difference(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from made_campaigns import arms, campaign
 
-from fpid_pin.campaign import figures, sensitivity_figures
+from fpid_pin.campaign import figures
 from fpid_pin.campaign.answers import answer
 from fpid_pin.campaign.report import report_html
 from fpid_pin.campaign.statistics import paired_difference
@@ -149,7 +149,7 @@ def test_a_controller_has_one_colour_in_every_figure(data):
     drawn = [
         figures.distributions(data),
         figures.violins(data),
-        sensitivity_figures.tornado_plot(data),
+        figures.tornado_plot(data),
     ]
     for figure in drawn:
         text = figure_bytes(figure, "svg").decode()
@@ -163,13 +163,13 @@ def test_curves_end_at_the_success_rate(data):
 
 
 def test_the_scatter_takes_the_parameters_that_matter(data):
-    assert sensitivity_figures.two_that_matter(data)[0] == 0  # the payload
-    assert sensitivity_figures.two_that_matter(campaign(np.ones((9, 1)), np.ones((9, 1)))) is None
+    assert figures.two_that_matter(data)[0] == 0  # the payload
+    assert figures.two_that_matter(campaign(np.ones((9, 1)), np.ones((9, 1)))) is None
 
 
 def test_a_scatter_of_many_plants_is_a_small_file():
     many = arms(20_000, ("A", "B"))
-    assert len(figure_bytes(sensitivity_figures.scatter(many, 0, 1), "svg")) < 1_500_000
+    assert len(figure_bytes(figures.scatter(many, 0, 1), "svg")) < 1_500_000
 
 
 # ---------------------------------------------------------------------- in a browser

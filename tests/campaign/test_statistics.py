@@ -50,14 +50,6 @@ def test_a_metric_that_is_not_a_number_is_the_worst_also_of_a_run_that_succeeded
 # ---------------------------------------------------------------------- distributions
 
 
-def test_an_ecdf_ends_at_the_success_rate():
-    data = campaign([[3.0], [np.nan], [1.0], [1.0]])
-    values, shares = statistics.ecdf(statistics.scored(data)[:, 0])
-    assert values.tolist() == [1.0, 1.0, 3.0]
-    assert shares.tolist() == [0.25, 0.5, 0.75]
-    assert statistics.ecdf(np.array([np.inf]))[0].size == 0
-
-
 def test_a_median_counts_the_plants_that_were_lost():
     assert statistics.quantile(np.array([1.0, 2.0, np.inf]), 0.5) == 2.0
     assert statistics.quantile(np.array([1.0, np.inf, np.inf]), 0.5) == np.inf
