@@ -56,14 +56,14 @@ class Done:
 
 def run_chunk(study: Study, first: int, last: int) -> Done:
     """Simulate runs `first` to `last` - 1 under every controller."""
-    samples = study.bound.samples(first, last)
+    samples = study.samples(first, last)
     return Done(samples, [_ends(study, first + k, sample) for k, sample in enumerate(samples)])
 
 
 def _ends(study: Study, run: int, sample: FloatArray) -> list[Ended]:
     """Simulate a run under every controller; what fails under one leaves the others alone."""
     try:
-        experiment = study.bound.experiment(run, sample)
+        experiment = study.experiment_of(run, sample)
     except _NOT_THE_RUN:
         raise
     except Exception as error:

@@ -211,12 +211,11 @@ class Ledger:
 
 def _make(path: Path, study: Study) -> None:
     """Write a ledger without runs, whole or not at all."""
-    bound = study.bound
-    numbers = ", ".join(f"{column} REAL" for column in (*METRICS, *map(_quoted, bound.parameters)))
+    numbers = ", ".join(f"{column} REAL" for column in (*METRICS, *map(_quoted, study.parameters)))
     own = [os.path.relpath(file, path.absolute().parent) for file in own_code.loaded()]
     values = {
         "study": study.text, "digest": study.digest, "runs": "0", "import": json.dumps(own),
-        "parameters": json.dumps(bound.parameters), "units": json.dumps(bound.units),
+        "parameters": json.dumps(study.parameters), "units": json.dumps(study.units),
     }  # fmt: skip
     with replacing(path) as temporary, closing(sqlite3.connect(temporary)) as file:
         # A killed driver loses nothing that was committed.

@@ -76,9 +76,9 @@ def replay(ledger: str | Path, run: int, controller: str | None = None) -> Repla
         if before.outcome == "failed":
             raise SimulationError(f"run {run}: {before.cause}; there is nothing to replay")
         study = book.study()
-    sample = study.bound.samples(run, run + 1)[0]
+    sample = study.samples(run, run + 1)[0]
     law = study.controllers[name]
-    again, nominal = simulate([study.bound.experiment(run, sample), study.experiment], law)
+    again, nominal = simulate([study.experiment_of(run, sample), study.experiment], law)
     now = ended(study.experiment.arm.joint_names, again.outcome, again.metrics)
-    values = dict(zip(study.bound.parameters, sample.tolist(), strict=True))
+    values = dict(zip(study.parameters, sample.tolist(), strict=True))
     return Replay(again, nominal, run, name, values, before, now)

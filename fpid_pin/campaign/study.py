@@ -9,8 +9,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from fpid_pin import checks, descriptions
-from fpid_pin.campaign.scenarios import BoundScenarios, Scenarios
+from fpid_pin.campaign.quantities import QUANTITIES, require_quantity, varied
+from fpid_pin.campaign.scenarios import Scenarios
+from fpid_pin.checks import FloatArray
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.simulation import Experiment
@@ -37,7 +41,8 @@ class Study:
     Raises
     ------
     ArgumentError
-        No controller; a quantity that the experiment does not have.
+        No controller; a quantity that the experiment does not have; numbers for another number of
+        joints.
     """
 
     experiment: Experiment
@@ -55,12 +60,31 @@ class Study:
         object.__setattr__(self, "controllers", dict(self.controllers))
         # Written out: what is recorded says it, and a replay has the same bits.
         object.__setattr__(self, "experiment", self.experiment.with_dynamics("compiled"))
-        self.scenarios.bind(self.experiment)
+        points, size = np.asarray(self.scenarios.points), len(self.parameters)
+        if points.ndim and points.shape[1] != size:
+            raise ArgumentError("points", f"shape (runs, {size})", f"shape {points.shape}")
 
     @cached_property
-    def bound(self) -> BoundScenarios:
-        """The scenarios of its experiment."""
-        return self.scenarios.bind(self.experiment)
+    def _counts(self) -> dict[str, int]:
+        """Return how many numbers each uncertain quantity has."""
+        spreads = self.scenarios.uncertain.items()
+        return {key: require_quantity(self.experiment, key, spread) for key, spread in spreads}
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Labels of a sample's numbers: ``"payload"``, ``"viscous_friction.0"``."""
+        alone = {key: QUANTITIES[key].single or spread.shared
+                 for key, spread in self.scenarios.uncertain.items()}  # fmt: skip
+        return tuple(
+            key if alone[key] else f"{key}.{j}"
+            for key, count in self._counts.items()
+            for j in range(count)
+        )
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Units of a sample's numbers."""
+        return tuple(QUANTITIES[label.split(".")[0]].unit for label in self.parameters)
 
     @cached_property
     def laws(self) -> tuple[Controller, ...]:
@@ -72,6 +96,22 @@ class Study:
     def names(self) -> tuple[str, ...]:
         """Names of the controllers, in order."""
         return tuple(self.controllers)
+
+    def _split(self, numbers: FloatArray) -> dict[str, FloatArray]:
+        """Return the columns of each quantity, of numbers (..., parameters)."""
+        ends = np.cumsum(list(self._counts.values()))[:-1]
+        return dict(zip(self._counts, np.split(numbers, ends, axis=-1), strict=True))
+
+    def samples(self, first: int, last: int) -> FloatArray:
+        """Return the values of runs `first` to `last` - 1, (runs, parameters)."""
+        points = self.scenarios.cube(first, last, len(self.parameters))
+        spreads = self.scenarios.uncertain
+        parts = [QUANTITIES[key].at(spreads[key], u) for key, u in self._split(points).items()]
+        return np.concatenate(parts, axis=1)
+
+    def experiment_of(self, run: int, sample: FloatArray) -> Experiment:
+        """Return the experiment of a run from its sample, (parameters,)."""
+        return varied(self.experiment, self._split(sample), self.scenarios.noise_seed(run))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the table that `from_dict` rebuilds the study from."""

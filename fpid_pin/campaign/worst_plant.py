@@ -48,7 +48,7 @@ def attack(
 
     checks.integer("population", population, low=5)
     checks.integer("generations", generations, low=1)
-    size, seed, calls = len(study.bound.parameters), study.scenarios.seed, 0
+    size, seed, calls = len(study.parameters), study.scenarios.seed, 0
     start = qmc.Sobol(size, rng=np.random.default_rng(seed))
     first = start.random_base2(math.ceil(math.log2(population)))[:population]
 

@@ -17,7 +17,7 @@ def test_its_configuration_is_one(tmp_path):
     plan = read_campaign(parse(demo_config().text + table, "page.toml", tmp_path))
     assert plan.runs == 10_000
     assert plan.study.experiment.dynamics == "compiled"
-    assert "viscous_friction.1" in plan.study.bound.parameters
+    assert "viscous_friction.1" in plan.study.parameters
 
 
 def test_its_table_has_every_quantity():

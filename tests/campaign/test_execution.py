@@ -39,9 +39,8 @@ def pushed(disturbance):
 
 def test_a_run_is_what_simulate_says(alone):
     made = study()
-    bound = made.bound
     for number in (0, 23):
-        experiment = bound.experiment(number, bound.samples(number, number + 1)[0])
+        experiment = made.experiment_of(number, made.samples(number, number + 1)[0])
         for column, law in enumerate(made.controllers.values()):
             metrics = fp.simulate(experiment, law).metrics
             figures = {name: values[number, column] for name, values in alone.metrics.items()}
@@ -121,7 +120,7 @@ def test_runs_that_kill_their_worker_twice_are_named_and_what_there_is_stays(
 ):
     made = pushed(Deadly(amplitude=0.5))
     made = dataclasses.replace(made, controllers={"one": fp.PdGravity(kp=50.0, kd=10.0)})
-    amplitudes = made.bound.samples(0, 4)[:, 0]
+    amplitudes = made.samples(0, 4)[:, 0]
     worst, deaths = int(np.argmax(amplitudes)), tmp_path / "deaths"
     deaths.mkdir()
     monkeypatch.setenv("DEADLY", str(np.sort(amplitudes)[-2]))

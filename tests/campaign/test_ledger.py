@@ -33,14 +33,14 @@ def test_a_ledger_gives_back_every_bit_and_its_campaign(made):
     assert bits(again) == bits(data)
     assert again.controllers == ("fractional", "integer")
     assert again.units[:2] == ("1", "1")
-    assert again.parameters == study().bound.parameters
+    assert again.parameters == study().parameters
     assert again.seed == 3
     assert again.title == "a test"
     with Ledger(path) as book:
         assert book.study().digest == study(duration=0.1).digest
         assert book.planned == RUNS
         rebuilt = book.study()
-    assert rebuilt.bound.samples(0, 5).tobytes() == data.samples[:5].tobytes()
+    assert rebuilt.samples(0, 5).tobytes() == data.samples[:5].tobytes()
 
 
 def test_other_programs_can_read_it(made):
