@@ -18,7 +18,7 @@ def answer(data: CampaignData, differences: Sequence[Difference]) -> list[str]:
     data
         At least one run.
     differences
-        Of pairs of controllers, in their RMS errors; those with the leader are told.
+        Of all pairs in their RMS errors (`comparisons`); those with the leader are told.
     """
     first = leader(data)
     rate, names = success_rates(data)[first], data.controllers
@@ -30,11 +30,7 @@ def answer(data: CampaignData, differences: Sequence[Difference]) -> list[str]:
     lines = [f"{names[first]} succeeded on {100.0 * rate.estimate:.4g} % {of}."]
     if np.isfinite(typical):
         lines.append(f"Its RMS error is {typical:.3g} rad or less on half of the plants.")
-    for found in differences:
-        if found.first == first:
-            lines.append(_compared(names[found.second], found))
-        elif found.second == first:
-            lines.append(_compared(names[found.first], found.reversed))
+    lines += [_compared(names[d.second], d) for d in differences if d.first == first]
     lines.append(f"{data.runs} runs, every controller on the same plants; seed {data.seed}.")
     return lines
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,8 +14,8 @@ from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.statistics import (
     Difference,
     best_shares,
+    comparisons,
     leader,
-    paired_difference,
     quantile,
     scored,
     spearman,
@@ -96,10 +95,7 @@ def report_html(
         raise ArgumentError("data", "at least one run", "none")
     several = range(len(data.controllers))
     marks = {name: colour(k) for k, name in enumerate(data.controllers)}
-    pairs = list(combinations(several, 2))
-    differences = {
-        name: [paired_difference(data, *pair, name) for pair in pairs] for name in figures.SHOWN
-    }
+    differences = {name: comparisons(data, name) for name in figures.SHOWN}
     told = answer(data, differences["rms"])
     parts = [answer_html([*told, f"Dynamics: {data.dynamics}."])]
 
@@ -108,7 +104,7 @@ def report_html(
 
     add("Success", table_html(_success(data), marks))
     add("Errors and effort", table_html(_metrics(data), marks))
-    if pairs:
+    if len(several) > 1:
         heads = [as_text(figures.label(metric)) for metric in differences]
         tables = [_pairs(data, found) for found in differences.values()]
         add("Paired differences", _folded(heads, tables, 0, marks))

@@ -7,7 +7,8 @@ each by itself, for a number of runs that was fixed beforehand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -89,13 +90,6 @@ class Difference:
     differing: int
     better: Interval
 
-    @property
-    def reversed(self) -> Difference:
-        """The second one against the first."""
-        median = Interval(-self.median.estimate, -self.median.high, -self.median.low)
-        better = Interval(*(1.0 - x for x in (self.better[0], self.better[2], self.better[1])))
-        return replace(self, first=self.second, second=self.first, median=median, better=better)
-
 
 def paired_difference(
     data: CampaignData, first: int, second: int, metric: str = "rms"
@@ -115,6 +109,13 @@ def paired_difference(
     )
 
 
+def comparisons(data: CampaignData, metric: str = "rms") -> list[Difference]:
+    """Return how all pairs of controllers differ; the leader is the first one of its pairs."""
+    first = leader(data)
+    order = sorted(range(len(data.controllers)), key=lambda k: k != first)
+    return [paired_difference(data, *pair, metric) for pair in combinations(order, 2)]
+
+
 def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
     """Return a median with its bootstrap interval; the same seed, the same ends.
 
@@ -122,11 +123,10 @@ def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
     """
     from scipy.stats import bootstrap
 
-    if len(values) == 0:
-        return Interval(float("nan"), float("nan"), float("nan"))
-    estimate = float(np.median(values))
+    nan = float("nan")
+    estimate = float(np.median(values)) if len(values) else nan
     if len(values) < FEWEST:
-        return Interval(estimate, float("nan"), float("nan"))
+        return Interval(estimate, nan, nan)
     found = bootstrap(
         (values,), np.median, confidence_level=CONFIDENCE, n_resamples=RESAMPLES,
         method="percentile", batch=max(_BATCH // len(values), 1), vectorized=True,

@@ -11,7 +11,7 @@ from made_campaigns import arms, campaign
 from fpid_pin.campaign import figures
 from fpid_pin.campaign.answers import answer
 from fpid_pin.campaign.report import report_html
-from fpid_pin.campaign.statistics import paired_difference
+from fpid_pin.campaign.statistics import comparisons
 from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.view.palette import colour
 from fpid_pin.view.style import figure_bytes
@@ -119,7 +119,7 @@ def test_a_campaign_that_says_little_says_so(tmp_path, case, answer):
 
 def test_what_does_not_tell_two_apart_is_said():
     data = campaign([[1.0, 2.0], [2.0, 1.0]] * 20)
-    line = answer(data, [paired_difference(data, 0, 1)])[2]
+    line = answer(data, comparisons(data))[2]
     assert "on 50 % of 40 plants, which does not tell them apart; where both" in line
 
 
@@ -127,7 +127,7 @@ def test_what_does_not_tell_two_apart_is_said():
 def test_the_answer_is_told_from_the_leaders_side(order):
     errors = np.array([[1.0, 3.0]] * 30 + [[2.0, 1.5]] * 10)[:, order]
     data = campaign(errors, names=tuple(np.array(["good", "bad"])[list(order)]))
-    line = answer(data, [paired_difference(data, 0, 1)])[2]
+    line = answer(data, comparisons(data))[2]
     assert line == (
         "Against bad: the smaller error on 75 % of 40 plants; where both succeed, -2 rad in the "
         "median (95 %: -2 to -2)."
