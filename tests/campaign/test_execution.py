@@ -54,17 +54,12 @@ def test_a_run_is_what_simulate_says(alone):
             assert figures["total_variation"] == pytest.approx(variation, rel=1e-14)
 
 
-@pytest.mark.parametrize("chunk", [1, 7])
-def test_chunks_change_no_bit(alone, tmp_path, chunk):
-    assert bits(run(study(), tmp_path / "l.sqlite", RUNS, chunk=chunk)) == bits(alone)
-
-
-def test_threads_and_processes_change_no_bit(alone, pool, tmp_path):
+def test_chunks_threads_and_processes_change_no_bit(alone, pool, tmp_path):
     with ThreadPoolExecutor(3) as threads:
-        data = run(study(), tmp_path / "threads.sqlite", RUNS, executor=threads, chunk=5)
-    assert bits(data) == bits(alone)
-    data = run(study(), tmp_path / "processes.sqlite", RUNS, executor=pool, chunk=11)
-    assert bits(data) == bits(alone)
+        for k, options in enumerate(
+            ({"chunk": 1}, {"executor": threads, "chunk": 5}, {"executor": pool, "chunk": 11})
+        ):
+            assert bits(run(study(), tmp_path / f"{k}.sqlite", RUNS, **options)) == bits(alone)
 
 
 def test_going_on_to_more_runs_keeps_the_first(alone, tmp_path):

@@ -40,8 +40,8 @@ def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
     result = run_tuning(path, out)
     names = {file.name for file in out.iterdir()}
     assert {
-        "tuned.toml", "history.csv", "convergence.svg", "cost-map.svg", "comparison.svg",
-        "summary.md", "report.html", "config.toml", "checkpoint.npz", "tuned.npz",
+        "tuned.toml", "history.csv", "convergence.svg", "cost-map.svg", "profile.svg",
+        "comparison.svg", "summary.md", "report.html", "config.toml", "checkpoint.npz", "tuned.npz",
         "fpid-published-orders.npz", "integer-orders.npz",
     } <= names  # fmt: skip
     assert [file.name for file in tmp_path.iterdir() if file not in (path, out)] == []
