@@ -37,12 +37,6 @@ def workers_of(made):
     return [psutil.Process(nanny.pid) for nanny in made.workers.values()]
 
 
-def test_a_cluster_changes_no_bit(scheduler, alone, tmp_path):
-    with dask_executor(scheduler.scheduler_address, patience=PATIENCE) as executor:
-        data = run(study(), tmp_path / "l.sqlite", RUNS, executor=executor, chunk=7)
-    assert bits(data) == bits(alone)
-
-
 def test_a_worker_killed_in_mid_run_leaves_every_run_recorded_once(scheduler, alone, tmp_path):
     killed = []
 
@@ -69,23 +63,10 @@ generations = 1
 seeds = 1
 map_points = 0
 profile_points = 0
+controller = "soft"
 [tune.space]
-kp = [1, 100, "log"]
+kp = [1, 100, "log", "shared"]
 """
-
-
-def test_the_command_line_reaches_a_scheduler(scheduler, tmp_path, monkeypatch):
-    """A campaign and a search, which takes the same executor."""
-    monkeypatch.chdir(tmp_path)
-    text = demo_config().text.replace("duration = 20.0", "duration = 0.1")
-    (tmp_path / "study.toml").write_text(text + COMMANDS)
-    for name, more in (("shared", ["--dask", scheduler.scheduler_address]), ("alone", [])):
-        campaign = ["campaign", "run", "study.toml", "--runs", "4", "--out", f"{name}.sqlite"]
-        assert main([*campaign, *more]) == 0
-        assert main(["tune", "study.toml", "--out", name, *more]) == 0
-    assert bits(load(tmp_path / "shared.sqlite")) == bits(load(tmp_path / "alone.sqlite"))
-    both = [(tmp_path / name / "history.csv").read_bytes() for name in ("shared", "alone")]
-    assert both[0] == both[1]
 
 
 OWN = """
@@ -104,30 +85,33 @@ class SoftPd(fp.Controller):
 
 
 def test_a_law_of_ones_own_is_run_on_workers_and_named_by_its_ledger(
-    scheduler, tmp_path, monkeypatch, capsys
+    scheduler, tmp_path, monkeypatch, request
 ):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "mine.py").write_text(OWN)
-    text = 'import = "mine.py"\n' + demo_config().text.replace("duration = 20.0", "duration = 0.1")
-    text += '[[controller]]\nkind = "soft_pd"\nname = "soft"\n' + COMMANDS.partition("[tune]")[0]
+    (tmp_path / "cluster_law.py").write_text(OWN)
+    text = 'import = "cluster_law.py"\n' + demo_config().text.replace("duration = 20.0", "duration = 0.1")
+    text += '[[controller]]\nkind = "soft_pd"\nname = "soft"\n' + COMMANDS
     (tmp_path / "study.toml").write_text(text + '[campaign]\ncontrollers = ["soft"]\n')
+    request.addfinalizer(lambda: sys.modules.pop("fpid_pin_own_cluster_law", None))
     words = ["campaign", "run", "study.toml", "--allow-import", "--runs", "4"]
     dask = ["--dask", scheduler.scheduler_address]
     assert main([*words, "--out", "shared.sqlite", *dask]) == 0
     assert main([*words, "--out", "alone.sqlite"]) == 0
     assert bits(load(tmp_path / "shared.sqlite")) == bits(load(tmp_path / "alone.sqlite"))
-    for command in (
-        ["resume", "alone.sqlite", "--runs", "6"], ["replay", "alone.sqlite", "--run", "1"],
-        ["report", "alone.sqlite"],
-    ):  # fmt: skip
-        line = [sys.executable, "-m", "fpid_pin_start", "campaign", *command]
-        refused = finished(line)
-        assert refused.returncode == 2
-        assert len(refused.stderr.splitlines()) == 1
-        assert "expected --allow-import, as the code of" in refused.stderr
-        assert "mine.py is run, got none" in refused.stderr
-        allowed = finished([*line, "--allow-import"])
-        assert allowed.returncode == 0, allowed.stderr
+    # A search takes the same executor.
+    for out, more in (("shared", dask), ("alone", [])):
+        assert main(["tune", "study.toml", "--allow-import", "--out", out, *more]) == 0
+    both = [(tmp_path / out / "history.csv").read_bytes() for out in ("shared", "alone")]
+    assert both[0] == both[1]
+    # Another process knows of the file from the ledger alone.
+    line = [sys.executable, "-m", "fpid_pin_start", "campaign", "resume", "alone.sqlite"]
+    refused = finished(line)
+    assert refused.returncode == 2
+    assert len(refused.stderr.splitlines()) == 1
+    assert "expected --allow-import, as the code of" in refused.stderr
+    assert "cluster_law.py is run, got none" in refused.stderr
+    allowed = finished([*line, "--runs", "6", "--allow-import"])
+    assert allowed.returncode == 0, allowed.stderr
     assert load(tmp_path / "alone.sqlite").runs == 6
 
 
@@ -162,17 +146,8 @@ def test_workers_of_another_version_are_refused_by_name(scheduler, monkeypatch):
         pass
 
 
-def test_a_scheduler_that_is_not_there_is_told():
-    words = r"dask tcp://127\.0\.0\.1:1: expected a Dask scheduler that answers within 0\.5 s, got"
-    refused = pytest.raises(ArgumentError, match=words)
-    with refused, dask_executor("tcp://127.0.0.1:1", patience=0.5):
-        pass
-
-
-@pytest.mark.parametrize("address", ["nonsense://x", ""])
-def test_addresses_that_are_none_are_refused(address):
-    with (
-        pytest.raises(ArgumentError, match="expected a Dask scheduler"),
-        dask_executor(address, patience=0.5),
-    ):
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://x", ""])
+def test_addresses_of_no_scheduler_are_told(address):
+    words = rf"dask {address}: expected a Dask scheduler that answers within 0\.5 s, got"
+    with pytest.raises(ArgumentError, match=words), dask_executor(address, patience=0.5):
         pass

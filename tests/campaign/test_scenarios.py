@@ -69,17 +69,6 @@ def test_a_runs_sample_depends_on_the_seed_and_its_number_alone(sampling):
     assert not np.array_equal(sampled(UNCERTAIN, 1000, sampling=sampling, seed=4), whole)
 
 
-def test_points_fill_the_cube_as_their_kind_promises():
-    box = {"mass": Uniform(low=1.0, high=2.0)}
-    # One in each of 256 slices: of each hypercube, and of a Sobol sequence's first 2^8 points.
-    for sampling in SAMPLINGS:
-        samples = sampled(box, 512, sampling=sampling) - 1.0
-        for block in (samples[:256], samples[256:]):
-            for column in block.T:
-                assert np.unique((column * 256).astype(int)).size == 256
-    assert np.unique(sampled(box, 4096)[:, 0]).size == 4096
-
-
 def test_every_quantity_is_in_its_experiment_and_the_belief_stays():
     bound = study()
     sample = bound.samples(5, 6)[0]
