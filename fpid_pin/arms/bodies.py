@@ -56,14 +56,13 @@ def _bodies(model: Any) -> Any:
         turned.append(_to_z(axis[:3] if slides else axis[3:]))
         frame, below, at = turned[k], turned[model.parents[k]], model.jointPlacements[k]
         inertia = model.inertias[k]
-        parent = n if model.parents[k] == 0 else model.parents[k] - 1
         rotation, lever = below.T @ at.rotation @ frame, frame.T @ inertia.lever
         spread = lever @ lever * np.eye(3) - np.outer(lever, lever)
         moments = frame.T @ inertia.inertia @ frame + inertia.mass * spread
         # In the order of BODY, all at once: field by field it is most of what a plant costs.
         bodies[k - 1] = (
             *rotation.T.ravel(), *(below.T @ at.translation), inertia.mass, *(inertia.mass * lever),
-            *moments[_UPPER], model.armature[k - 1], parent, slides,
+            *moments[_UPPER], model.armature[k - 1], slides,
         )  # fmt: skip
     return bodies
 

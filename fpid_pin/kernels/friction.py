@@ -13,7 +13,7 @@ from __future__ import annotations
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.limits import sign
 from fpid_pin.kernels.records import ROOM
-from fpid_pin.kernels.rigid_body import solve_tree
+from fpid_pin.kernels.rigid_body import solve_symmetric
 
 #: Relative slack of the conditions on friction and speed, well above rounding.
 SLACK = 1e-12
@@ -22,7 +22,7 @@ BLOCK_ROUNDS = 8
 
 
 @kernel(inline=True)
-def solve(matrix, right, joints):
+def solve_sticking(matrix, right, joints):
     """Solve the rows and columns of joints that stick, of a symmetric positive definite system.
 
     Both `matrix` and `right` are overwritten; `right` is then the solution, 0 for joints that
@@ -48,7 +48,7 @@ def solve(matrix, right, joints):
 
 
 @kernel
-def apply_dry_friction(bodies, factored, joints, v, room, h):
+def apply_dry_friction(factored, joints, v, room, h):
     """Turn the free speeds v of one robot into those that dry friction leaves, in place.
 
     First every joint is taken to slide on as it does; only where one would turn round is the box
@@ -56,8 +56,8 @@ def apply_dry_friction(bodies, factored, joints, v, room, h):
 
     Parameters
     ----------
-    bodies, factored
-        Of the plant; M + h F_v as `factor_tree` left it.
+    factored
+        M + h F_v of the plant, as `factor_symmetric` left it.
     joints
         PLANT, (n,): their F_d; whether they stick (a guess from the last step, then the answer);
         their friction torques.
@@ -73,7 +73,7 @@ def apply_dry_friction(bodies, factored, joints, v, room, h):
     for j in range(n):
         joints[j].friction = joints[j].dry * sign(v[j])
         speed[j] = joints[j].friction
-    solve_tree(bodies, factored, speed)
+    solve_symmetric(factored, speed)
     turns = False
     for j in range(n):
         c = joints[j]
@@ -86,7 +86,7 @@ def apply_dry_friction(bodies, factored, joints, v, room, h):
         for i in range(n):
             for j in range(n):
                 response[i, j] = h if i == j else 0.0
-            solve_tree(bodies, factored, response[i])
+            solve_symmetric(factored, response[i])
         stick_slip(response, joints, v, room[0], room[1], room[2], room[ROOM + n : ROOM + 2 * n])
     for j in range(n):
         if not turns:
@@ -116,7 +116,7 @@ def stick_slip(response, joints, v_free, speed, side, force, matrix):
                 matrix[j, k] = response[j, k]
                 if not joints[k].stuck:
                     force[j] -= response[j, k] * side[k] * joints[k].dry
-        solve(matrix, force, joints)
+        solve_sticking(matrix, force, joints)
         for j in range(n):
             if not joints[j].stuck:
                 force[j] = side[j] * joints[j].dry

@@ -1,10 +1,10 @@
 """Inverse dynamics by the recursive Newton-Euler rule, in each body's own coordinates.
 
-Velocities and accelerations go out along the tree, forces come back (Featherstone, *Rigid Body
+Velocities and accelerations go out along the chain, forces come back (Featherstone, *Rigid Body
 Dynamics Algorithms*, 2008, section 5.3). C(q, v) w with two different velocities is the symmetric
 bilinear form of C(q, v) v, so it is one recursion with two velocities:
 
-    A = X A_parent + S a + (V x S w + W x S v)/2,    F = I A + (V x* I W + W x* I V)/2
+    A = X A_before + S a + (V x S w + W x S v)/2,    F = I A + (V x* I W + W x* I V)/2
 
 V and W are what the joint rates v and w do to a body. The ten inertial numbers of each body come in
 an array of their own, (n, 10): m, h (3), j00 j01 j02 j11 j12 j22, as in `records.BODY`. Torques
@@ -17,7 +17,7 @@ import math
 
 
 def place_links(bodies, links, q):
-    """Write where each body is in its parent's coordinates."""
+    """Write where each body is in the coordinates of the one before."""
     for i in range(bodies.size):
         b = bodies[i]
         c = links[i]
@@ -42,8 +42,8 @@ def velocities(bodies, links, rates, motion):
         own = motion[i]
         for k in range(6):
             own[k] = 0.0
-        if b.parent < n:
-            u = motion[b.parent]
+        if i > 0:
+            u = motion[i - 1]
             # At this body's origin, then in its coordinates.
             t0 = u[0] + u[4] * c.p2 - u[5] * c.p1
             t1 = u[1] + u[5] * c.p0 - u[3] * c.p2
@@ -65,8 +65,8 @@ def accelerations(bodies, links, motions, gravity, v, w, a):
         c = links[i]
         t0, t1, t2 = -gravity[0], -gravity[1], -gravity[2]
         c.b0 = c.b1 = c.b2 = 0.0
-        if b.parent < n:
-            u = links[b.parent]
+        if i > 0:
+            u = links[i - 1]
             t0 = u.a0 + u.b1 * c.p2 - u.b2 * c.p1
             t1 = u.a1 + u.b2 * c.p0 - u.b0 * c.p2
             t2 = u.a2 + u.b0 * c.p1 - u.b1 * c.p0
@@ -140,8 +140,8 @@ def joint_torques(bodies, links, out):
         b = bodies[i]
         c = links[i]
         out[i] = c.f2 if b.slides else c.n2
-        if b.parent < n:
-            u = links[b.parent]
+        if i > 0:
+            u = links[i - 1]
             f0 = c.x0 * c.f0 + c.y0 * c.f1 + c.z0 * c.f2
             f1 = c.x1 * c.f0 + c.y1 * c.f1 + c.z1 * c.f2
             f2 = c.x2 * c.f0 + c.y2 * c.f1 + c.z2 * c.f2
@@ -187,8 +187,8 @@ def gravity_torques(bodies, inertias, links, gravity, q, out):
         c = links[i]
         row = inertias[i]
         t0, t1, t2 = -gravity[0], -gravity[1], -gravity[2]
-        if bodies[i].parent < n:
-            u = links[bodies[i].parent]
+        if i > 0:
+            u = links[i - 1]
             t0, t1, t2 = u.a0, u.a1, u.a2
         c.a0 = c.x0 * t0 + c.x1 * t1 + c.x2 * t2
         c.a1 = c.y0 * t0 + c.y1 * t1 + c.y2 * t2

@@ -103,7 +103,7 @@ def move(plant, rubs, forces, k, h):
     else:
         integrate_velocity(plant.v, plant.a, h)
         if rubs:
-            apply_dry_friction(plant.bodies, plant.mass, plant.joints, plant.v, plant.room, h)
+            apply_dry_friction(plant.mass, plant.joints, plant.v, plant.room, h)
         integrate_position(plant.q, plant.v, h)
 
 

@@ -14,7 +14,9 @@ def _named(names: str, meaning: str) -> dict[str, str]:
 #: A body and the joint that carries it, the joint's axis being z of its frame: constants.
 BODY = record_type(
     {
-        **_named("x0 x1 x2", "x axis of the joint's frame at q = 0, in the parent's frame"),
+        **_named(
+            "x0 x1 x2", "x axis of the joint's frame at q = 0, in the frame of the body before"
+        ),
         **_named("y0 y1 y2", "its y axis"),
         **_named("z0 z1 z2", "its z axis, the joint's"),
         **_named("p0 p1 p2", "[m] its origin"),
@@ -23,9 +25,9 @@ BODY = record_type(
         **_named("j00 j01 j02 j11 j12 j22", "[kg m^2] inertia about the frame's origin"),
         "armature": "[kg m^2] rotor inertia at the joint",
     },
-    {"parent": "which body carries it; n: none", "slides": "whether the joint is prismatic"},
+    {"slides": "whether the joint is prismatic"},
 )
-#: Where a body is and what its subtree needs, in world coordinates about the world's origin.
+#: Where a body is and what it takes to move it with all that it carries, in world coordinates.
 FRAME = record_type(
     {
         **_named("x0 x1 x2 y0 y1 y2 z0 z1 z2", "axes"),
@@ -33,17 +35,19 @@ FRAME = record_type(
         **_named("s0 s1 s2 r0 r1 r2", "what a unit of joint speed does, linear and angular"),
         **_named("v0 v1 v2 w0 w1 w2", "velocity, linear and angular"),
         **_named("a0 a1 a2 b0 b1 b2", "acceleration without joint accelerations"),
-        **_named("m h0 h1 h2 j00 j01 j02 j11 j12 j22", "inertia of body, then of subtree"),
-        **_named("f0 f1 f2 n0 n1 n2", "force and moment of body, then of subtree"),
+        **_named(
+            "m h0 h1 h2 j00 j01 j02 j11 j12 j22", "inertia of the body, then with all it carries"
+        ),
+        **_named("f0 f1 f2 n0 n1 n2", "force and moment of the body, then with all it carries"),
     }
 )
-#: Where a body is, in its parent's coordinates, and what inverse dynamics needs of it.
+#: Where a body is, in coordinates of the one before, and what inverse dynamics needs of it.
 LINK = record_type(
     {
-        **_named("x0 x1 x2 y0 y1 y2 z0 z1 z2", "axes, in the parent's coordinates"),
-        **_named("p0 p1 p2", "[m] origin, in the parent's coordinates"),
+        **_named("x0 x1 x2 y0 y1 y2 z0 z1 z2", "axes"),
+        **_named("p0 p1 p2", "[m] origin"),
         **_named("a0 a1 a2 b0 b1 b2", "acceleration A, linear and angular"),
-        **_named("f0 f1 f2 n0 n1 n2", "force and moment F, of body, then of subtree"),
+        **_named("f0 f1 f2 n0 n1 n2", "force and moment F, of the body, then with all it carries"),
     }
 )
 

@@ -1,11 +1,12 @@
-"""Rigid-body dynamics of a tree of revolute and prismatic joints, in world coordinates.
+"""Rigid-body dynamics of a chain of revolute and prismatic joints, in world coordinates.
 
-There inertias of subtrees just add, and nothing is transformed twice: positions, velocities and
-forces of all bodies on the way out (recursive Newton-Euler), inertias of subtrees and the rows of M
-on the way back (composite rigid bodies), then M = L^T D L without a fill-in, as the tree is sparse
-(Featherstone, *Rigid Body Dynamics Algorithms*, 2008, chapters 5, 6 and section 6.4). Spatial
-vectors are taken at the world's origin. Indices 0, 1, 2 stand for x, y, z of the world; a frame's
-own axes are x, y, z. Records are BODY and FRAME of `records`.
+There inertias of all that a joint carries just add, and nothing is transformed twice: positions,
+velocities and forces of all bodies on the way out (recursive Newton-Euler), inertias of what is
+carried and the columns of M on the way back (composite rigid bodies; Featherstone, *Rigid Body
+Dynamics Algorithms*, 2008, chapters 5 and 6), then M = L D L^T. Spatial vectors are taken at the
+world's origin. Indices 0, 1, 2 stand for x, y, z of the world; a frame's own axes are x, y, z.
+Records are BODY and FRAME of `records`. Of the n + 1 frames the first is the world's, and body i,
+which body i - 1 carries, has number i + 1.
 """
 
 from __future__ import annotations
@@ -135,87 +136,80 @@ def project_on_axis(c, f0, f1, f2, n0, n1, n2):
 
 
 @kernel(inline=True)
-def set_base_acceleration(frames, n, gravity):
-    """Set the world's frame, the last one: it falls upwards, which is what gravity amounts to."""
-    world = frames[n]
+def set_base_acceleration(frames, gravity):
+    """Set the world's frame, the first: it falls upwards, which is what gravity amounts to."""
+    world = frames[0]
     world.x0 = world.y1 = world.z2 = 1.0
     world.a0, world.a1, world.a2 = -gravity[0], -gravity[1], -gravity[2]
 
 
 @kernel(inline=True)
 def mass_matrix_and_bias(bodies, frames, q, v, bias, mass):
-    """Write C q' + G into `bias`, (n,), and M into the lower half of `mass`, (n, n): eq. (5).
-
-    Only entries of joints that carry one another are written: others are 0 and never read. The
-    last of the n + 1 frames is the world's; see `set_base_acceleration`.
-    """
+    """Write C q' + G into `bias`, (n,), and M into the lower half of `mass`, (n, n): eq. (5)."""
     n = bodies.size
     for i in range(n):
         b = bodies[i]
-        c = frames[i]
-        forward_kinematics(b, c, frames[b.parent], q[i], v[i])
+        c = frames[i + 1]
+        forward_kinematics(b, c, frames[i], q[i], v[i])
         body_inertia_and_force(b, c)
     for back in range(n):
         i = n - 1 - back
-        b = bodies[i]
-        c = frames[i]
+        c = frames[i + 1]
         bias[i] = project_on_axis(c, c.f0, c.f1, c.f2, c.n0, c.n1, c.n2)
-        # The force that a unit of acceleration of this joint takes from its subtree.
+        # The force that a unit of acceleration of this joint takes from all that it carries.
         f0 = c.m * c.s0 + c.r1 * c.h2 - c.r2 * c.h1
         f1 = c.m * c.s1 + c.r2 * c.h0 - c.r0 * c.h2
         f2 = c.m * c.s2 + c.r0 * c.h1 - c.r1 * c.h0
         n0 = c.j00 * c.r0 + c.j01 * c.r1 + c.j02 * c.r2 + c.h1 * c.s2 - c.h2 * c.s1
         n1 = c.j01 * c.r0 + c.j11 * c.r1 + c.j12 * c.r2 + c.h2 * c.s0 - c.h0 * c.s2
         n2 = c.j02 * c.r0 + c.j12 * c.r1 + c.j22 * c.r2 + c.h0 * c.s1 - c.h1 * c.s0
-        j = i
-        while j < n:
-            mass[i, j] = project_on_axis(frames[j], f0, f1, f2, n0, n1, n2)
-            j = bodies[j].parent
-        mass[i, i] += b.armature
-        if b.parent < n:
-            accumulate_subtree(frames[b.parent], c)
+        for j in range(i + 1):
+            mass[i, j] = project_on_axis(frames[j + 1], f0, f1, f2, n0, n1, n2)
+        mass[i, i] += bodies[i].armature
+        if i > 0:
+            accumulate_subtree(frames[i], c)
 
 
 @kernel
-def factor_tree(bodies, mass):
-    """Turn M, its lower half, into L and 1/D of M = L^T D L, in place."""
-    n = bodies.size
-    for back in range(n):
-        i = n - 1 - back
-        mass[i, i] = 1.0 / mass[i, i]
-        k = bodies[i].parent
-        while k < n:
-            t = mass[i, k] * mass[i, i]
-            j = k
-            while j < n:
-                mass[k, j] -= t * mass[i, j]
-                j = bodies[j].parent
-            mass[i, k] = t
-            k = bodies[k].parent
+def factor_symmetric(mass):
+    """Turn M, its lower half, into L and 1/D of M = L D L^T, in place."""
+    for i in range(mass.shape[0]):
+        row = mass[i]
+        d = row[i]
+        for j in range(i):
+            lower = mass[j]
+            t = row[j]
+            for k in range(j):
+                t -= row[k] * lower[k]
+            row[j] = t
+        for j in range(i):
+            t = row[j]
+            row[j] = t * mass[j, j]
+            d -= t * row[j]
+        row[i] = 1.0 / d
 
 
 @kernel
-def solve_tree(bodies, factored, x):
-    """Turn x into M^-1 x, (n,), in place; `factored` by `factor_tree`."""
-    n = bodies.size
-    for back in range(n):
-        i = n - 1 - back
-        k = bodies[i].parent
-        while k < n:
-            x[k] -= factored[i, k] * x[i]
-            k = bodies[k].parent
+def solve_symmetric(factored, x):
+    """Turn x into M^-1 x, (n,), in place; `factored` by `factor_symmetric`."""
+    n = x.size
     for i in range(n):
-        x[i] *= factored[i, i]
-        k = bodies[i].parent
-        while k < n:
-            x[i] -= factored[i, k] * x[k]
-            k = bodies[k].parent
+        t = x[i]
+        for k in range(i):
+            t -= factored[i, k] * x[k]
+        x[i] = t
+    for back in range(n):
+        i = n - 1 - back
+        t = x[i] * factored[i, i]
+        for k in range(i + 1, n):
+            t -= factored[k, i] * x[k]
+        x[i] = t
 
 
 @kernel
 def survey(bodies, frames, gravity, q, v, bias, mass):
     """Write C(q, v) v + G, (n,), and the lower half of M: see `mass_matrix_and_bias`."""
-    set_base_acceleration(frames, bodies.size, gravity)
+    set_base_acceleration(frames, gravity)
     mass_matrix_and_bias(bodies, frames, q, v, bias, mass)
 
 
@@ -225,5 +219,5 @@ def forward_dynamics(bodies, frames, gravity, q, v, tau, mass, a):
     survey(bodies, frames, gravity, q, v, a, mass)
     for i in range(bodies.size):
         a[i] = tau[i] - a[i]
-    factor_tree(bodies, mass)
-    solve_tree(bodies, mass, a)
+    factor_symmetric(mass)
+    solve_symmetric(mass, a)

@@ -32,8 +32,8 @@ from fpid_pin.kernels.records import (
     WORK_3,
 )
 from fpid_pin.kernels.rigid_body import (
-    factor_tree,
-    solve_tree,
+    factor_symmetric,
+    solve_symmetric,
     survey,
 )
 from fpid_pin.kernels.supervisor import (
@@ -110,17 +110,13 @@ def signals(c, inputs):
 
 
 @kernel
-def mass_times(bodies, mass, x, out):
-    """Write M x, (n,), from the lower half of M; only joints that carry each other count."""
-    n = bodies.size
-    for i in range(n):
+def mass_times(mass, x, out):
+    """Write M x, (n,), from the lower half of M."""
+    for i in range(x.size):
         out[i] = mass[i, i] * x[i]
-    for i in range(n):
-        k = bodies[i].parent
-        while k < n:
+        for k in range(i):
             out[i] += mass[i, k] * x[k]
             out[k] += mass[i, k] * x[i]
-            k = bodies[k].parent
 
 
 @kernel(inline=True)
@@ -178,15 +174,15 @@ def limit_torque(joints, torque):
 
 
 @kernel
-def torque_of_change(joints, bodies, mass, h, x, out):
+def torque_of_change(joints, mass, h, x, out):
     """Write (M + h F_v) x, the torque that changes the accelerations of a step by x, (n,)."""
-    mass_times(bodies, mass, x, out)
+    mass_times(mass, x, out)
     for j in range(joints.size):
         out[j] += h * joints[j].viscous * x[j]
 
 
 @kernel
-def nominal_acceleration(joints, bodies, factored, terms, torque):
+def nominal_acceleration(joints, factored, terms, torque):
     """Write what the model makes of a torque: (M + h F_v)^-1 (u - F_v v - C v^ - G).
 
     Viscous friction is implicit in the speed, as in the arm's motion: taken from the start of a
@@ -197,11 +193,11 @@ def nominal_acceleration(joints, bodies, factored, terms, torque):
     for j in range(joints.size):
         g = joints[j]
         a[j] = torque[j] - g.viscous * g.v - terms[BIAS, j]
-    solve_tree(bodies, factored, a)
+    solve_symmetric(factored, a)
 
 
 @kernel
-def sampled_supervisor(robot, joints, bodies, mass, factored, terms, torque):
+def sampled_supervisor(robot, joints, mass, factored, terms, torque):
     """Add u_s of the supervisor for sampled loops, the torque of the least change that is wanted.
 
     `factored` are the factors of M + h F_v.
@@ -212,10 +208,10 @@ def sampled_supervisor(robot, joints, bodies, mass, factored, terms, torque):
     if robot.pushing:
         for j in range(n):
             reserve[j] = change[j]
-        solve_tree(bodies, factored, reserve)
+        solve_symmetric(factored, reserve)
         least_correction(robot, joints, reserve, change)
     if robot.pushing:
-        torque_of_change(joints, bodies, mass, robot.h, change, u_s)
+        torque_of_change(joints, mass, robot.h, change, u_s)
         for j in range(n):
             terms[WORK_3, j] = torque[j]
             joints[j].u_s = u_s[j]
@@ -223,20 +219,20 @@ def sampled_supervisor(robot, joints, bodies, mass, factored, terms, torque):
             # The effort limit left less of the change.
             for j in range(n):
                 change[j] = torque[j] - terms[WORK_3, j]
-            solve_tree(bodies, factored, change)
+            solve_symmetric(factored, change)
 
 
 @kernel
-def paper_supervisor(robot, joints, bodies, mass, factored, terms, torque):
+def paper_supervisor(robot, joints, mass, factored, terms, torque):
     """Add u_s of (20) while V >= V_M."""
     n = joints.size
     demand, w, product, feedforward = terms[WORK], terms[WORK_2], terms[WORK_3], terms[CHANGE]
     error_terms(robot, joints, demand, w)
-    solve_tree(bodies, factored, w)
-    mass_times(bodies, mass, demand, product)
+    solve_symmetric(factored, w)
+    mass_times(mass, demand, product)
     for j in range(n):
         demand[j] = joints[j].a_ref
-    mass_times(bodies, mass, demand, feedforward)
+    mass_times(mass, demand, feedforward)
     paper_torque(robot, joints, terms[GRAVITY], terms[CORIOLIS], product, feedforward, w)
     for j in range(n):
         feedforward[j] = 0.0
@@ -244,7 +240,7 @@ def paper_supervisor(robot, joints, bodies, mass, factored, terms, torque):
 
 
 @kernel
-def add_model_terms(robot, joints, bodies, mass, terms):
+def add_model_terms(robot, joints, mass, terms):
     """Write what the model adds: the law's own term, feedforward, less what cancels xi."""
     found, lost = terms[WORK], terms[WORK_2]
     for j in range(joints.size):
@@ -255,19 +251,19 @@ def add_model_terms(robot, joints, bodies, mass, terms):
             g.u_model += terms[FEEDFORWARD, j] + g.viscous * g.v_ref
         found[j] = g.xi
     if robot.compensates:
-        torque_of_change(joints, bodies, mass, robot.h, found, lost)
+        torque_of_change(joints, mass, robot.h, found, lost)
         for j in range(joints.size):
             joints[j].u_model -= lost[j]
 
 
 @kernel
-def factor_mass(joints, bodies, mass, h, factored):
+def factor_mass(joints, mass, h, factored):
     """Write the factors of M + h F_v and leave M as it is; h = 0: of M alone."""
-    for i in range(bodies.size):
+    for i in range(joints.size):
         for k in range(i + 1):
             factored[i, k] = mass[i, k]
         factored[i, i] += h * joints[i].viscous
-    factor_tree(bodies, factored)
+    factor_symmetric(factored)
 
 
 @kernel(inline=True)
@@ -276,20 +272,20 @@ def torques(c, torque):
     robot = c.robot[0]
     if robot.torque != 0:
         call_law(robot.torque, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
-    add_model_terms(robot, c.joints, c.bodies, c.mass, c.terms)
+    add_model_terms(robot, c.joints, c.mass, c.terms)
     limit_torque(c.joints, torque)
     if robot.sampled:
-        factor_mass(c.joints, c.bodies, c.mass, robot.h, c.factored)
-        nominal_acceleration(c.joints, c.bodies, c.factored, c.terms, torque)
-        sampled_supervisor(robot, c.joints, c.bodies, c.mass, c.factored, c.terms, torque)
+        factor_mass(c.joints, c.mass, robot.h, c.factored)
+        nominal_acceleration(c.joints, c.factored, c.terms, torque)
+        sampled_supervisor(robot, c.joints, c.mass, c.factored, c.terms, torque)
     elif robot.paper and robot.acting:
         # (20) is of continuous time, and so is its M.
-        factor_mass(c.joints, c.bodies, c.mass, 0.0, c.factored)
-        paper_supervisor(robot, c.joints, c.bodies, c.mass, c.factored, c.terms, torque)
+        factor_mass(c.joints, c.mass, 0.0, c.factored)
+        paper_supervisor(robot, c.joints, c.mass, c.factored, c.terms, torque)
     if robot.observes:
         if not robot.sampled:
-            factor_mass(c.joints, c.bodies, c.mass, robot.h, c.factored)
-            nominal_acceleration(c.joints, c.bodies, c.factored, c.terms, torque)
+            factor_mass(c.joints, c.mass, robot.h, c.factored)
+            nominal_acceleration(c.joints, c.factored, c.terms, torque)
         predict(robot, c.joints, c.terms[ACCELERATION], c.terms[CHANGE])
 
 

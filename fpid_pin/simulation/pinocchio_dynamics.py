@@ -16,7 +16,7 @@ from fpid_pin.control.state import State
 from fpid_pin.kernels import records
 from fpid_pin.kernels.friction import apply_dry_friction
 from fpid_pin.kernels.plant import finish_runge_kutta, runge_kutta_stage
-from fpid_pin.kernels.rigid_body import factor_tree
+from fpid_pin.kernels.rigid_body import factor_symmetric
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.plant import ResolvedPlant
 
@@ -81,10 +81,8 @@ class PinocchioDynamics:
             plant.v[:] += self.step * plant.a
             if rubs:
                 plant.mass[:] = pin.crba(self.true, self.true_data, plant.q).T
-                factor_tree(plant.bodies, plant.mass)
-                apply_dry_friction(
-                    plant.bodies, plant.mass, plant.joints, plant.v, plant.room, self.step
-                )
+                factor_symmetric(plant.mass)
+                apply_dry_friction(plant.mass, plant.joints, plant.v, plant.room, self.step)
             plant.q[:] += self.step * plant.v
             return
         stages = plant.room[records.ROOM + 2 * len(plant.q) :]

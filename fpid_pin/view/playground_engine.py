@@ -34,13 +34,13 @@ POINTS = 0.5 - 0.5 * np.cos(np.pi * np.arange(48) / 47)
 POINTS[-1] = 1.0
 #: The most samples that measurements can be late in a page.
 MOST_DELAY = 63
-#: What a page never changes of a controller and of a tree of bodies.
+#: What a page never changes of a controller and of an arm's bodies.
 _CONSTANT = {
     "robot": (
         "first_operators", "declares", "inertia", "estimates", "surface", "torque", "adapt",
         "feedforward", "compensates",
     ),
-    "bodies": ("parent", "slides"),
+    "bodies": ("slides",),
 }  # fmt: skip
 #: Arrays of a controller that differ from law to law at t = 0.
 _OF_LAW = ("robot", "law", "own", "ops")

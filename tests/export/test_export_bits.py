@@ -142,7 +142,7 @@ def test_only_what_a_law_uses_is_printed(tmp_path):
     folder = write(PLAIN["PID"], arm, tmp_path / "c", recorded(PLAIN["PID"], arm, 2))
     text = (folder / "fpid.h").read_text() + (folder / "fpid.c").read_text()
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
-    for word in ("body", "modes", "mass", "ipow", "solve_tree", "estimates"):
+    for word in ("body", "modes", "mass", "ipow", "solve_symmetric", "estimates"):
         assert word not in text
 
 
