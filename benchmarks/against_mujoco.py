@@ -16,47 +16,41 @@ from functools import partial
 import mujoco
 import numpy as np
 import pinocchio as pin
+from common import head, row
 from mujoco import rollout
 from speed import STEPS, experiment_of, laws, marginal, steps_of, turn_by_turn
 
 import fpid_pin as fp
 
 
-def numbers(values: np.ndarray) -> str:
-    return " ".join(repr(float(x)) for x in np.ravel(values))
-
-
-def mjcf(arm: fp.Arm) -> str:
-    """Return the arm as MJCF: bodies, joints, inertias, rotor inertias."""
-    model, ends = arm.model, ""
-    text = (
-        '<mujoco><option timestep="0.001" integrator="Euler" gravity="'
-        f'{numbers(model.gravity.linear)}"><flag contact="disable" limit="disable"/></option>'
-        '<compiler balanceinertia="false"/><worldbody>'
-    )
-    data = model.createData()
+def mujoco_model(arm: fp.Arm) -> mujoco.MjModel:
+    """Return the arm in MuJoCo: bodies, joints, inertias, rotor inertias."""
+    model, spec = arm.model, mujoco.MjSpec()
+    spec.option.timestep, spec.option.gravity = 1e-3, model.gravity.linear
+    off = mujoco.mjtDisableBit
+    spec.option.disableflags = int(off.mjDSBL_CONTACT) | int(off.mjDSBL_LIMIT)
+    data, parent = model.createData(), spec.worldbody
     pin.computeJointJacobians(model, data, pin.neutral(model))
     for k in range(1, model.njoints):
         place, body = model.jointPlacements[k], model.inertias[k]
         turn = pin.Quaternion(place.rotation).coeffs()  # x, y, z, w
+        six = np.asarray(body.inertia)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        parent = parent.add_body(
+            pos=place.translation, quat=turn[[3, 0, 1, 2]], mass=body.mass, ipos=body.lever,
+            fullinertia=six, explicitinertial=True,
+        )  # fmt: skip
         axis = np.reshape(pin.getJointJacobian(model, data, k, pin.LOCAL), (6, -1))[:, k - 1]
         slides = bool(np.abs(axis[:3]).max() > 0.5)
-        inertia = np.asarray(body.inertia)
-        six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        text += (
-            f'<body pos="{numbers(place.translation)}" quat="{numbers(turn[[3, 0, 1, 2]])}">'
-            f'<joint type="{"slide" if slides else "hinge"}" armature="{model.armature[k - 1]}" '
-            f'axis="{numbers(axis[:3] if slides else axis[3:])}"/>'
-            f'<inertial pos="{numbers(body.lever)}" mass="{body.mass}" '
-            f'fullinertia="{numbers(six)}"/>'
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+        parent.add_joint(
+            type=kind, axis=axis[:3] if slides else axis[3:], armature=model.armature[k - 1]
         )
-        ends += "</body>"
-    return f"{text}{ends}</worldbody></mujoco>"
+    return spec.compile()
 
 
 def mujoco_steps(arm: fp.Arm) -> list[Callable[[], object]]:
     """Return a shorter and a longer run of bare steps; both have the same mass matrix as ours."""
-    model = mujoco.MjModel.from_xml_string(mjcf(arm))
+    model = mujoco_model(arm)
     data = mujoco.MjData(model)
     data.qpos[:] = arm.home
     mujoco.mj_forward(model, data)
@@ -71,8 +65,8 @@ def mujoco_steps(arm: fp.Arm) -> list[Callable[[], object]]:
 
 def main() -> None:
     law = laws()["adaptive FPID, 24 modes"]
-    print("| arm | MuJoCo, a bare step [us] | ours, the whole step, one / sixty | of MuJoCo's |")
-    print("| --- | ---: | ---: | ---: |")
+    heads = ["arm", "MuJoCo, a bare step [us]", "ours, the whole step, one / sixty", "of MuJoCo's"]
+    print("\n".join(head(heads)))
     for name in ("ur5", "panda"):
         arm = fp.Arm.from_example(name)
         fp.evaluate(experiment_of(arm, 2), law)
@@ -81,7 +75,7 @@ def main() -> None:
         bare, *ours = (marginal(times[k : k + 2], runs) for k, runs in ((0, 1), (2, 1), (4, 60)))
         cells = " / ".join(f"{1e6 * x:.2f}" for x in ours)
         parts = " / ".join(f"{x / bare:.2f}" for x in ours)
-        print(f"| {name} | {1e6 * bare:.2f} | {cells} | {parts} |")
+        print(row([name, f"{1e6 * bare:.2f}", cells, parts]))
 
 
 if __name__ == "__main__":

@@ -11,24 +11,17 @@ from __future__ import annotations
 
 import argparse
 import warnings
-from pathlib import Path
 
 import numpy as np
+from common import Report, around_home, head, row
 
 import fpid_pin as fp
 from fpid_pin.arms import names
 from fpid_pin.control.gains import impossible_joints, suggest_gains
-from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.limits import limit_report
 
 WANTED = 0.05
 ASKED = ("asr_twodof", "ur5", "ur10", "panda", "xarm7", "z1", "talos_arm", "kinova", "bravo7_no_ee")
-
-
-def around_home(arm: fp.Arm, amplitude: float = 0.3, frequency: float = 1.0) -> Sinusoid:
-    """Return sinusoids around home, their phases spread evenly over half a turn."""
-    phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-    return Sinusoid(amplitude=amplitude, frequency=frequency, phase=phase, offset=arm.home)
 
 
 def row_of(name: str, bandwidth: float, duration: float) -> str:
@@ -54,11 +47,10 @@ def row_of(name: str, bandwidth: float, duration: float) -> str:
     start = np.stack([controller.kp, controller.ki, controller.kd])
     gains = np.stack([run.kp, run.ki, run.kd])
     growth = (gains / start[:, np.newaxis]).max()
-    cells = [
-        name, str(arm.n), "yes" if run.outcome.completed else "no", f"{1e3 * np.nanmax(rms):.1f}",
+    return row([
+        name, arm.n, "yes" if run.outcome.completed else "no", f"{1e3 * np.nanmax(rms):.1f}",
         f"{1e3 * np.median(rms):.1f}", f"{growth:.2f}", "; ".join(notes) or "-",
-    ]  # fmt: skip
-    return "| " + " | ".join(cells) + " |"
+    ])  # fmt: skip
 
 
 def main() -> None:
@@ -69,23 +61,16 @@ def main() -> None:
     parser.add_argument("--bandwidth", type=float, default=10.0, help="[rad/s]")
     options = parser.parse_args()
     others = sorted(set(names()) - set(ASKED))
-    head = [
-        "| arm | n | completed | worst joint [mrad] | median [mrad] | largest gain/start | note |",
-        "| --- | ---: | --- | ---: | ---: | ---: | --- |",
-    ]
-    lines = list(head)
-    print("\n".join(head))
+    heads = ["arm", "n", "completed", "worst joint [mrad]", "median [mrad]", "largest gain/start"]
+    report = Report(*head([*heads, "note"]))
     for name in options.names or [*ASKED, *others]:
-        lines.append(row_of(name, options.bandwidth, 4.0 if options.quick else 20.0))
-        print(lines[-1], flush=True)
+        report.add(row_of(name, options.bandwidth, 4.0 if options.quick else 20.0))
     if not (options.quick or options.names):
-        path = Path(__file__).parent / "results" / "arms.md"
-        path.parent.mkdir(exist_ok=True)
-        title = (
+        report.write(
+            "arms.md",
             f"Suggested gains, bandwidth {options.bandwidth:g} rad/s, RMS error over the last half "
-            "of 20 s:\n\n"
+            "of 20 s:",
         )
-        path.write_text(title + "\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -18,15 +18,14 @@ import hashlib
 import json
 import time
 import warnings
-from concurrent.futures import Executor, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from common import RESULTS, Report, tail, variation
 from contestants import AT, FAMILIES, MIDDLE, Family
 from converging import INWARDS, LONGEST, PATIENCE, SHORTEST, SIZE, SPREAD, Track, converge, load
 from protocol import Job, excess, jobs
-from verdict import Trial, written
-from verdict_picture import draw
+from verdict import Trial, best_of, draw, written
 
 import fpid_pin as fp
 from fpid_pin import descriptions
@@ -34,55 +33,36 @@ from fpid_pin import descriptions
 SEEDS = range(5)
 
 
-def best_of(tracks: list[Track], seed: int) -> Track:
-    """Return the search that found most for a seed."""
-    return min((t for t in tracks if t.seed == seed), key=lambda t: t.best)
-
-
 class Searches:
     """All searches on one arm, and their checkpoints."""
 
-    def __init__(self, job: Job, folder: Path) -> None:
-        self.job, self.folder = job, folder / job.name
+    def __init__(self, job: Job, folder: Path, workers: int | None) -> None:
+        self.job, self.folder, self.workers = job, folder / job.name, workers
         self.training = {seed: job.training(seed) for seed in SEEDS}
+
+    def place(self, name: str) -> tuple[Path, str]:
+        """Return the checkpoint of a family, and a fingerprint of what its search depends on."""
         told = [descriptions.to_dict(e) for es in self.training.values() for e in es]
-        self._experiments = hashlib.sha256(json.dumps(told).encode()).hexdigest()
+        rule = (SIZE, SPREAD, PATIENCE, SHORTEST, LONGEST, AT, INWARDS, MIDDLE)
+        text = repr((json.dumps(told), self.job.quiet, FAMILIES[name].space, rule))
+        path = self.folder / f"{name.replace(' ', '-')}.search"
+        return path, hashlib.sha256(text.encode()).hexdigest()
 
-    def path(self, name: str) -> Path:
-        return self.folder / f"{name.replace(' ', '-')}.search"
-
-    def fingerprint(self, name: str) -> str:
-        """Return what a search depends on."""
-        rule = (SIZE, SPREAD, PATIENCE, SHORTEST, LONGEST)
-        family = FAMILIES[name]
-        more = (AT, INWARDS, MIDDLE) if family.contains else ()
-        text = repr((self._experiments, self.job.quiet, family.space, rule, *more))
-        return hashlib.sha256(text.encode()).hexdigest()
-
-    def load(self, name: str) -> list[Track] | None:
-        """Return the finished searches of a family, or None."""
-        tracks = load(self.path(name), self.fingerprint(name))
-        return tracks if tracks and all(track.done for track in tracks) else None
-
-    def generation(self, name: str) -> int:
-        """Return how far an unfinished search has come, its longest track."""
-        tracks = load(self.path(name), self.fingerprint(name)) or []
-        return max((len(track.history) for track in tracks), default=0)
+    def load(self, name: str) -> list[Track]:
+        """Return the searches of a family, finished or not."""
+        return load(*self.place(name)) or []
 
     def fresh(self, family: Family) -> list[Track]:
         """Return three searches a seed; some start from the best law known to be in the family."""
         tracks, size = [], len(family.space)
         for seed in SEEDS:
+            tracks.append(Track("alone", seed, size))
             known = []
             for name in family.contains:
-                found = self.load(name)
-                assert found is not None
-                track = best_of(found, seed)
+                track = best_of(self.load(name), seed)
                 known.append((track.best, family.point(FAMILIES[name].genes(track.point))))
-            tracks.append(Track("alone", seed, size))
             if not known:
-                tracks.append(Track("once more", seed, size))
-                tracks.append(Track("a third time", seed, size))
+                tracks += [Track(label, seed, size) for label in ("once more", "a third time")]
                 continue
             start = min(known, key=lambda pair: pair[0])[1]
             tracks.append(Track("from a part of it", seed, size, start))
@@ -93,70 +73,44 @@ class Searches:
                 tracks.append(Track("once more alone", seed, size))
         return tracks
 
-    def run(self, name: str, until: float, pool: Executor | None) -> bool:
+    def run(self, name: str, until: float) -> bool:
         """Search a family; return whether it came to an end."""
         family, job = FAMILIES[name], self.job
 
         def cost(pairs: list[tuple[int, np.ndarray]]) -> np.ndarray:
             laws = [family.build(job.arm, job.scale, family.genes(x)) for _, x in pairs]
-            table = [
-                (experiment, laws[k], k)
-                for seed in SEEDS
-                for experiment in self.training[seed]
-                for k, (own, _) in enumerate(pairs)
-                if own == seed
-            ]
-            costs = fp.evaluate(
-                [row[0] for row in table], [row[1] for row in table], job.cost, executor=pool
+            owners, experiments = zip(
+                *((k, e) for k, (seed, _) in enumerate(pairs) for e in self.training[seed]),
+                strict=True,
             )
-            total, count = np.zeros((2, len(pairs)))
-            for (_, _, k), one in zip(table, costs, strict=True):
-                total[k] += one
-                count[k] += 1
-            return total / count
+            costs = fp.evaluate(
+                experiments, [laws[k] for k in owners], job.cost, workers=self.workers
+            )
+            return costs.reshape(len(pairs), -1).mean(axis=1)
 
-        began = time.process_time()
-        tracks = converge(
-            self.path(name), self.fingerprint(name), lambda: self.fresh(family), cost, until
+        tracks = converge(*self.place(name), lambda: self.fresh(family), cost, until)
+        found = (
+            [1e3 * best_of(tracks, seed).best for seed in SEEDS] if tracks else "to be continued"
         )
-        took = time.process_time() - began
-        if tracks is None:
-            print(f"{job.name}: {name}: to be continued ({took:.0f} s)", flush=True)
-            return False
-        found = [1e3 * best_of(tracks, seed).best for seed in SEEDS]
-        print(f"{job.name}: {name}: {np.round(found, 4)} mrad ({took:.0f} s)", flush=True)
-        return True
-
-    def laws(self, name: str) -> list[fp.Controller]:
-        """Return the best law of each seed."""
-        tracks, family = self.load(name), FAMILIES[name]
-        assert tracks is not None
-        points = [best_of(tracks, seed).point for seed in SEEDS]
-        return [family.build(self.job.arm, self.job.scale, family.genes(x)) for x in points]
+        print(f"{job.name}: {name}: {found}", flush=True)
+        return tracks is not None
 
     def trial(self, name: str) -> dict[str, Trial]:
-        """Try the best laws of a family under every condition; done once, then read."""
-        path = self.path(name).with_suffix(".trial")
-        stamp = hashlib.sha256(self.path(name).read_bytes()).hexdigest()
-        if path.exists():
-            known, rows = json.loads(path.read_text())
-            if known == stamp:
-                return {key: Trial(*map(np.array, row)) for key, row in rows.items()}
+        """Try the best laws of a family, one a seed, under every condition."""
+        tracks, family, job = self.load(name), FAMILIES[name], self.job
+        points = [best_of(tracks, seed).point for seed in SEEDS]
+        laws = [family.build(job.arm, job.scale, family.genes(x)) for x in points]
         trials = {}
-        for condition, experiments in self.job.conditions().items():
-            shape = (len(SEEDS), len(experiments))
-            pairs = [(e, law) for law in self.laws(name) for e in experiments]
-            runs = fp.simulate([e for e, _ in pairs], [law for _, law in pairs])
-            values = np.full((3, len(pairs)), np.inf)
-            for k, ((e, _), run) in enumerate(zip(pairs, runs, strict=True)):
-                if run.outcome.completed:
-                    m = run.metrics
-                    values[0, k] = 1e3 * np.sqrt(np.mean(m.rms_tail**2))
-                    values[1, k] = excess(e, run, self.job.w2)
-                    values[2, k] = 1e-3 * m.total_variation.sum() / run.t[-1]
-            trials[condition] = Trial(*values.reshape(3, *shape))
-        rows = {key: [part.tolist() for part in trial] for key, trial in trials.items()}
-        path.write_text(json.dumps([stamp, rows]))
+        for condition, experiments in job.conditions().items():
+            values = np.full((3, len(laws), len(experiments)), np.inf)
+            for row, law in enumerate(laws):
+                for column, (e, run) in enumerate(
+                    zip(experiments, fp.simulate(experiments, law), strict=True)
+                ):
+                    if run.outcome.completed:
+                        moved = 1e-3 * variation(run) / run.t[-1]
+                        values[:, row, column] = tail(run), excess(e, run, job.w2), moved
+            trials[condition] = Trial(*values)
         return trials
 
 
@@ -173,27 +127,25 @@ def main() -> None:
     parser.add_argument("--checkpoints", type=Path, default=Path("runs/baselines"))
     options = parser.parse_args()
     warnings.simplefilter("ignore")
-    searches = Searches(jobs()[options.arm], options.checkpoints)
+    searches = Searches(jobs()[options.arm], options.checkpoints, options.workers)
+    done = {n: all(t.done for t in found) if (found := searches.load(n)) else False
+            for n in options.families}  # fmt: skip
     if options.what == "search":
         until = time.monotonic() + 60.0 * options.minutes
-        pool = ThreadPoolExecutor(options.workers) if options.workers else None
         for name in options.families:
-            if searches.load(name) is None and not searches.run(name, until, pool):
+            if not done[name] and not searches.run(name, until):
                 break
-        if pool is not None:
-            pool.shutdown()
         return
-    found = {name: searches.load(name) for name in options.families}
-    ready = {name: tracks for name, tracks in found.items() if tracks is not None}
-    unfinished = {name: searches.generation(name) for name in found if name not in ready}
-    trials = {}
-    for name in ready:
-        trials[name] = searches.trial(name)
-        print(f"{options.arm}: tried {name}", flush=True)
-    path = Path(__file__).parent / "results" / f"baselines-{options.arm}.md"
-    path.write_text(written(searches.job, ready, trials, unfinished), encoding="utf-8")
-    draw(trials, path.with_suffix(".png"), options.arm)
-    print(path.read_text(encoding="utf-8"))
+    ready = {name: searches.load(name) for name in options.families if done[name]}
+    unfinished = {
+        name: max((len(track.history) for track in searches.load(name)), default=0)
+        for name in options.families
+        if not done[name]
+    }
+    trials = {name: searches.trial(name) for name in ready}
+    text = written(searches.job, ready, trials, unfinished)
+    Report(*text.splitlines()).write(f"baselines-{options.arm}.md")
+    draw(trials, RESULTS / f"baselines-{options.arm}.png", options.arm)
 
 
 if __name__ == "__main__":

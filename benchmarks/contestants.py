@@ -58,10 +58,8 @@ class Range:
 
 
 GAINS = {
-    "kp": Range(5.0, 10000.0),
-    "ki": Range(10.0, 200000.0, "zero"),
-    "kd": Range(2.0, 1000.0),
-}
+    "kp": Range(5.0, 10000.0), "ki": Range(10.0, 200000.0, "zero"), "kd": Range(2.0, 1000.0),
+}  # fmt: skip
 RATE = {"rate": Range(0.01, 30.0, "zero")}
 ORDERS = {"lambda": Range(0.0, 1.0, "linear"), "mu": Range(0.3, 1.0, "linear")}
 OBSERVER = {"observer": Range(5.0, 500.0, "zero")}
@@ -71,16 +69,10 @@ ABSENT = {"rate": 0.0, "lambda": 1.0, "mu": 1.0, "observer": 0.0}
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of controller.
+    """A kind of controller: how it is built from arm, joints' proportions and parameters.
 
-    Attributes
-    ----------
-    build
-        From an arm, the joints' proportions and parameters.
-    space
-        Where each parameter is looked for.
-    contains
-        Families whose laws are among these.
+    `space` is where each parameter is looked for; laws of the families that it `contains` are
+    among these.
     """
 
     build: Callable[[fp.Arm, np.ndarray, Genes], Controller]
@@ -128,53 +120,40 @@ def fpid_and_model(arm: fp.Arm, scale: np.ndarray, g: Genes) -> Controller:
     return fpid(arm, scale, g, model=True)
 
 
-def pid(_: fp.Arm, scale: np.ndarray, g: Genes) -> Controller:
-    return Pid(g["kp"], g["ki"], g["kd"], scale)
-
-
-def pid_and_gravity(_: fp.Arm, scale: np.ndarray, g: Genes) -> Controller:
-    return PdGravity(g["kp"], g["kd"], scale, ki=g["ki"], observer=g["observer"])
-
-
-def computed_torque(_: fp.Arm, __: np.ndarray, g: Genes) -> Controller:
-    return fp.ComputedTorque(g["kp"], g["kd"], ki=g["ki"], observer=g["observer"])
-
-
-def slotine_li(_: fp.Arm, scale: np.ndarray, g: Genes) -> Controller:
-    return SlotineLi(g["slope"], g["damping"], g["adaptation"], scale=scale)
-
-
-def sliding_mode(_: fp.Arm, scale: np.ndarray, g: Genes) -> Controller:
-    return SlidingMode(g["slope"], g["gain"], g["layer"], scale, observer=g["observer"])
-
-
 #: By name, in an order in which every family comes after those that it contains.
 FAMILIES = {
-    "PID": Family(pid, GAINS),
+    "PID": Family(lambda arm, scale, g: Pid(g["kp"], g["ki"], g["kd"], scale=scale), GAINS),
     "FPID": Family(fpid, GAINS | ORDERS, ("PID",)),
     "adaptive PID": Family(fpid, GAINS | RATE, ("PID",)),
     "adaptive FPID": Family(fpid, GAINS | RATE | ORDERS, ("FPID", "adaptive PID")),
-    "PID + G + observer": Family(pid_and_gravity, GAINS | OBSERVER),
-    "computed torque + I + observer": Family(computed_torque, GAINS | OBSERVER),
+    "PID + G + observer": Family(
+        lambda arm, scale, g: PdGravity(
+            g["kp"], g["kd"], scale=scale, ki=g["ki"], observer=g["observer"]
+        ),
+        GAINS | OBSERVER,
+    ),
+    "computed torque + I + observer": Family(
+        lambda arm, scale, g: fp.ComputedTorque(
+            g["kp"], g["kd"], ki=g["ki"], observer=g["observer"]
+        ),
+        GAINS | OBSERVER,
+    ),
     "sliding mode + observer": Family(
-        sliding_mode,
+        lambda arm, scale, g: SlidingMode(
+            g["slope"], g["gain"], g["layer"], scale=scale, observer=g["observer"]
+        ),
         {"slope": Range(0.5, 200.0), "gain": Range(1.0, 2000.0), "layer": Range(0.02, 10.0)}
         | OBSERVER,
     ),
     "Slotine-Li": Family(
-        slotine_li,
-        {
-            "slope": Range(0.5, 200.0),
-            "damping": Range(1.0, 300.0),
-            "adaptation": Range(1e-4, 100.0, "zero"),
-        },
+        lambda arm, scale, g: SlotineLi(g["slope"], g["damping"], g["adaptation"], scale=scale),
+        {"slope": Range(0.5, 200.0), "damping": Range(1.0, 300.0),
+         "adaptation": Range(1e-4, 100.0, "zero")},
     ),
     "PID + model": Family(fpid_and_model, GAINS | OBSERVER),
     "FPID + model": Family(fpid_and_model, GAINS | OBSERVER | ORDERS, ("PID + model",)),
     "adaptive PID + model": Family(fpid_and_model, GAINS | OBSERVER | RATE, ("PID + model",)),
     "adaptive FPID + model": Family(
-        fpid_and_model,
-        GAINS | OBSERVER | RATE | ORDERS,
-        ("FPID + model", "adaptive PID + model"),
+        fpid_and_model, GAINS | OBSERVER | RATE | ORDERS, ("FPID + model", "adaptive PID + model"),
     ),
-}
+}  # fmt: skip

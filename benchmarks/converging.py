@@ -124,16 +124,8 @@ def converge(
 ) -> list[Track] | None:
     """Search all tracks to their ends, or return None where time `until` comes first.
 
-    Parameters
-    ----------
-    path
-        The checkpoint.
-    fingerprint
-        What the search depends on; a checkpoint of another one is refused.
-    fresh
-        Makes the tracks where there is no checkpoint.
-    cost
-        Costs of (seed, point) pairs.
+    `fresh` makes the tracks where there is no checkpoint, `cost` gives costs of (seed, point)
+    pairs.
     """
     tracks = load(path, fingerprint) or fresh()
     while open_ := [track for track in tracks if not track.done]:

@@ -18,6 +18,7 @@ import dataclasses
 import time
 
 import numpy as np
+from common import head, row
 
 import fpid_pin as fp
 from fpid_pin.fractional import Crone, Design, ExponentialSum
@@ -50,25 +51,17 @@ def main() -> None:
         for n in ORDERS
     ]
     rows += [(f"{m} modes", m, law(ExponentialSum(modes=m))) for m in (12, 16, 24, 32)]
-    rows += [
-        (
-            "CRONE, 0.01 to 1000 rad/s, N = 5, block at rest",
-            11,
-            law(Crone(1e-2, 1e3, 5), "grunwald_letnikov"),
-        )
-    ]
-    print(
-        "| operator | poles | largest [mrad] | last half [mrad] | cost (33) | peak [N m] | time |"
-    )
-    print("| --- | ---: | ---: | ---: | ---: | ---: | ---: |")
+    at_rest = law(Crone(1e-2, 1e3, 5), "grunwald_letnikov")
+    rows.append(("CRONE, 0.01 to 1000 rad/s, N = 5, block at rest", 11, at_rest))
+    heads = ["operator", "poles", "largest [mrad]", "last half [mrad]", "cost (33)", "peak [N m]"]
+    print("\n".join(head([*heads, "time"])))
     for name, poles, controller in rows:
         run, seconds = timed(experiment, controller)
         gap = 1e3 * np.abs(run.q - exact.q)
         cost = fp.costs.QuadraticCost().of(run.metrics)
-        print(
-            f"| {name} | {poles} | {gap.max():.2g} | {gap[len(gap) // 2 :].max():.2g} "
-            f"| {cost:.4f} | {np.abs(run.torque).max():.4g} | {seconds / unit:.2f} |"
-        )
+        late, peak = gap[len(gap) // 2 :].max(), np.abs(run.torque).max()
+        print(row([name, poles, f"{gap.max():.2g}", f"{late:.2g}", f"{cost:.4f}", f"{peak:.4g}",
+                   f"{seconds / unit:.2f}"]))  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from common import RESULTS, Report, table
 
 import fpid_pin as fp
 from fpid_pin.checks import FloatArray
@@ -119,28 +120,22 @@ def main() -> None:
     print(f"{len(keys)} runs of {duration:g} s in {time.perf_counter() - began:.0f} s")
 
     rms, worst, gains = windows.rms, windows.worst, windows.gains
-    lines = [
-        f"Windows of {PERIODS} periods ({WINDOW:.1f} s), both joints; RMS and peak in mrad.",
-        "",
-        "| job | law | safeguard | RMS, 2nd | last | last/2nd | worst/2nd | peak after 1st "
-        "| largest gain/start | outcome |",
-        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | --- |",
-    ]
+    rows = []
     for run, key in enumerate(keys):
         whole = np.sqrt((rms[:, run] ** 2).sum(axis=1))
         growth = np.nanmax(gains[:, :, run] / start[:, run])
-        cells = [
+        rows.append([
             *key, f"{1e3 * whole[1]:.3f}", f"{1e3 * whole[-1]:.3f}",
             f"{whole[-1] / whole[1]:.3f}", f"{np.nanmax(whole[1:]) / whole[1]:.3f}",
             f"{1e3 * worst[1:, run].max():.2f}", f"{growth:.2f}", str(outcomes[run]),
-        ]  # fmt: skip
-        lines.append("| " + " | ".join(cells) + " |")
-    print("\n".join(lines))
+        ])  # fmt: skip
+    heads = ["job", "law", "safeguard", "RMS, 2nd", "last", "last/2nd", "worst/2nd",
+             "peak after 1st", "largest gain/start", "outcome"]  # fmt: skip
+    title = f"Windows of {PERIODS} periods ({WINDOW:.1f} s), both joints; RMS and peak in mrad."
+    report = Report(*table(heads, rows, 3))
     if not options.quick:
-        folder = Path(__file__).parent / "results"
-        folder.mkdir(exist_ok=True)
-        (folder / "long_runs.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-        draw(folder / "long_runs.png", keys, rms, gains / start)
+        report.write("long_runs.md", title)
+        draw(RESULTS / "long_runs.png", keys, rms, gains / start)
 
 
 def draw(

@@ -11,10 +11,10 @@ import dataclasses
 import warnings
 
 import numpy as np
+from common import arm_of, around_home, on_reference, table, tail, variation
 
 import fpid_pin as fp
 from fpid_pin.control import stability_report
-from fpid_pin.references import Sinusoid
 
 QUIET = fp.Sensors(position_noise=2e-5, velocity_noise=0.01)  # [rad], [rad/s]
 LOUD = fp.Sensors(position_noise=1e-4, velocity_noise=0.05, delay=2)
@@ -37,11 +37,9 @@ def main() -> None:
     """Print the table."""
     warnings.simplefilter("ignore")
     for name in ("two_link", "ur5", "panda"):
-        arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
-        phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-        reference = Sinusoid(0.3, 2.0, phase=phase, offset=arm.home)
-        v0 = reference.sample(np.zeros(1))[1][0]
-        base = fp.Experiment(arm, reference, v0=v0, duration=4.0 * np.pi)
+        arm = arm_of(name)
+        reference = around_home(arm, frequency=2.0)
+        base = fp.Experiment(arm, reference, **on_reference(reference), duration=4.0 * np.pi)
         laws = {
             "FPID": fp.suggest_gains(arm),
             "+ feedforward": fp.suggest_gains(arm, feedforward=True),
@@ -49,22 +47,22 @@ def main() -> None:
             "+ both": fp.suggest_gains(arm, feedforward=True, observer="suggested"),
             "computed torque": fp.ComputedTorque(k0=100.0, k1=20.0),
         }
-        table = conditions(arm)
+        plants = conditions(arm)
         print(f"\n{name}: observer {laws['+ both'].observer:.3g} rad/s")
-        print("| law | delay borne [ms] | " + " | ".join(table) + " |")
-        print("| --- | ---: |" + " ---: |" * len(table))
         experiments = [
             dataclasses.replace(base, plant=plant, sensors=sensors)
-            for plant, sensors in table.values()
+            for plant, sensors in plants.values()
         ]
+        rows = []
         for label, law in laws.items():
-            cells = [f"{1e3 * stability_report(arm, law).common_delay_margin:.1f}"]
-            for run in fp.simulate(experiments, law):
-                m = run.metrics
-                text = f"{1e3 * np.sqrt(np.mean(m.rms_tail**2)):.2f}"
-                kilo = 1e-3 * m.total_variation.sum()
-                cells.append(f"{text} / {kilo:.1f}" if run.outcome.completed else "diverged")
-            print(f"| {label} | " + " | ".join(cells) + " |", flush=True)
+            cells = [
+                f"{tail(run):.2f} / {1e-3 * variation(run):.1f}"
+                if run.outcome.completed else "diverged"
+                for run in fp.simulate(experiments, law)
+            ]  # fmt: skip
+            margin = 1e3 * stability_report(arm, law).common_delay_margin
+            rows.append([label, f"{margin:.1f}", *cells])
+        print("\n".join(table(["law", "delay borne [ms]", *plants], rows)))
 
 
 if __name__ == "__main__":

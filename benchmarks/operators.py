@@ -15,11 +15,14 @@ import argparse
 import importlib.metadata
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from common import table
 from scipy.special import gamma
+from speed import aba_calls, turn_by_turn
 
 import fpid_pin as fp
 from fpid_pin import fractional as fr
@@ -36,8 +39,27 @@ SIGNALS: dict[str, tuple[Callable[[Any], Any], Callable[[Any], Any]]] = {
         lambda t: 2 * np.pi * (0.5 + 0.2 * t) * np.cos(2 * np.pi * (0.5 + 0.1 * t) * t),
     ),
 }
+SAMPLES = round(HORIZON / STEP) + 1
+#: Where results are compared.
+CHECKED = np.unique(np.geomspace(1, SAMPLES - 2, 60).astype(int))
 Result = tuple[np.ndarray, float]
 PEERS = ("pycaputo", "differint", "numfracpy", "fotf")
+
+
+class Signal(NamedTuple):
+    """A signal and its rate, sampled, the function itself, and the order of its derivative."""
+
+    f: np.ndarray
+    rates: np.ndarray
+    function: Callable[[Any], Any]
+    order: float
+
+    def at(self, shifted: bool) -> Callable[[Any], Any]:
+        """Return the function, or the one less its first value."""
+        return lambda t: self.function(t) - (self.f[0] if shifted else 0.0)
+
+
+Method = Callable[[Signal], Result]
 
 
 def exact(rate: Callable[[Any], Any], order: float, t: float) -> float:
@@ -59,21 +81,24 @@ def streamed(design: fr.Design, f: np.ndarray, df: np.ndarray | None, order: flo
     rule = "differenced" if df is None else "measured"
     bank = fr.Bank(design, order, step=STEP, horizon=HORIZON, rate=rule)
     out = np.empty_like(f)
-    begin = time.perf_counter()
-    for k in range(f.size):
-        bank.update(f[k], None if df is None else df[k], out[k, ...])
-    return out, (time.perf_counter() - begin) / f.size
+
+    def run() -> np.ndarray:
+        for k in range(f.size):
+            bank.update(f[k], None if df is None else df[k], out[k, ...])
+        return out
+
+    return whole(run, f.size)
 
 
 def whole(function: Callable[[], np.ndarray], samples: int) -> Result:
-    """Time a function of the whole record."""
+    """Return what a function of the whole record returns, and its time a sample [s]."""
     begin = time.perf_counter()
     out = function()
     return out, (time.perf_counter() - begin) / samples
 
 
-def ours(quick: bool) -> dict[str, Callable[..., Result]]:
-    """Return our methods: name -> method(f, df, functions, order, times)."""
+def ours() -> dict[str, Method]:
+    """Return our methods by name."""
     designs: list[tuple[str, fr.Design, bool]] = [
         ("24 modes", fr.ExponentialSum(24), True),
         ("32 modes", fr.ExponentialSum(32), True),
@@ -82,92 +107,76 @@ def ours(quick: bool) -> dict[str, Callable[..., Result]]:
         ("CRONE N = 5", fr.Crone(1e-2, 1e3, 5), True),
         ("CRONE N = 10, 2 decades wider", fr.Crone(1e-2, 1e3, 10, 2.0), True),
     ]
-    if not quick:
-        designs += [
-            ("L1, whole past, streamed", fr.L1(), False),
-            ("GL, whole past, streamed", fr.GrunwaldLetnikov(), False),
-            ("GL, last second, streamed", fr.GrunwaldLetnikov(memory=1.0), False),
-        ]
-    methods: dict[str, Callable[..., Result]] = {}
-    for name, design, known in designs:
-        methods["fpid_pin " + name] = lambda f, df, _, order, __, d=design, k=known: streamed(
-            d, f, df if k else None, order
-        )
-    methods["fpid_pin caputo(), recorded"] = lambda f, df, _, order, __: whole(
-        lambda: fr.caputo(f, order, STEP), f.size
-    )
-    methods["fpid_pin caputo(design=L1()), recorded"] = lambda f, df, _, order, __: whole(
-        lambda: fr.caputo(f, order, STEP, design=fr.L1()), f.size
-    )
-    methods["fpid_pin caputo(rate=), recorded"] = lambda f, df, _, order, __: whole(
-        lambda: fr.caputo(f, order, STEP, rate=df), f.size
-    )
-    methods["fpid_pin grunwald_letnikov(), recorded"] = lambda f, df, _, order, __: whole(
-        lambda: fr.grunwald_letnikov(f - f[0], order, STEP), f.size
-    )
-    return methods
+    methods: dict[str, Method] = {
+        name: lambda s, d=design, k=known: streamed(d, s.f, s.rates if k else None, s.order)
+        for name, design, known in designs
+    }
+    recorded: dict[str, Callable[[Signal], np.ndarray]] = {
+        "caputo(), recorded": lambda s: fr.caputo(s.f, s.order, STEP),
+        "caputo(design=L1()), recorded": lambda s: fr.caputo(s.f, s.order, STEP, design=fr.L1()),
+        "caputo(rate=), recorded": lambda s: fr.caputo(s.f, s.order, STEP, rate=s.rates),
+        "grunwald_letnikov(), recorded": lambda s: fr.grunwald_letnikov(
+            s.f - s.f[0], s.order, STEP
+        ),
+    }
+    for name, function in recorded.items():
+        methods[name] = lambda s, f=function: whole(lambda: f(s), s.f.size)
+    return {f"fpid_pin {name}": method for name, method in methods.items()}
 
 
-def peers(quick: bool) -> dict[str, Callable[..., Result]]:
+def peers(quick: bool) -> dict[str, Method]:
     """Return the methods of other packages that are installed.
 
     They are called as their documentation says, all for Caputo's derivative: those that know only
     Grünwald-Letnikov's are given f - f(0).
     """
-    methods: dict[str, Callable[..., Result]] = {}
+    methods: dict[str, Method] = {}
     if installed("pycaputo") and not quick:
         from pycaputo.differentiation import caputo, diff
         from pycaputo.differentiation import grunwald_letnikov as pycaputo_gl
         from pycaputo.grid import make_uniform_points
 
-        def by_pycaputo(
-            method: type, f: np.ndarray, function: Callable[[Any], Any], order: float
-        ) -> Result:
-            points = make_uniform_points(f.size, a=0.0, b=HORIZON)
-            return whole(lambda: diff(method(order), function, points), f.size)
+        for name, kind, shifted in (
+            ("pycaputo L1", caputo.L1, False), ("pycaputo GL", pycaputo_gl.GrunwaldLetnikov, True),
+        ):  # fmt: skip
 
-        methods["pycaputo L1"] = lambda f, _, function, order, __: by_pycaputo(
-            caputo.L1, f, function, order
-        )
-        methods["pycaputo GL"] = lambda f, _, function, order, __: by_pycaputo(
-            pycaputo_gl.GrunwaldLetnikov, f, lambda t: function(t) - f[0], order
-        )
+            def by_pycaputo(s: Signal, kind: Any = kind, shifted: bool = shifted) -> Result:
+                points = make_uniform_points(s.f.size, a=0.0, b=HORIZON)
+                given = s.at(shifted)
+                return whole(lambda: diff(kind(s.order), given, points), s.f.size)
+
+            methods[name] = by_pycaputo
     if installed("differint"):
         from differint import differint
 
-        def by_differint(f: np.ndarray, order: float) -> Result:
+        def by_differint(s: Signal) -> Result:
             # An even number of points: with an odd one it returns one value fewer.
-            n = f.size - 1
-            result, cost = whole(
-                lambda: differint.GL(order, list(f[:n] - f[0]), 0.0, (n - 1) * STEP, n), n
-            )
+            n = s.f.size - 1
+            given = list(s.f[:n] - s.f[0])
+            result, cost = whole(lambda: differint.GL(s.order, given, 0.0, (n - 1) * STEP, n), n)
             return np.append(result, np.nan), cost
 
-        methods["differint GL"] = lambda f, _, __, order, ___: by_differint(f, order)
+        methods["differint GL"] = by_differint
     if installed("numfracpy"):
         import numfracpy
 
-        def by_numfracpy(
-            method: Callable[..., float],
-            f: np.ndarray,
-            function: Callable[[Any], Any],
-            order: float,
-            checked: np.ndarray,
-        ) -> Result:
-            # One point a call, each a loop over the past: a few points are enough to see.
-            few = checked[checked < 2000][::6]
-            out = np.full(f.size, np.nan)
-            begin = time.perf_counter()
-            for k in few:
-                out[k] = method(function, (k + 0.5) * STEP, STEP, order)
-            return out, (time.perf_counter() - begin) / few.size
+        # One point a call, each a loop over the past: a few points are enough to see.
+        few = CHECKED[CHECKED < 2000][::6]
+        for name, method, shifted in (
+            ("numfracpy L1 (first 2 s)", numfracpy.Caputo_der1, False),
+            ("numfracpy GL (first 2 s)", numfracpy.GLDer1, True),
+        ):
 
-        methods["numfracpy L1 (first 2 s)"] = lambda f, _, function, order, checked: by_numfracpy(
-            numfracpy.Caputo_der1, f, function, order, checked
-        )
-        methods["numfracpy GL (first 2 s)"] = lambda f, _, function, order, checked: by_numfracpy(
-            numfracpy.GLDer1, f, lambda t: function(t) - f[0], order, checked
-        )
+            def by_numfracpy(s: Signal, method: Any = method, shifted: bool = shifted) -> Result:
+                out, given = np.full(s.f.size, np.nan), s.at(shifted)
+
+                def run() -> np.ndarray:
+                    out[few] = [method(given, (k + 0.5) * STEP, STEP, s.order) for k in few]
+                    return out
+
+                return whole(run, few.size)
+
+            methods[name] = by_numfracpy
     return methods
 
 
@@ -182,92 +191,64 @@ def installed(name: str) -> bool:
 
 def accuracy_and_cost(quick: bool) -> tuple[list[str], dict[str, tuple[float, float]]]:
     """Return the table's lines, and (cost, worst error) of every method."""
-    samples = round(HORIZON / STEP) + 1
-    t = np.arange(samples) * STEP
-    checked = np.unique(np.geomspace(1, samples - 2, 60).astype(int))
-    truth: dict[tuple[str, float], np.ndarray] = {}
-    for name, (_, rate) in SIGNALS.items():
-        for order in ORDERS:
-            truth[name, order] = np.array([exact(rate, order, t[k]) for k in checked])
-    head = ["method", *SIGNALS, "us a sample"]
-    lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
-    points: dict[str, tuple[float, float]] = {}
-    for name, method in (ours(quick) | peers(quick)).items():
-        cells, costs, worst = [], [], 0.0
-        for signal, (function, rate) in SIGNALS.items():
-            largest = 0.0
-            for order in ORDERS:
-                want = truth[signal, order]
-                got, cost = method(function(t), rate(t), function, order, checked)
-                error = np.abs(got[checked] - want) / np.abs(want).max()
-                largest = max(largest, float(np.nanmax(error)))
-                costs.append(cost)
-            cells.append(f"{largest:.1e}")
-            worst = max(worst, largest) if signal != "t^1.5" else worst
-        points[name] = (min(costs), worst)
-        lines.append(f"| {name} | " + " | ".join(cells) + f" | {1e6 * min(costs):.2f} |")
-    return lines, points
+    t = np.arange(SAMPLES) * STEP
+    truth = {
+        (name, order): np.array([exact(rate, order, t[k]) for k in CHECKED])
+        for name, (_, rate) in SIGNALS.items()
+        for order in ORDERS
+    }
+    rows, points = [], {}
+    for name, method in (ours() | peers(quick)).items():
+        costs, largest = [], dict.fromkeys(SIGNALS, 0.0)
+        for (signal, order), want in truth.items():
+            function, rate = SIGNALS[signal]
+            got, cost = method(Signal(function(t), rate(t), function, order))
+            error = np.abs(got[CHECKED] - want) / np.abs(want).max()
+            largest[signal] = max(largest[signal], float(np.nanmax(error)))
+            costs.append(cost)
+        points[name] = (min(costs), max(x for key, x in largest.items() if key != "t^1.5"))
+        rows.append([name, *(f"{x:.1e}" for x in largest.values()), f"{1e6 * min(costs):.2f}"])
+    return table(["method", *SIGNALS, "us a sample"], rows), points
 
 
 def population_cost() -> list[str]:
     """Return the cost in a population, beside one `pin.aba` call of the two-link arm."""
-    import pinocchio as pin
-
-    arm = fp.Arm.two_link()
-    model, data = arm.model, arm.model.createData()
-    q = np.zeros(model.nv)
-    aba, lines = [], []
-    banks = {}
-    rng = np.random.default_rng(0)
+    rng, works = np.random.default_rng(0), {}
     for runs in (1, 60, 240):
         order = rng.uniform(0.05, 0.95, (2, runs, 2))
         bank = fr.Bank(fr.ExponentialSum(24), order, step=STEP, horizon=HORIZON)
-        banks[runs] = (bank, *rng.normal(size=(2, *order.shape)), np.empty(order.shape))
-    times: dict[int, list[float]] = {runs: [] for runs in banks}
-    for _ in range(40):  # interleaved: a noisy machine is then equally noisy to all
-        begin = time.perf_counter()
-        for _ in range(500):
-            pin.aba(model, data, q, q, q)
-        aba.append((time.perf_counter() - begin) / 500)
-        for runs, (bank, value, rate, out) in banks.items():
-            begin = time.perf_counter()
+        value, rate, out = *rng.normal(size=(2, *order.shape)), np.empty(order.shape)
+
+        def many(b: Any = bank, value: Any = value, rate: Any = rate, out: Any = out) -> None:
             for _ in range(100):
-                bank.update(value, rate, out)
-            times[runs].append((time.perf_counter() - begin) / 100)
-    lines.append(
-        f"one pin.aba of the two-link arm: {1e9 * min(aba):.0f} ns"
-        f" (median {1e9 * np.median(aba):.0f})"
-    )
-    for runs, taken in times.items():
-        each = 1e9 * min(taken) / runs
-        ratio = min(taken) / runs / min(aba)
-        middle = 1e9 * float(np.median(taken)) / runs
+                b.update(value, rate, out)
+
+        works[runs] = many
+    unit, *times = turn_by_turn([aba_calls(fp.Arm.two_link()), *works.values()], 40)
+    lines = [f"one pin.aba of the two-link arm: {1e6 * unit:.0f} ns"]
+    for runs, taken in zip(works, times, strict=True):
         lines.append(
-            f"{runs} runs, 2 joints, both terms, 24 modes: {each:.0f} ns a run and step"
-            f" (median {middle:.0f}), {ratio:.2f} of an aba"
+            f"{runs} runs, 2 joints, both terms, 24 modes: {1e7 * taken / runs:.0f} ns a run and "
+            f"step, {10.0 * taken / runs / unit:.2f} of an aba"
         )
     return lines
 
 
 def fitting_cost() -> list[str]:
     """Return the time a fit takes, poles and 1,000 different orders."""
-    lines = []
-    orders = np.linspace(0.0, 1.0, 1000)
+    lines, orders = [], np.linspace(0.0, 1.0, 1000)
     for modes, horizon in ((24, 20.0), (32, 20.0), (40, 20.0), (24, 3600.0), (32, 3600.0)):
         design = fr.ExponentialSum(modes)
-        fits, sets = [], []
-        for _ in range(3):
+
+        def fit(order: Any, design: Any = design, horizon: float = horizon) -> None:
             _table.cache_clear()
-            begin = time.perf_counter()
-            design.coefficients(0.5, step=STEP, horizon=horizon)
-            fits.append(time.perf_counter() - begin)
-            begin = time.perf_counter()
-            design.coefficients(orders, step=STEP, horizon=horizon)
-            sets.append(time.perf_counter() - begin)
+            design.coefficients(order, step=STEP, horizon=horizon)
+
+        one, many = turn_by_turn([partial(fit, 0.5), partial(fit, orders)], 3)
         error = design.worst_error(step=STEP, horizon=horizon)
         lines.append(
-            f"{modes} modes, {horizon:g} s: kernel within {error:.1e},"
-            f" fit {1e3 * min(fits):.0f} ms, 1,000 orders {1e3 * min(sets):.0f} ms"
+            f"{modes} modes, {horizon:g} s: kernel within {error:.1e}, fit {1e3 * one:.0f} ms, "
+            f"with 1,000 orders {1e3 * many:.0f} ms"
         )
     return lines
 
@@ -282,12 +263,9 @@ def draw(points: dict[str, tuple[float, float]], path: Path) -> None:
         own = name.startswith("fpid_pin")
         axes.loglog(1e6 * cost, error, "o" if own else "s", color="tab:blue" if own else "tab:red")
         axes.annotate(
-            name.removeprefix("fpid_pin "),
-            (1e6 * cost, error),
-            xytext=(5, 4 if index % 2 else -9),
-            textcoords="offset points",
-            fontsize=7,
-        )
+            name.removeprefix("fpid_pin "), (1e6 * cost, error), fontsize=7,
+            xytext=(5, 4 if index % 2 else -9), textcoords="offset points",
+        )  # fmt: skip
     axes.margins(x=0.25, y=0.1)
     axes.set_xlabel("time a sample, one signal [us]")
     axes.set_ylabel("largest error of sin, exp and chirp [of the largest value]")

@@ -10,6 +10,7 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from common import arm_of, on_reference
 from scipy.stats import qmc
 
 import fpid_pin as fp
@@ -37,8 +38,6 @@ class TailCost(Cost):
     """
 
     quiet: float  # total variation allowed [N m]
-
-    needs = ("rms_tail", "total_variation")
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`."""
@@ -75,10 +74,9 @@ class Job:
 
         By the compiled dynamics: twice as fast as Pinocchio's here, and the same within rounding.
         """
-        q0, v0 = (part[0] for part in reference.sample(np.zeros(1))[:2])
         return fp.Experiment(
-            self.arm, reference, q0=q0, v0=v0, sensors=NOISE, step=STEP, duration=duration,
-            seed=seed, dynamics="compiled",
+            self.arm, reference, **on_reference(reference), sensors=NOISE, step=STEP,
+            duration=duration, seed=seed, dynamics="compiled",
         )  # fmt: skip
 
     def motions(self) -> dict[str, tuple[Reference, float]]:
@@ -125,12 +123,9 @@ class Job:
         exact = [self.experiment(*self.motions()["trained"], seed=s) for s in range(HARDER)]
         table = {"held-out arms": held_out}
         for name, (reference, duration) in list(self.motions().items())[1:]:
-            q0, v0 = (part[0] for part in reference.sample(np.zeros(1))[:2])
-            table[name] = [
-                dataclasses.replace(e, reference=reference, duration=duration, q0=q0, v0=v0)
-                for e in held_out
-            ]
-        few = held_out[:HARDER]
+            motion = {"reference": reference, "duration": duration, **on_reference(reference)}
+            table[name] = [dataclasses.replace(e, **motion) for e in held_out]
+        few, late = held_out[:HARDER], dataclasses.replace(NOISE, delay=2)
         size = self.scale
         heavy = fp.Plant(arm=self.arm.with_payload(1.5 * self.payload))
         stiff = {"viscous_friction": 2.0 * size, "dry_friction": size}
@@ -141,9 +136,7 @@ class Job:
             "friction x 2": [_with(e, **stiff) for e in few],
             "push x 2": [_with(e, disturbance=push) for e in few],
             "noise x 5": [dataclasses.replace(e, sensors=LOUD) for e in few],
-            "4 ms late": [
-                dataclasses.replace(e, sensors=dataclasses.replace(NOISE, delay=2)) for e in few
-            ],
+            "4 ms late": [dataclasses.replace(e, sensors=late) for e in few],
         }
 
 
@@ -154,14 +147,14 @@ def _with(experiment: fp.Experiment, **changes: object) -> fp.Experiment:
 
 def jobs() -> dict[str, Job]:
     """Return the arms with their work."""
-
-    def job(name: str, arm: fp.Arm, *rest: float) -> Job:
-        return Job(name, arm, np.asarray(fp.suggest_gains(arm).scale), *rest)
-
+    numbers = {
+        "two_link": (0.5, 3.0, 1000.0, 1e-4), "ur5": (3.0, 10.0, 2000.0, 1e-6),
+        "panda": (2.0, 5.0, 2000.0, 1e-6),
+    }  # fmt: skip
+    arms = {name: arm_of(name) for name in numbers}
     return {
-        "two_link": job("two_link", fp.Arm.two_link(), 0.5, 3.0, 1000.0, 1e-4),
-        "ur5": job("ur5", fp.Arm.from_example("ur5"), 3.0, 10.0, 2000.0, 1e-6),
-        "panda": job("panda", fp.Arm.from_example("panda"), 2.0, 5.0, 2000.0, 1e-6),
+        name: Job(name, arms[name], np.asarray(fp.suggest_gains(arms[name]).scale), *rest)
+        for name, rest in numbers.items()
     }
 
 

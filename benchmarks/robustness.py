@@ -3,10 +3,9 @@
     python benchmarks/robustness.py [--plants 10000] [--duration 10] [--arm two_link|ur5] [--dask]
 
 Engine: whole runs on plants that are there already, 64 at a time, nothing recorded. Campaign: from
-the call to the last row in the ledger. Both by the clock and by the processors' time (of the driver
-and its workers), which others on the machine do not lengthen as much. Asked: at most 1.35 times the
-engine's time for as many run-steps with two workers, memory under 1 GB, efficiency from 1 to 2
-workers at least 0.85.
+the call to the last row in the ledger. Both by the clock and by the processor's time, which others
+on the machine do not lengthen as much. Asked: at most 1.35 times the engine's time for as many
+run-steps with two workers, memory under 1 GB, efficiency from 1 to 2 workers at least 0.85.
 
 Scaling beyond this machine is simulated, from the times that chunks took here: each worker takes
 the next chunk when it is free, one driver sends and records them one after the other, and nothing
@@ -20,13 +19,12 @@ import heapq
 import os
 import resource
 import tempfile
-import threading
 import time
-from contextlib import nullcontext
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
-import psutil
+from common import arm_of, table
 
 import fpid_pin as fp
 from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
@@ -49,12 +47,10 @@ WORKERS = (1, 2, 10, 100, 1000)
 def study(arm: str, duration: float) -> Study:
     """Return the campaign: the paper's law, or one with suggested gains on a UR5."""
     if arm == "two_link":
-        experiment, law = (
-            fp.paper_experiment(duration=duration),
-            fp.paper_controller(supervised=False),
-        )
+        experiment = fp.paper_experiment(duration=duration)
+        law = fp.paper_controller(supervised=False)
     else:
-        robot = fp.Arm.from_example(arm)
+        robot = arm_of(arm)
         motion = fp.references.Sinusoid(amplitude=0.3, offset=robot.home)
         push = fp.disturbances.Cosine(amplitude=np.ones(robot.n))
         experiment = fp.Experiment(
@@ -79,54 +75,19 @@ def engine(made: Study, batches: int) -> float:
     return float(np.median(times))
 
 
-class Memory:
-    """Most memory of a process and its children at once [bytes]: pages of their own."""
-
-    def __enter__(self) -> Memory:
-        self.most, self._over = 0, threading.Event()
-        self._thread = threading.Thread(target=self._watch, daemon=True)
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join()
-
-    def _watch(self) -> None:
-        me = psutil.Process()
-        while not self._over.wait(3.0):
-            total = 0
-            for process in (me, *me.children(recursive=True)):
-                try:
-                    total += process.memory_full_info().uss
-                except psutil.Error:
-                    continue
-            self.most = max(self.most, total)
-
-
-def campaign(
-    made: Study, plants: int, workers: int, dask: bool = False
-) -> tuple[float, float, float]:
-    """Return clock's and processors' time [s] and most memory [bytes] of a whole campaign."""
-    with tempfile.TemporaryDirectory() as folder, Memory() as memory:
-        kept = fp.campaign.local_cluster(workers) if dask else nullcontext()
-        with kept as cluster:
-            before, began = processors(), time.perf_counter()
-            if dask:
-                with fp.campaign.dask_executor(
-                    cluster.scheduler_address, patience=60.0
-                ) as executor:
-                    fp.campaign.run(made, Path(folder, "l"), plants, executor=executor)
-            else:
-                fp.campaign.run(made, Path(folder, "l"), plants, workers=workers)
-            clock = time.perf_counter() - began
-            return clock, processors() - before, memory.most
-
-
-def processors() -> float:
-    """Return the processors' time of this process and of its children that have ended [s]."""
-    ended = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return time.process_time() + ended.ru_utime + ended.ru_stime
+def campaign(made: Study, plants: int, workers: int, dask: bool = False) -> tuple[float, float]:
+    """Return clock's and processor's time [s] of a whole campaign; Dask's is its workers' own."""
+    with tempfile.TemporaryDirectory() as folder, ExitStack() as stack:
+        executor = None
+        if dask:
+            cluster = stack.enter_context(fp.campaign.local_cluster(workers))
+            executor = stack.enter_context(
+                fp.campaign.dask_executor(cluster.scheduler_address, patience=60.0)
+            )
+        ways = {"executor": executor} if dask else {"workers": workers}
+        clock, spent = time.perf_counter(), time.process_time()
+        fp.campaign.run(made, Path(folder, "l"), plants, **ways)
+        return time.perf_counter() - clock, time.process_time() - spent
 
 
 def chunk_times(made: Study, chunks: int) -> tuple[list[float], float]:
@@ -173,13 +134,15 @@ def main() -> None:
     print(f"{options.arm}, {options.plants} plants x {options.duration:g} s, {steps} steps each; "
           f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")  # fmt: skip
     print(f"engine alone: {1e9 * alone / steps:.0f} ns a run-step")
-    print("| workers | clock [s] | over engine | processors [s] | over engine | memory [MB] |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: |")
-    for (workers, dask), (clock, spent, memory) in found.items():
-        total = alone * options.plants
-        shown = "- | -" if dask else f"{spent:.1f} | {spent / total:.2f}"
-        print(f"| {workers}{' (Dask)' if dask else ''} | {clock:.1f} | "
-              f"{clock * workers / total:.2f} | {shown} | {memory / 1e6:.0f} |")  # fmt: skip
+    rows, total = [], alone * options.plants
+    for (workers, dask), (clock, spent) in found.items():
+        shown = ["-", "-"] if dask else [f"{spent:.1f}", f"{spent / total:.2f}"]
+        name = f"{workers}{' (Dask)' if dask else ''}"
+        rows.append([name, f"{clock:.1f}", f"{clock * workers / total:.2f}", *shown])
+    heads = ["workers", "clock [s]", "over engine", "processor [s]", "over engine"]
+    print("\n".join(table(heads, rows)))
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    print(f"memory at most {most:.0f} MB")
     print(f"efficiency from 1 to 2 workers: {found[1, False][0] / 2 / found[2, False][0]:.2f}")
     times, driver = chunk_times(made, min(20, max(options.plants // CHUNK, 2)))
     chunks = max(options.plants // CHUNK, 1)

@@ -16,6 +16,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from common import arm_of, on_reference, table
 
 import fpid_pin as fp
 from fpid_pin.campaign import Choices, LogUniform, Normal, Scenarios, Study, Uniform, run
@@ -41,13 +42,12 @@ ORDERS: dict[str, Any] = {
 
 def nominal(name: str) -> fp.Experiment:
     """Return what is followed: 0.4 rad at 1 rad/s around home, out of phase, from rest on it."""
-    arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
+    arm = arm_of(name)
     phase = np.pi / 2.0 + np.linspace(0.0, 2.0, arm.n)
     sway = fp.references.Sinusoid(0.4, 1.0, phase, arm.home)
-    q, v, _ = sway.sample(np.zeros(1))
     push = fp.disturbances.Cosine(np.array(LOADS[name][1]), 5.0)
     return fp.Experiment(
-        arm, sway, q0=q[0], v0=v[0], plant=fp.Plant(disturbance=push), duration=5.0,
+        arm, sway, **on_reference(sway), plant=fp.Plant(disturbance=push), duration=5.0,
         sensors=fp.Sensors(velocity_noise=0.01), dynamics="compiled",
     )  # fmt: skip
 
@@ -110,18 +110,16 @@ def main() -> None:
     scores = scored(data, "rms_tail")
     best = scores == scores.min(axis=1, keepdims=True)
     print(f"\n{options.arm}, {len(scores)} plants, RMS error of the last half [mrad]\n")
-    print("| law | success, 95 % | median | 90 % | best on | less than the first on |")
-    print("| --- | ---: | ---: | ---: | ---: | ---: |")
+    rows = []
     for k, label in enumerate(data.controllers):
         rate = wilson(int(np.isfinite(scores[:, k]).sum()), len(scores))
         middle, late = 1e3 * np.quantile(scores[:, k], (0.5, 0.9), method="higher")
-        share = 100.0 * float(np.mean(best[:, k] & np.isfinite(scores[:, k])))
+        first = 100.0 * float(np.mean(best[:, k] & np.isfinite(scores[:, k])))
         ahead = 100.0 * float(np.mean(scores[:, k] < scores[:, 0]))
-        print(
-            f"| {label} | {100 * rate.low:.2f} to {100 * rate.high:.2f} % | {middle:.3g} | "
-            f"{late:.3g} | {share:.1f} % | {ahead:.1f} % |"
-        )
-    print()
+        rows.append([label, f"{100 * rate.low:.2f} to {100 * rate.high:.2f} %", f"{middle:.3g}",
+                     f"{late:.3g}", f"{first:.1f} %", f"{ahead:.1f} %"])  # fmt: skip
+    heads = ["law", "success, 95 %", "median", "90 %", "best on", "less than the first on"]
+    print("\n".join(table(heads, rows)))
     for k, label in enumerate(data.controllers[1:], start=1):
         apart = paired_difference(data, 0, k, "rms_tail")
         median, better = (np.array(some) for some in (apart.median, apart.better))

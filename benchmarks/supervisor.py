@@ -14,6 +14,7 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
+from common import around_home, head, on_reference, row
 
 import fpid_pin as fp
 from fpid_pin.disturbances import Cosine, Disturbance, Pulse
@@ -24,12 +25,11 @@ UR5_PUSH = (60.0, 60.0, 30.0, 5.0, 5.0, 0.5)  # [N m]
 HEADS = ("largest V / V_M", "acting [s]", "peak torque [N m]", "variation of u_s [N m]")
 
 
-def table(*first: str) -> None:
-    print("\n| " + " | ".join((*first, *HEADS)) + " |")
-    print("| " + " | ".join(["---"] * len(first) + ["---:"] * len(HEADS)) + " |")
+def begin(*first: str) -> None:
+    print("", *head([*first, *HEADS], len(first)), sep="\n")
 
 
-def row(first: str, guard: fp.Supervisor, runs: Sequence[fp.Run]) -> None:
+def worst(first: str, name: str, guard: fp.Supervisor, runs: Sequence[fp.Run]) -> None:
     """Print the worst of some runs."""
     v, acting, peak, moved = [], [], [], []
     for run in runs:
@@ -38,8 +38,8 @@ def row(first: str, guard: fp.Supervisor, runs: Sequence[fp.Run]) -> None:
         acting.append(float((run.u_s != 0.0).any(axis=1).sum() * (run.t[1] - run.t[0])))
         peak.append(np.abs(run.torque).max())
         moved.append(np.abs(np.diff(run.u_s, axis=0)).sum())
-    cells = f"{max(v):.4f} | {max(acting):.3f} | {max(peak):.0f} | {max(moved):.0f}"
-    print(f"| {first} | {cells} |")
+    numbers = (f"{max(v):.4f}", f"{max(acting):.3f}", f"{max(peak):.0f}", f"{max(moved):.0f}")
+    print(row([first, name, *numbers]))
 
 
 def guards(push: Sequence[float], **quiet: float) -> dict[str, fp.Supervisor | None]:
@@ -62,7 +62,7 @@ def rows(first: str, experiments: Sequence[fp.Experiment], chosen: dict[str, fp.
     assert v_m is not None
     for name, guard in chosen.items():
         runs = fp.simulate(experiments, dataclasses.replace(law, supervisor=guard))
-        row(f"{first} | {name}", v_m, runs)
+        worst(first, name, v_m, runs)
 
 
 def pushes(law: fp.AdaptiveFpid) -> None:
@@ -70,7 +70,7 @@ def pushes(law: fp.AdaptiveFpid) -> None:
         ("(30, 12) cos t", PUSH, Cosine(PUSH, 1.0)), ("(40, 20)", CONSTANT, Pulse(CONSTANT)),
     ):  # fmt: skip
         print(f"\nPush {title} N m:")
-        table("step [ms]", "supervisor")
+        begin("step [ms]", "supervisor")
         for step in STEPS:
             chosen = guards(push)
             sgn = chosen["sgn, eq. (20)"]
@@ -81,7 +81,7 @@ def pushes(law: fp.AdaptiveFpid) -> None:
 
 def wrong(law: fp.AdaptiveFpid) -> None:
     print("\nPush (30, 12) cos t at 1 ms, worst of 20:")
-    table("", "supervisor")
+    begin("", "supervisor")
     arms = [fp.Arm.two_link().perturbed(np.random.default_rng(k), mass=0.2) for k in range(20)]
     chosen = guards(PUSH)
     chosen["R, d_u 20 % more"] = fp.Supervisor(3.0, 1.0, disturbance_bound=np.multiply(1.2, PUSH))
@@ -98,9 +98,7 @@ def wrong(law: fp.AdaptiveFpid) -> None:
 
 def ur5() -> None:
     arm = fp.Arm.from_example("ur5")
-    phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-    reference = fp.references.Sinusoid(0.3, phase=phase, offset=arm.home)
-    (q,), (v,), _ = reference.sample(np.zeros(1))
+    reference = around_home(arm)
     law = fp.AdaptiveFpid(
         kp=100.0, ki=240.0, kd=22.0, integral_order=0.9, derivative_order=0.95,
         learning_rate=0.0, scale=(4.4, 5.2, 1.2, 0.24, 0.25, 0.02),
@@ -110,10 +108,12 @@ def ur5() -> None:
               "F": fp.Supervisor.quiet(2.3, 0.3),
               "F, observer 200 rad/s": fp.Supervisor.quiet(2.3, 0.3, observer=200.0)}  # fmt: skip
     print("\nUR5, 0.3 rad at 1 rad/s, push (60, 60, 30, 5, 5, 0.5) cos t N m, M_x = 2.3:")
-    table("step [ms]", "supervisor")
+    begin("step [ms]", "supervisor")
     for step in STEPS[1:]:
         plant = fp.Plant(disturbance=Cosine(UR5_PUSH, 1.0))
-        experiment = fp.Experiment(arm, reference, q, v, plant, step=step, duration=4.0)
+        experiment = fp.Experiment(
+            arm, reference, **on_reference(reference), plant=plant, step=step, duration=4.0
+        )
         rows(f"{1e3 * step:g}", [experiment], chosen, law)
 
 

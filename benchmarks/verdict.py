@@ -1,4 +1,4 @@
-"""Tables for `baselines.py`: medians with intervals, who is ahead, and which searches failed.
+"""Tables and picture for `baselines.py`: medians with intervals, who is ahead, what failed.
 
 An interval is scipy's bootstrap (percentiles, 95 %) of the median over seeds and arms, both drawn
 anew: with five seeds it says how much hangs on them, too.
@@ -7,10 +7,12 @@ anew: with five seeds it says how much hangs on them, too.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from common import table
 from contestants import AT, FAMILIES
 from converging import GAIN, LONGEST, PATIENCE, SIZE, Track
 from protocol import HELD_OUT, STEP, TRAINING, Job
@@ -21,21 +23,15 @@ RESAMPLES = 2000
 #: Whose ratios are shown: what fractional orders, adaptation and the model are worth, and how the
 #: FPID with its model stands beside every rival.
 PAIRS = (
-    ("FPID", "PID"),
-    ("adaptive FPID", "adaptive PID"),
-    ("FPID + model", "PID + model"),
-    ("adaptive FPID + model", "adaptive PID + model"),
-    ("adaptive PID", "PID"),
-    ("adaptive FPID", "FPID"),
-    ("adaptive PID + model", "PID + model"),
-    ("adaptive FPID + model", "FPID + model"),
-    ("FPID + model", "computed torque + I + observer"),
-    ("adaptive FPID + model", "adaptive FPID"),
-    ("adaptive FPID + model", "PID + G + observer"),
-    ("adaptive FPID + model", "computed torque + I + observer"),
-    ("adaptive FPID + model", "sliding mode + observer"),
-    ("adaptive FPID + model", "Slotine-Li"),
-)
+    ("FPID", "PID"), ("adaptive FPID", "adaptive PID"), ("FPID + model", "PID + model"),
+    ("adaptive FPID + model", "adaptive PID + model"), ("adaptive PID", "PID"),
+    ("adaptive FPID", "FPID"), ("adaptive PID + model", "PID + model"),
+    ("adaptive FPID + model", "FPID + model"), ("FPID + model", "computed torque + I + observer"),
+    *(("adaptive FPID + model", other) for other in (
+        "adaptive FPID", "PID + G + observer", "computed torque + I + observer",
+        "sliding mode + observer", "Slotine-Li",
+    )),
+)  # fmt: skip
 
 
 class Trial(NamedTuple):
@@ -64,8 +60,16 @@ def interval(values: np.ndarray) -> tuple[float, float, float]:
     return middle, *found.confidence_interval
 
 
-def number(x: float) -> str:
-    return f"{x:.3g}" if np.isfinite(x) else "div."
+def shown(cell: tuple[float, float, float], bold: bool) -> str:
+    """Return a median and its interval as text."""
+    middle, low, high = (f"{x:.3g}" if np.isfinite(x) else "div." for x in cell)
+    text = f"{middle} ({low}, {high})"
+    return f"**{text}**" if bold else text
+
+
+def spread(values: Sequence[float]) -> str:
+    """Return median, least and most."""
+    return f"{np.median(values):.3g} ({min(values):.3g}, {max(values):.3g})"
 
 
 def ratio(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
@@ -74,9 +78,9 @@ def ratio(ours: np.ndarray, theirs: np.ndarray) -> np.ndarray:
         return np.where(np.isinf(ours) & np.isinf(theirs), 1.0, ours / theirs)
 
 
-def table(head: list[str], rows: list[list[str]]) -> list[str]:
-    lines = ["| " + " | ".join(head) + " |", "| --- |" + " ---: |" * (len(head) - 1)]
-    return [*lines, *("| " + " | ".join(row) + " |" for row in rows), ""]
+def best_of(tracks: list[Track], seed: int) -> Track:
+    """Return the search that found most for a seed."""
+    return min((t for t in tracks if t.seed == seed), key=lambda t: t.best)
 
 
 def best(tracks: list[Track], label: str = "") -> np.ndarray:
@@ -88,27 +92,22 @@ def best(tracks: list[Track], label: str = "") -> np.ndarray:
 
 def training(found: Mapping[str, list[Track]]) -> list[str]:
     """Return what the searches came to, and how far they still moved at the end."""
-    head = [
-        "controller", "numbers", "cost [mrad]: median (least, most)", "candidates a search",
-        "cost at half of them", "worst of three searches / best", "cut short",
-    ]  # fmt: skip
+    head = ["controller", "numbers", "cost [mrad]: median (least, most)", "candidates a search",
+            "cost at half of them", "worst of three searches / best", "cut short"]  # fmt: skip
     rows = []
     for name, tracks in found.items():
         costs = best(tracks)
         half = [t.history[(len(t.history) - 1) // 2] / t.best for t in tracks]
         seeds = sorted({t.seed for t in tracks})
-        both = [sorted(t.best for t in tracks if t.seed == seed) for seed in seeds]
-        apart = [pair[-1] / pair[0] for pair in both]
+        each = [[t.best for t in tracks if t.seed == seed] for seed in seeds]
+        apart = [max(found) / min(found) for found in each]
         at = [f"x {np.median(x):.3f} (worst {max(x):.2f})" for x in (half, apart)]
         sizes = [SIZE * len(t.history) for t in tracks]
-        rows.append(
-            [
-                name, str(len(FAMILIES[name].space)),
-                f"{np.median(costs):.3g} ({costs.min():.3g}, {costs.max():.3g})",
-                f"{min(sizes)} to {max(sizes)}", *at,
-                f"{sum(len(t.history) >= LONGEST for t in tracks)} of {len(tracks)}",
-            ]
-        )  # fmt: skip
+        cut = sum(len(t.history) >= LONGEST for t in tracks)
+        rows.append([
+            name, len(FAMILIES[name].space), spread(costs), f"{min(sizes)} to {max(sizes)}", *at,
+            f"{cut} of {len(tracks)}",
+        ])  # fmt: skip
     return table(head, rows)
 
 
@@ -116,18 +115,12 @@ def nested(found: Mapping[str, list[Track]]) -> list[str]:
     """Say of every family that contains another whether its searches knew."""
     lines = []
     for name, tracks in found.items():
-        for part in FAMILIES[name].contains:
-            if part not in found:
-                continue
+        for part in set(FAMILIES[name].contains) & set(found):
             own, alone, less = best(tracks), best(tracks, "alone"), best(found[part])
-            gain = own / less
-            failed = int((alone > less * (1.0 + 1e-9)).sum())
-            text = (
-                f"- {name} contains {part}: its cost is {np.median(gain):.3f} of that one's "
-                f"({gain.min():.3f} to {gain.max():.3f})"
-            )
-            if (gain > 1.0 + 1e-9).any():
+            text = f"- {name} contains {part}: its cost is {spread(own / less)} of that one's"
+            if (own > less * (1.0 + 1e-9)).any():
                 text += "; **worse somewhere: the optimiser failed**"
+            failed = int((alone > less * (1.0 + 1e-9)).sum())
             if failed:
                 text += (
                     f"; searched from nothing it was worse in {failed} of {len(less)} seeds, up to "
@@ -142,34 +135,24 @@ def parameters(found: Mapping[str, list[Track]]) -> list[str]:
     """Return the parameters of the best law of each seed: median, least and most."""
     lines = []
     for name, tracks in found.items():
-        family, parts = FAMILIES[name], []
-        seeds = sorted({t.seed for t in tracks})
-        chosen = [min((t for t in tracks if t.seed == s), key=lambda t: t.best) for s in seeds]
-        genes = [family.genes(track.point) for track in chosen]
-        for key in family.space:
-            values = [g[key] for g in genes]
-            parts.append(f"{key} {np.median(values):.3g} ({min(values):.3g}, {max(values):.3g})")
-        lines.append(f"- {name}: " + "; ".join(parts))
+        family = FAMILIES[name]
+        genes = [family.genes(best_of(tracks, seed).point) for seed in {t.seed for t in tracks}]
+        told = (f"{key} {spread([g[key] for g in genes])}" for key in family.space)
+        lines.append(f"- {name}: " + "; ".join(told))
     return [*lines, ""]
 
 
 def tried(trials: Trials, field: str) -> list[str]:
     """Return a table of medians with their intervals, a column a condition."""
     conditions = list(next(iter(trials.values())))
-    cells = {
-        (name, c): interval(getattr(trials[name][c], field)) for name in trials for c in conditions
-    }
-    first = {c: min(cells[name, c][0] for name in trials) for c in conditions}
-    rows = []
-    for name in trials:
-        row = [name]
-        for c in conditions:
-            middle, low, high = cells[name, c]
-            text = f"{number(middle)} ({number(low)}, {number(high)})"
-            lost = int(np.isinf(getattr(trials[name][c], field)).sum())
-            text = f"**{text}**" if middle == first[c] and np.isfinite(middle) else text
+    rows = [[name] for name in trials]
+    for c in conditions:
+        cells = [interval(getattr(trial[c], field)) for trial in trials.values()]
+        first = min(middle for middle, _, _ in cells)
+        for row, trial, cell in zip(rows, trials.values(), cells, strict=True):
+            text = shown(cell, bold=cell[0] == first and np.isfinite(first))
+            lost = int(np.isinf(getattr(trial[c], field)).sum())
             row.append(text + (f"; {lost} div." if lost else ""))
-        rows.append(row)
     return table(["controller", *conditions], rows)
 
 
@@ -182,10 +165,8 @@ def pairs(trials: Trials) -> list[str]:
             continue
         row = [f"{ours} / {theirs}"]
         for c in conditions:
-            values = ratio(trials[ours][c].error, trials[theirs][c].error)
-            middle, low, high = interval(values)
-            text = f"{number(middle)} ({number(low)}, {number(high)})"
-            row.append(f"**{text}**" if high < 1.0 or low > 1.0 else text)
+            cell = interval(ratio(trials[ours][c].error, trials[theirs][c].error))
+            row.append(shown(cell, bold=cell[2] < 1.0 or cell[1] > 1.0))
         rows.append(row)
     return table(["tail error of", *conditions], rows)
 
@@ -244,3 +225,66 @@ def written(
         *tried(trials, "variation"),
     ]
     return "\n".join(lines).rstrip() + "\n"
+
+
+#: One colour a kind: PIDs and FPIDs without the model, with it, and the others.
+KINDS = {
+    "PID without a model": "tab:blue",
+    "PID with feedforward and observer": "tab:orange",
+    "the usual laws with a model": "0.35",
+}
+COLUMNS = 3
+FAR = 20.0  # what lies beyond is an arrow [mrad]
+
+
+def kind(name: str) -> str:
+    """Return which of `KINDS` a family is."""
+    if "+ model" in name:
+        return "PID with feedforward and observer"
+    return "PID without a model" if name.endswith("PID") else "the usual laws with a model"
+
+
+def draw(trials: Trials, path: Path, title: str) -> None:
+    """Draw tail errors, a panel a condition: medians, intervals, arrows where these go on."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    conditions = list(next(iter(trials.values())))
+    names = sorted(trials, key=lambda name: list(KINDS).index(kind(name)))
+    rows = -(-len(conditions) // COLUMNS)
+    figure, axes = plt.subplots(
+        rows, COLUMNS, figsize=(12.0, 1.2 + 2.7 * rows), sharex=True, sharey=True,
+        layout="constrained",
+    )  # fmt: skip
+    place = np.arange(len(names))[::-1]
+    found = {(n, c): interval(trials[n][c].error) for n in names for c in conditions}
+    left = 0.4 * min(x[0] for x in found.values())
+    for axis, condition in zip(axes.flat, conditions, strict=False):
+        for y, name in zip(place, names, strict=True):
+            middle, low, high = found[name, condition]
+            colour = KINDS[kind(name)]
+            if not np.isfinite(middle):
+                axis.text(0.98, y, "diverged", ha="right", va="center", fontsize=8, color=colour,
+                          transform=axis.get_yaxis_transform())  # fmt: skip
+                continue
+            axis.plot([np.clip(low, left, FAR), min(high, FAR)], [y, y], color=colour, lw=1.6)
+            if high > FAR:
+                axis.plot(FAR, y, ">", color=colour, ms=5, clip_on=False)
+            axis.plot(middle, y, "o", color=colour, mfc=colour if "FPID" in name else "w", ms=6)
+        axis.set(xscale="log", xlim=(left, FAR), xlabel="tail RMS error [mrad]")
+        axis.set_title(condition, fontsize=10)
+        axis.set_yticks(place, names, fontsize=8)
+        axis.grid(axis="x", which="both", color="0.9", lw=0.6)
+        axis.label_outer()
+    for axis in axes.flat[len(conditions) :]:
+        axis.set_visible(False)
+    styles = [{"color": colour, "lw": 1.6, "label": name} for name, colour in KINDS.items()]
+    styles += [{"color": "0.2", "mfc": "0.2", "ls": "", "label": "fractional"},
+               {"color": "0.2", "mfc": "white", "ls": "", "label": "integer"}]  # fmt: skip
+    marks = [plt.Line2D([], [], marker="o", **style) for style in styles]
+    figure.legend(handles=marks, loc="outside lower center", ncols=5, frameon=False)
+    figure.suptitle(f"{title}: median over five seeds and their arms, 95 % interval", fontsize=11)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)

@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from common import head, row
 
 import fpid_pin as fp
 from fpid_pin.view import export_html
@@ -61,20 +62,18 @@ def sent(joints: int, stopped: bool) -> tuple[np.ndarray, int]:
 
 
 def main() -> None:
-    print("| page of 20 s | processor time [s] | size [MB] |\n| --- | ---: | ---: |")
+    print("\n".join(head(["page of 20 s", "processor time [s]", "size [MB]"])))
     for arm in (fp.Arm.two_link(), fp.Arm.from_example("ur5")):
         seconds, size = exported(arm)
-        print(f"| {arm.name} | {seconds:.2f} | {size:.2f} |")
-    print("\n| frame | median [us] | 99th percentile [us] | worst [us] | dropped |")
-    print("| --- | ---: | ---: | ---: | ---: |")
+        print(row([arm.name, f"{seconds:.2f}", f"{size:.2f}"]))
+    heads = ["frame", "median [us]", "99th percentile [us]", "worst [us]", "dropped"]
+    print("", *head(heads), sep="\n")
     for joints, stopped in FRAMES:
         taken, dropped = sent(joints, stopped)
         median, high = 1e6 * np.percentile(taken, [50.0, 99.0])
         name = f"{joints} joints, server {'stopped' if stopped else 'reading'}"
-        print(
-            f"| {name} | {median:.0f} | {high:.0f} | {1e6 * taken.max():.0f}"
-            f" | {dropped} of {COUNT} |"
-        )
+        times = (median, high, 1e6 * taken.max())
+        print(row([name, *(f"{x:.0f}" for x in times), f"{dropped} of {COUNT}"]))
 
 
 if __name__ == "__main__":

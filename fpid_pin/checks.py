@@ -1,11 +1,16 @@
-"""Shapes and ranges of what users pass in, checked once and named clearly."""
+"""Shapes and ranges of what users pass in, checked once and named clearly.
+
+Functions check arguments; the same checks are declared with a description's field,
+``kp: Annotated[ArrayLike, PerJoint("N m/rad", low=0.0)]``; `fpid_pin.descriptions` applies them.
+"""
 
 from __future__ import annotations
 
 import difflib
 import math
 import operator
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -23,20 +28,10 @@ MOST_ROWS = 1 << 53
 _SHORT = 40
 
 __all__ = [
-    "ArgumentError",
-    "BoolArray",
-    "FloatArray",
-    "choice",
-    "floats",
-    "instance",
-    "integer",
-    "number",
-    "per_joint",
-    "read_only",
-    "sample_count",
-    "spread",
-    "vector",
-]
+    "ArgumentError", "Array", "BoolArray", "Check", "Flag", "FloatArray", "Number", "OneOf",
+    "PerJoint", "Plain", "Text", "Whole", "choice", "floats", "instance", "integer", "number",
+    "per_joint", "plain", "read_only", "sample_count", "scalar_or_joints", "vector",
+]  # fmt: skip
 
 
 def read_only(values: ArrayLike) -> FloatArray:
@@ -69,6 +64,7 @@ def floats(
     above: float | None = None,
     finite: bool = True,
     max_ndim: int | None = None,
+    shape: tuple[int | None, ...] | None = None,
 ) -> FloatArray:
     """Turn `value` into a read-only float64 array and check every element.
 
@@ -84,21 +80,30 @@ def floats(
         Whether inf is refused (NaN always is).
     max_ndim
         Most dimensions allowed.
+    shape
+        Wanted, None in it being any length.
 
     Raises
     ------
     ArgumentError
         Naming the first element at fault.
     """
+    wanted = "a number" if max_ndim == 0 else "numbers"
     try:
         raw = np.asarray(value)
     except (TypeError, ValueError):
-        raise ArgumentError(name, "numbers", shown(value)) from None
+        raise ArgumentError(name, wanted, shown(value)) from None
     if raw.dtype.kind not in "iuf" or raw.size == 0:
-        raise ArgumentError(name, "numbers", shown(value)) from None
+        raise ArgumentError(name, wanted, shown(value))
     array = read_only(raw)
     if max_ndim is not None and array.ndim > max_ndim:
-        expected = "a number" if max_ndim == 0 else f"at most {max_ndim} dimension(s)"
+        expected = wanted if max_ndim == 0 else f"at most {max_ndim} dimension(s)"
+        raise ArgumentError(name, expected, f"shape {array.shape}")
+    if shape is not None and (
+        array.ndim != len(shape)
+        or any(k not in (None, n) for k, n in zip(shape, array.shape, strict=True))
+    ):
+        expected = f"shape {shape}".replace("None", "any")
         raise ArgumentError(name, expected, f"shape {array.shape}")
     bad = np.isnan(array)
     if finite:
@@ -144,6 +149,14 @@ def integer(name: str, value: Any, *, low: int | None = None, high: int | None =
     return result
 
 
+def scalar_or_joints(name: str, value: ArrayLike, *, rows: int = 0, **bounds: Any) -> FloatArray:
+    """Check a scalar for all joints or an array (n,), n not known yet; `rows`: also (rows, n)."""
+    array = floats(name, value, max_ndim=2 if rows else 1, **bounds)
+    if array.ndim == 2 and len(array) != rows:
+        raise ArgumentError(name, f"shape (n,) or ({rows}, n)", f"shape {array.shape}")
+    return array
+
+
 def per_joint(
     name: str,
     value: ArrayLike,
@@ -167,20 +180,6 @@ def per_joint(
     if array.shape != (n,):
         raise ArgumentError(name, f"shape ({n},) (the arm has {n} joints)", f"shape {array.shape}")
     return array
-
-
-def spread(name: str, value: Any, n: int) -> FloatArray:
-    """Return an array that its description has checked, scalar or (n,), as (n,).
-
-    Raises
-    ------
-    ArgumentError
-        It is of another length.
-    """
-    array: FloatArray = np.asarray(value)
-    if array.shape not in ((), (n,)):
-        raise ArgumentError(name, f"shape ({n},) (the arm has {n} joints)", f"shape {array.shape}")
-    return np.full(n, array) if array.ndim == 0 else array
 
 
 def vector(name: str, value: ArrayLike, n: int) -> FloatArray:
@@ -208,6 +207,13 @@ def instance(name: str, value: Any, kind: type | tuple[type, ...], expected: str
         raise ArgumentError(name, expected, f"{type(value).__name__}")
 
 
+def plain(name: str, value: Any, kind: type, expected: str) -> Any:
+    """Check that `value` is of a plain type; an error quotes it."""
+    if not isinstance(value, kind):
+        raise ArgumentError(name, expected, shown(value))
+    return value
+
+
 def sample_count(duration: float, step: float) -> int:
     """Return the number of rows of a run, ``round(duration/step) + 1``: both ends count.
 
@@ -225,3 +231,63 @@ def sample_count(duration: float, step: float) -> int:
     if duration > step * MOST_ROWS:
         raise ArgumentError("duration", f"at most {MOST_ROWS:.2g} steps ({step:g} s)", duration)
     return math.floor(duration / step + 0.5) + 1
+
+
+# ---------------------------------------------------------------- declared with a field
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check declared with a field: ``check(name, value)`` returns the value as it is kept.
+
+    Attributes
+    ----------
+    function
+        One of this module's, called with name, value and bounds; it raises `ArgumentError`.
+    unit
+        Of the field, for readers; empty: none.
+    bounds
+        Arguments of the function.
+    """
+
+    function: Callable[..., Any]
+    unit: str = ""
+    bounds: Mapping[str, Any] = field(default_factory=dict)
+
+    def __call__(self, name: str, value: Any) -> Any:
+        """Return the value as the description keeps it."""
+        return self.function(name, value, **self.bounds)
+
+
+def Number(unit: str = "", **bounds: Any) -> Check:
+    """Declare one real number, with the bounds of `floats`."""
+    return Check(number, unit, bounds)
+
+
+def PerJoint(unit: str = "", **bounds: Any) -> Check:
+    """Declare a scalar for all joints, or (n,); with ``rows=3`` also (3, n)."""
+    return Check(scalar_or_joints, unit, bounds)
+
+
+def Array(unit: str = "", **bounds: Any) -> Check:
+    """Declare numbers of a ``shape=``, in which None is any length."""
+    return Check(floats, unit, bounds)
+
+
+def Whole(unit: str = "", **bounds: Any) -> Check:
+    """Declare a whole number from ``low=`` to ``high=``."""
+    return Check(integer, unit, bounds)
+
+
+def OneOf(*options: str) -> Check:
+    """Declare one of several texts; beside another check, which is then for all else."""
+    return Check(choice, bounds={"options": options})
+
+
+def Plain(kind: type, expected: str) -> Check:
+    """Declare a value of a plain type, called `expected`."""
+    return Check(plain, bounds={"kind": kind, "expected": expected})
+
+
+Flag = Plain(bool, "true or false")
+Text = Plain(str, "a text")

@@ -1,9 +1,17 @@
-"""Descriptions as plain tables: what is saved with a run and written as TOML.
+"""Descriptions: frozen dataclasses whose fields are checked as declared, and their tables.
 
-A description (controller, reference, plant, ...) is a frozen dataclass whose fields are numbers,
-arrays, strings and other descriptions. Its table is ``{"kind": ..., field: value, ...}``; fields
-that are None are left out. Reading one back goes through its constructor, so a file is checked
-exactly as an argument is, and nothing in it is ever executed.
+    @described("pulse", "Disturbance")
+    @dataclass(frozen=True, eq=False)
+    class Pulse(Description):
+        torque: Annotated[ArrayLike, PerJoint("N m")]
+        start: Annotated[float, Number("s")] = 0.0
+
+An annotation says what a field must be; `keys` reads it once a class, for the constructor and for
+tables alike. A field with no check, or a dataclass without `Description`, is taken as it is given.
+
+The table of a description is ``{"kind": ..., field: value, ...}``: what is saved with a run and
+written as TOML. Fields that are None are left out. Reading one back goes through the constructor,
+so a file is checked exactly as an argument is, and nothing in it is ever executed.
 """
 
 from __future__ import annotations
@@ -12,12 +20,15 @@ import dataclasses
 import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import MISSING, dataclass
 from functools import cache
-from typing import Any, TypeVar, cast
+from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.checks import Check, Flag, Number, Text, Whole
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.text import shown
 
@@ -26,6 +37,164 @@ D = TypeVar("D", bound=type)
 
 _KINDS: dict[str, type] = {}
 _FAMILIES: dict[str, set[str]] = {}
+#: What a table's value must be where a field's type is all that is declared.
+_PLAIN: dict[Any, Check] = {
+    float: Number(finite=False), int: Whole(), bool: Flag, str: Text
+}  # fmt: skip
+
+
+class Description:
+    """What is described: a frozen dataclass whose constructor checks its fields as declared.
+
+    What concerns several fields at once is checked in ``__post_init__``, after this one's.
+    """
+
+    #: What the names of its fields begin with in an error: ``plant.dry_friction``.
+    _path: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        first: tuple[str, int] | None = None
+        for key in keys(cast("Any", type(self))).values():
+            name, given = _join(self._path, key.name), getattr(self, key.name)
+            value = key.checked(name, given)
+            if value is not given:
+                self._set(**{key.name: value})
+            if key.is_per_joint and np.ndim(value):
+                shape = np.shape(value)
+                first = first or (key.name, shape[-1])
+                if shape[-1] != first[1]:
+                    expected = f"one length for all joints, ({first[1]},) as {first[0]}"
+                    raise ArgumentError(name, expected, f"{shape}")
+
+    def _set(self, **values: Any) -> None:
+        """Complete fields while the description is made; it is frozen from then on."""
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class Key:
+    """A field of a description, as its annotation declares it: a key of its table.
+
+    Attributes
+    ----------
+    name
+        Of the field.
+    default
+        None where there is none, or it is None.
+    required
+        Whether it has no default.
+    checks
+        As declared: none, one, or a choice for texts and one for all else.
+    plain
+        The check of a table's value where none is declared, of the field's plain type.
+    family
+        The class of the descriptions that it holds; None: it holds none.
+    several
+        Whether it holds a sequence of them.
+    optional
+        Whether it may be None.
+    """
+
+    name: str
+    default: Any
+    required: bool
+    checks: tuple[Check, ...]
+    plain: Check | None
+    family: type | None
+    several: bool
+    optional: bool
+
+    @property
+    def is_per_joint(self) -> bool:
+        """Whether it has a number for each joint."""
+        return any(check.function is checks.scalar_or_joints for check in self.checks)
+
+    def checked(self, name: str, value: Any) -> Any:
+        """Return a value as the description keeps it.
+
+        Raises
+        ------
+        ArgumentError
+            It is not what was declared, calling it `name`.
+        """
+        if value is None and self.optional:
+            return None
+        for check in self.checks:
+            # Of two, a choice is for texts and the other for all else.
+            if len(self.checks) == 1 or isinstance(value, str) == (check.function is checks.choice):
+                return check(name, value)
+        if self.family is not None and self.several:
+            items = list(value) if isinstance(value, (list, tuple)) else [value]
+            for k, item in enumerate(items):
+                checks.instance(f"{name}.{k}", item, self.family, _called(self.family))
+            return tuple(items)
+        if self.family is not None:
+            expected = _called(self.family) + " or None" * self.optional
+            checks.instance(name, value, self.family, expected)
+        return value
+
+
+@cache
+def keys(cls: type) -> Mapping[str, Key]:
+    """Return the keys of a dataclass's table, by name, in the order of its fields."""
+    hints: dict[str, Any] = {}
+    for base in reversed(cls.__mro__):
+        # A class may name what only its own function knows: its fields are taken as they are.
+        with suppress(NameError):
+            hints |= typing.get_type_hints(base, include_extras=True)
+    return {
+        field.name: _key(field, hints.get(field.name, Any))
+        for field in dataclasses.fields(cls)
+        if field.init
+    }
+
+
+def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
+    declared: tuple[Check, ...] = ()
+    if typing.get_origin(hint) is typing.Annotated:
+        hint, *extras = typing.get_args(hint)
+        declared = tuple(extra for extra in extras if isinstance(extra, Check))
+    parts = _types(hint)
+    families = [t for t in parts if isinstance(t, type) and t.__name__ in _FAMILIES]
+    default = field.default if field.default_factory is MISSING else field.default_factory()
+    return Key(
+        field.name,
+        None if default is MISSING else default,
+        default is MISSING,
+        declared,
+        None if declared else _PLAIN.get(hint),
+        next((family for family in families if family is not object), None),
+        typing.get_origin(hint) is not None and issubclass(_origin(hint), Sequence),
+        type(None) in parts,
+    )
+
+
+def _origin(hint: Any) -> type:
+    origin = typing.get_origin(hint)
+    return origin if isinstance(origin, type) else object
+
+
+def _types(hint: Any) -> list[Any]:
+    """Flatten unions, optional values and sequences into the types that they are made of."""
+    origin = typing.get_origin(hint)
+    if origin is None:
+        return [hint]
+    if origin in (typing.Union, types.UnionType) or issubclass(_origin(hint), Sequence):
+        return [t for part in typing.get_args(hint) for t in _types(part)]
+    return [origin]
+
+
+def _called(family: type) -> str:
+    """Return how an error names one of a family: by the methods that it must have, if any will."""
+    name = family.__name__
+    if getattr(family, "_is_protocol", False):
+        methods = [m for m, value in vars(family).items() if m[0] != "_" and callable(value)]
+        return f"a {name} (an object with {', '.join(methods)})"
+    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
+
+
+# ---------------------------------------------------------------------- kinds
 
 
 def described(kind: str, *families: str) -> Callable[[D], D]:
@@ -46,6 +215,8 @@ def described(kind: str, *families: str) -> Callable[[D], D]:
             raise ArgumentError("kind", "a name that is not taken", f"{kind!r} ({before.__name__})")
         _KINDS[kind] = cls
         cls._kind = kind  # type: ignore[attr-defined]
+        if families and issubclass(cls, Description):
+            cls._path = families[0].lower()
         for name in {base.__name__ for base in cls.__mro__} | set(families):
             _FAMILIES.setdefault(name, set()).add(kind)
         return cls
@@ -126,7 +297,8 @@ def from_dict(table: Any, family: Callable[..., T], name: str = "") -> T:
 def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     """Build the description that `table` holds, or None; every fault is appended to `faults`.
 
-    A table may leave out its kind where the family has only one.
+    A table may leave out its kind where the family has only one, and hold descriptions that are
+    built already.
     """
     before = len(faults)
     if not isinstance(table, Mapping):
@@ -146,15 +318,8 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     own = getattr(cls, "from_table", None)
     if own is None:
         # A key at fault is left out, so that the constructor can find what else is wrong.
-        for key in _check_fields(cls, fields, path, faults):
-            fields.pop(key, None)
-        for key, member in _members(cls).items():
-            if key in fields:
-                count = len(faults)
-                fields[key] = _build_member(fields[key], member, _join(path, key), faults)
-                if len(faults) > count:
-                    fields.pop(key)
-        if not _required(cls) <= fields.keys():
+        fields = _read_fields(cls, fields, path, faults)
+        if not all(key.name in fields for key in keys(cls).values() if key.required):
             return None
     try:
         thing = cls(**fields) if own is None else own(fields)
@@ -166,9 +331,41 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     return None
 
 
+def _read_fields(
+    cls: type, table: Mapping[str, Any], path: str, faults: list[FpidError]
+) -> dict[str, Any]:
+    """Return the fields of a description that a table has right."""
+    known, fields = keys(cls), {}
+    for name in table:
+        try:
+            checks.choice(_join(path, name), name, known)
+        except ArgumentError as error:
+            expected = error.expected.replace("one of", "one of the keys", 1)
+            faults.append(ArgumentError(error.name, expected, error.got))
+    for name, key in known.items():
+        where = _join(path, name)
+        if name not in table:
+            if key.required:
+                faults.append(ArgumentError(where, "a value", "none"))
+            continue
+        value, before = table[name], len(faults)
+        if key.family is not None and value is not None:
+            value = _build_member(value, key.family, where, faults)
+        else:
+            try:
+                (key.plain or key.checked)(where, value)
+            except ArgumentError as error:
+                faults.append(error)
+        if len(faults) == before:
+            fields[name] = value
+    return fields
+
+
 def _build_member(value: Any, family: type, path: str, faults: list[FpidError]) -> Any:
+    if isinstance(value, family):
+        return value
     if isinstance(value, (list, tuple)):
-        return [build(v, family, _join(path, str(k)), faults) for k, v in enumerate(value)]
+        return [_build_member(v, family, _join(path, str(k)), faults) for k, v in enumerate(value)]
     return build(value, family, path, faults)
 
 
@@ -181,93 +378,3 @@ def _rebase(name: str, path: str) -> str:
     head, dot, rest = name.partition(".")
     parts = path.split(".")
     return _join(path, rest) if dot and head in parts else _join(path, name)
-
-
-def _types(hint: Any) -> list[Any]:
-    """Flatten unions, optional values and sequences into the types that they are made of."""
-    origin = typing.get_origin(hint)
-    if origin is None:
-        return [hint]
-    if origin in (typing.Union, types.UnionType) or (
-        isinstance(origin, type) and issubclass(origin, (list, tuple, Sequence))
-    ):
-        return [t for part in typing.get_args(hint) for t in _types(part)]
-    return [origin]
-
-
-@cache
-def _members(cls: type) -> dict[str, type]:
-    """Return the fields of a description that hold other descriptions, and their families."""
-    hints = typing.get_type_hints(cls)
-    found = {}
-    for field in dataclasses.fields(cls):
-        for hint in _types(hints[field.name]):
-            if isinstance(hint, type) and hint.__name__ in _FAMILIES and hint is not object:
-                found[field.name] = hint
-    return found
-
-
-@cache
-def _required(cls: type) -> frozenset[str]:
-    """Return the fields of a description that have no default."""
-    return frozenset(
-        field.name
-        for field in dataclasses.fields(cls)
-        if field.init
-        and field.default is dataclasses.MISSING
-        and field.default_factory is dataclasses.MISSING
-    )
-
-
-@cache
-def _model(cls: type) -> Any:
-    """Return the pydantic model of a table's keys: which there are, and which plain types."""
-    import pydantic
-
-    plain = {float: pydantic.StrictFloat | pydantic.StrictInt, int: pydantic.StrictInt,
-             str: pydantic.StrictStr, bool: pydantic.StrictBool}  # fmt: skip
-    hints = typing.get_type_hints(cls)
-    members = _members(cls)
-    keys: dict[str, Any] = {}
-    for field in dataclasses.fields(cls):
-        if not field.init:
-            continue
-        hint = hints[field.name]
-        kind = plain.get(hint, Any) if field.name not in members else Any
-        keys[field.name] = (kind, ... if field.name in _required(cls) else None)
-    config = pydantic.ConfigDict(extra="forbid", protected_namespaces=())
-    return pydantic.create_model(cls.__name__, __config__=config, **keys)
-
-
-_EXPECTED = {"string_type": "a text", "int_type": "a whole number", "bool_type": "true or false"}
-
-
-def _check_fields(
-    cls: type, fields: Mapping[str, Any], path: str, faults: list[FpidError]
-) -> set[str]:
-    """Append what is unknown, missing or of the wrong plain type, and return those keys."""
-    import pydantic
-
-    seen: set[str] = set()
-    try:
-        _model(cls)(**fields)
-    except pydantic.ValidationError as error:
-        for fault in error.errors(include_url=False):
-            key = str(fault["loc"][0])
-            if key in seen:
-                # One line a key: a union reports each of its branches.
-                continue
-            seen.add(key)
-            if fault["type"] == "extra_forbidden":
-                allowed = [f.name for f in dataclasses.fields(cls) if f.init]
-                try:
-                    checks.choice(_join(path, key), key, allowed)
-                except ArgumentError as unknown:
-                    expected = unknown.expected.replace("one of", "one of the keys", 1)
-                    faults.append(ArgumentError(_join(path, key), expected, unknown.got))
-            elif fault["type"] == "missing":
-                faults.append(ArgumentError(_join(path, key), "a value", "none"))
-            else:
-                expected = _EXPECTED.get(fault["type"], "a number")
-                faults.append(ArgumentError(_join(path, key), expected, shown(fault["input"])))
-    return seen

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import FloatArray, Number, PerJoint
+from fpid_pin.descriptions import Description, described
 
 __all__ = ["Cosine", "Disturbance", "Pulse", "Sum"]
 
@@ -27,7 +27,7 @@ class Disturbance(Protocol):
 
 @described("cosine", "Disturbance")
 @dataclass(frozen=True, eq=False)
-class Cosine:
+class Cosine(Description):
     """``d = amplitude cos(frequency t + phase)``, each a scalar or (n,): eq. (37).
 
     Parameters
@@ -40,14 +40,9 @@ class Cosine:
         [rad].
     """
 
-    amplitude: ArrayLike
-    frequency: ArrayLike = 5.0 * np.pi
-    phase: ArrayLike = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("amplitude", "frequency", "phase"):
-            array = checks.floats(f"disturbance.{name}", getattr(self, name), max_ndim=1)
-            object.__setattr__(self, name, array)
+    amplitude: Annotated[ArrayLike, PerJoint("N m")]
+    frequency: Annotated[ArrayLike, PerJoint("rad/s")] = 5.0 * np.pi
+    phase: Annotated[ArrayLike, PerJoint("rad")] = 0.0
 
     def sample(self, t: FloatArray) -> FloatArray:
         """See `Disturbance.sample`."""
@@ -58,7 +53,7 @@ class Cosine:
 
 @described("pulse", "Disturbance")
 @dataclass(frozen=True, eq=False)
-class Pulse:
+class Pulse(Description):
     """A constant torque from `start` until just before `end`.
 
     Parameters
@@ -69,19 +64,15 @@ class Pulse:
         [s]; the whole run if not given.
     """
 
-    torque: ArrayLike
-    start: float = 0.0
-    end: float = np.inf
+    torque: Annotated[ArrayLike, PerJoint("N m")]
+    start: Annotated[float, Number("s")] = 0.0
+    end: Annotated[float, Number("s", finite=False)] = np.inf
 
     def __post_init__(self) -> None:
-        array = checks.floats("disturbance.torque", self.torque, max_ndim=1)
-        object.__setattr__(self, "torque", array)
-        start = checks.number("disturbance.start", self.start)
-        end = checks.number("disturbance.end", self.end, finite=False)
-        if end <= start:
-            raise checks.ArgumentError("disturbance.end", f"more than start ({start:g})", end)
-        object.__setattr__(self, "start", start)
-        object.__setattr__(self, "end", end)
+        super().__post_init__()
+        if self.end <= self.start:
+            expected = f"more than start ({self.start:g})"
+            raise checks.ArgumentError("disturbance.end", expected, self.end)
 
     def sample(self, t: FloatArray) -> FloatArray:
         """See `Disturbance.sample`."""
@@ -95,7 +86,7 @@ class Pulse:
 
 @described("sum", "Disturbance")
 @dataclass(frozen=True, eq=False)
-class Sum:
+class Sum(Description):
     """Several disturbances at once.
 
     Parameters
@@ -107,11 +98,9 @@ class Sum:
     parts: Sequence[Disturbance]
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.parts:
             raise checks.ArgumentError("disturbance.parts", "at least one disturbance", "none")
-        for part in self.parts:
-            checks.instance("disturbance.parts", part, Disturbance, "disturbances")
-        object.__setattr__(self, "parts", tuple(self.parts))
 
     def sample(self, t: FloatArray) -> FloatArray:
         """See `Disturbance.sample`."""

@@ -1,7 +1,5 @@
 """What would take more than there is, in memory or in time, is refused before it starts."""
 
-import dataclasses
-
 import pytest
 
 import fpid_pin as fp
@@ -83,10 +81,3 @@ def test_no_command_starts_what_it_cannot_end(
     assert message in err
     assert len(err.splitlines()) == 1
     assert [p.name for p in tmp_path.iterdir()] == ["large.toml"]
-
-
-def test_a_replay_of_more_frames_than_anybody_sees_is_refused(tmp_path):
-    run = fp.simulate(fp.paper_experiment(duration=20.0), LAW)
-    slow = dataclasses.replace(run, step=10.0)
-    with pytest.raises(ArgumentError, match=r"fps: expected at most 1e\+06 frames, got 6e\+06"):
-        fp.view.export_html(slow, tmp_path / "page.html")

@@ -2,16 +2,23 @@
 
 import dataclasses
 import json
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import fpid_pin as fp
 from fpid_pin import descriptions
+from fpid_pin.arms import Arm
+from fpid_pin.campaign import Distribution
+from fpid_pin.checks import Number, PerJoint, Whole
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.disturbances import Cosine, Disturbance, Pulse, Sum
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.references import Reference, Sinusoid
+from fpid_pin.fractional import Design
+from fpid_pin.references import Quintic, Reference, Sinusoid
 
 THINGS = [
     (fp.paper_experiment(), fp.Experiment),
@@ -62,19 +69,118 @@ def test_a_user_s_own_class_is_named_and_cannot_be_read_back():
         descriptions.from_dict(table, fp.Experiment)
 
 
+def lines_of(table, family, path=""):
+    faults = []
+    assert descriptions.build(table, family, path, faults) is None
+    return sorted(map(str, faults))
+
+
 def test_all_faults_of_a_table_are_found_at_once():
     table = descriptions.to_dict(fp.paper_controller())
-    table |= {"kq": 1.0, "integral_order": [0.9, 1.7], "name": 3}
-    table["supervisor"] = table["supervisor"] | {"m_x": True}
-    faults = []
-    descriptions.build(table, fp.Controller, "controller.0", faults)
-    lines = sorted(str(fault) for fault in faults)
-    assert [line.split(":")[0] for line in lines] == [
-        "controller.0.integral_order.1",
-        "controller.0.kq",
-        "controller.0.name",
-        "controller.0.supervisor.m_x",
+    table |= {"kq": 1.0, "integral_order": [0.9, 1.7], "name": 3, "regressors": "lwa"}
+    table["supervisor"] = table["supervisor"] | {"m_x": True, "target": -1}
+    del table["ki"]
+    lines = lines_of(table, fp.Controller, "controller.0")
+    unknown = lines.pop(2)
+    assert unknown.startswith("controller.0.kq: expected one of the keys scale, feedforward, ")
+    assert unknown.endswith(", got 'kq'")
+    assert lines == [
+        "controller.0.integral_order.1: expected a number in [0, 1], got 1.7",
+        "controller.0.ki: expected a value, got none",
+        "controller.0.name: expected a text, got 3",
+        "controller.0.regressors: expected one of law, integer, got 'lwa' (did you mean law?)",
+        "controller.0.supervisor.m_x: expected a number, got True",
+        "controller.0.supervisor.target: expected a number > 0, got -1",
     ]
+
+
+@pytest.mark.parametrize(
+    ("cls", "fields", "line"),
+    [
+        (fp.Plant, {"dry_friction": [1, -1]},
+         "plant.dry_friction.1: expected a number >= 0, got -1"),
+        (fp.Plant, {"viscous_friction": [1, 1], "dry_friction": [1, 1, 1]}, "plant.dry_friction: "
+         "expected one length for all joints, (2,) as viscous_friction, got (3,)"),
+        (Pulse, {"torque": 1, "start": 2, "end": 1},
+         "disturbance.end: expected more than start (2), got 1.0"),
+        (Quintic, {"start": 0, "end": 1, "duration": 0},
+         "reference.duration: expected a number > 0, got 0"),
+        (fp.Sensors, {"delay": 0.5}, "sensors.delay: expected a whole number, got 0.5"),
+        (fp.Sensors, {"velocity": "measure"}, "sensors.velocity: expected one of measured, "
+         "differentiated, got 'measure' (did you mean measured?)"),
+        (fp.Supervisor, {"m_x": 5, "reference_bound": 1, "weight": [1, 2]},
+         "supervisor.weight: expected shape (2, 2), got shape (2,)"),
+        (fp.Safeguards, {"maximum": [[1.0], [2.0]]},
+         "safeguards.maximum: expected shape (n,) or (3, n), got shape (2, 1)"),
+        (QuadraticCost, {"w1": -1}, "cost.w1: expected a number >= 0, got -1"),
+        (fp.Pid, {"kp": 1, "ki": [1, 1], "kd": [1, 1, 1]},
+         "kd: expected one length for all joints, (2,) as ki, got (3,)"),
+        (fp.ComputedTorque, {"scale": "inertial"},
+         "scale: expected one of none, inertia, got 'inertial' (did you mean inertia?)"),
+        (fp.ComputedTorque, {"scale": [1, 0]}, "scale.1: expected a number > 0, got 0"),
+    ],
+)  # fmt: skip
+def test_arguments_and_tables_are_refused_in_the_same_line(cls, fields, line):
+    with pytest.raises(ArgumentError) as caught:
+        cls(**fields)
+    assert str(caught.value) == line
+    path = cls._path
+    told = lines_of({"kind": cls._kind} | fields, cls, path)
+    assert told == [line]
+
+
+def test_every_number_of_a_built_in_kind_declares_its_check():
+    """So that a reference of the configuration can say its unit, default and bounds."""
+    families = (fp.Controller, Cost, Design, Disturbance, Distribution, Reference, fp.Experiment,
+                fp.Plant, fp.Sensors, fp.Supervisor, fp.Safeguards)  # fmt: skip
+    seen = set()
+    for family in families:
+        for kind, cls in descriptions.kinds(family).items():
+            if not cls.__module__.startswith("fpid_pin.") or issubclass(cls, Arm):
+                continue
+            for key in descriptions.keys(cls).values():
+                seen.add(f"{kind}.{key.name}")
+                text = key.plain is not None and key.name in ("name", "title")
+                assert key.checks or key.family or text, f"{kind}.{key.name}"
+    assert {"adaptive_fpid.kp", "pulse.end", "crone.n", "plant.arm", "uniform.low"} <= seen
+    kp, arm = descriptions.keys(fp.Pid)["kp"], descriptions.keys(fp.Plant)["arm"]
+    assert (kp.checks[0].unit, kp.checks[0].bounds, kp.required) == ("N m/rad", {"low": 0.0}, True)
+    assert (arm.family, arm.optional, arm.default) == (Arm, True, None)
+
+
+def test_a_law_of_one_s_own_may_declare_checks_or_none():
+    class Solver:
+        pass
+
+    @dataclass(frozen=True, eq=False)
+    class Own(fp.Controller):
+        kp: ArrayLike
+        gain: Annotated[ArrayLike, PerJoint("N m", low=0.0)]
+        solver: Solver  # a name that only this function knows
+        count: Annotated[int, Whole(low=1)] = 3
+        rate: float = 1.0
+
+    own = Own(kp=[-1, 2], gain=[1, 2], solver=None, rate=(1.0, 2.0))
+    assert own.kp == [-1, 2]
+    assert own.rate == (1.0, 2.0)
+    with pytest.raises(ArgumentError, match="observer: expected a number >= 0, got -1"):
+        dataclasses.replace(own, observer=-1)
+
+    @dataclass(frozen=True, eq=False)
+    class Checked(fp.Controller):
+        gain: Annotated[ArrayLike, PerJoint("N m", low=0.0)]
+        count: Annotated[int, Whole(low=1)] = 3
+        width: Annotated[float | None, Number("s", above=0.0)] = None
+
+    assert not Checked([1, 2]).gain.flags.writeable
+    for changes, line in [
+        ({"gain": (1.0, -1.0)}, "gain.1: expected a number >= 0, got -1"),
+        ({"count": 0}, "count: expected a whole number >= 1, got 0"),
+        ({"width": 0}, "width: expected a number > 0, got 0"),
+    ]:
+        with pytest.raises(ArgumentError) as caught:
+            Checked(**({"gain": 1.0} | changes))
+        assert str(caught.value) == line
 
 
 def test_families_are_kept_apart():

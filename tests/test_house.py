@@ -32,8 +32,8 @@ TIERS = [
     {"cli"},
 ]
 HEAVY = (
-    "matplotlib", "pymoo", "meshcat", "example_robot_data", "pydantic", "typer", "rich",
-    "scipy", "control", "sympy", "tornado", "numba",
+    "matplotlib", "pymoo", "meshcat", "example_robot_data", "typer", "rich",
+    "scipy", "sympy", "tornado", "numba",
 )  # fmt: skip
 
 

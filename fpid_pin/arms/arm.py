@@ -2,35 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import Any, Self
 
 from fpid_pin import checks
-from fpid_pin.arms import change
-from fpid_pin.arms.chain import require_regular, require_serial
-from fpid_pin.arms.inertia import perturbed_rows
-from fpid_pin.arms.making import Making
-from fpid_pin.arms.rigid_body import RigidBody
-from fpid_pin.arms.source import Parts, Source
+from fpid_pin.arms.changes import ArmChanges
+from fpid_pin.arms.constructors import ArmConstructors
+from fpid_pin.arms.rigid_body import RigidBody, require_regular
+from fpid_pin.arms.shapes import geometry_of
+from fpid_pin.arms.spec import ArmSpec
 from fpid_pin.checks import FloatArray
+from fpid_pin.text import cut
 
-# Fields of an arm that are one number a joint, in their order; `home` follows them.
-_ARRAYS = (
-    "lower", "upper", "effort_limit", "velocity_limit", "viscous_friction", "dry_friction",
-)  # fmt: skip
+#: Fields of an arm that are one number a joint, and a joint's own name for each.
+_COLUMNS = {
+    "lower": "lower", "upper": "upper", "effort_limit": "effort", "velocity_limit": "velocity",
+    "viscous_friction": "damping", "dry_friction": "friction",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Arm(RigidBody, Making):
+class Arm(RigidBody, ArmConstructors, ArmChanges):
     """A robot arm with n revolute or prismatic joints; immutable and picklable.
 
-    Made by `two_link`, `planar`, `from_file`, `from_model` and their kin (see `Making`), and from
-    other arms by `with_payload` and its kin. What is an angle [rad] or a torque [N m] below is a
-    length [m] or a force [N] for a prismatic joint: see `units`. The rigid-body terms are those of
+    Made by `two_link`, `planar`, `from_file`, `from_model` and their kin (see `ArmConstructors`),
+    and from other arms by `with_payload` and its kin. What is an angle [rad] or a torque [N m]
+    below is a length [m] or a force [N] for a prismatic joint: see `units`. The rigid-body terms
+    are those of
 
         M(q) q'' + C(q, q') q' + G(q) = tau                                             (5)
 
@@ -62,31 +61,25 @@ class Arm(RigidBody, Making):
     viscous_friction: FloatArray
     dry_friction: FloatArray
     home: FloatArray
-    _source: Source
-    _changes: tuple[change.Change, ...] = ()
+    _spec: ArmSpec
+    _origin: Mapping[str, Any] | None = None
+    _changes: tuple[Mapping[str, Any], ...] = ()
 
     # ------------------------------------------------------------------ what it is
 
     @property
     def credit(self) -> str:
         """Origin and licence of the arm's description, where known."""
-        return self._source.credit
+        return self._spec.credit
 
     def __repr__(self) -> str:
-        changes = "".join(f" + {item.name}" for item in self._changes)
+        changes = "".join(f" + {name}" for change in self._changes for name in change)
         return f"<Arm {self.name}{changes}, {self.n} joints>"
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Arm):
             return NotImplemented
-        if self is other:
-            return True
-        return (
-            (self.name, self.joint_names, self.tool) == (other.name, other.joint_names, other.tool)
-            and all(np.array_equal(getattr(self, a), getattr(other, a)) for a in (*_ARRAYS, "home"))
-            and self.dynamics_key() == other.dynamics_key()
-            and bool(self.model == other.model)
-        )
+        return self._spec == other._spec
 
     def __hash__(self) -> int:
         return hash((self.name, self.joint_names))
@@ -103,90 +96,6 @@ class Arm(RigidBody, Making):
             return self.joint_names.index(checks.choice("joint", joint, self.joint_names))
         return checks.integer("joint", joint, low=0, high=self.n - 1)
 
-    # ------------------------------------------------------------------ other arms
-
-    def with_payload(
-        self,
-        mass: float,
-        com: ArrayLike = (0.0, 0.0, 0.0),
-        frame: str | None = None,
-        inertia: ArrayLike | None = None,
-    ) -> Arm:
-        """Return the arm holding a body, `mass` [kg], at `com` [m] of `frame` (None: the tool's).
-
-        `inertia` is the body's (3, 3) rotational inertia about its centre of mass; None: a point.
-        """
-        return self._changed(change.Payload(mass, com, frame, inertia))
-
-    def with_friction(self, viscous: ArrayLike | None = None, dry: ArrayLike | None = None) -> Arm:
-        """Return the arm with other F_v [N m s/rad] or F_d [N m]; what is None stays."""
-        return self._changed(change.Friction(viscous, dry))
-
-    def with_limits(
-        self, effort: ArrayLike | None = None, velocity: ArrayLike | None = None
-    ) -> Arm:
-        """Return the arm with other effort [N m] or velocity [rad/s] limits; 0 or inf: none."""
-        return self._changed(change.Limits(effort, velocity))
-
-    def with_gravity(self, gravity: ArrayLike) -> Arm:
-        """Return the arm under another gravity [m/s^2]: a number (along -z) or (3,)."""
-        return self._changed(change.Gravity(gravity))
-
-    def with_armature(self, armature: ArrayLike) -> Arm:
-        """Return the arm with other rotor inertias [kg m^2], seen at the joint."""
-        return self._changed(change.Armature(armature))
-
-    def with_scaled_links(self, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0) -> Arm:
-        """Return the arm with heavier or lighter links, each by a factor > 0, a scalar or (n,).
-
-        `mass` scales a link's density, and with it its rotational inertia, which `inertia` scales
-        further. Centres of mass stay; what is made is physically consistent if this arm is.
-        """
-        return self._changed(change.ScaledLinks(mass, inertia))
-
-    def with_changes(self, *changes: change.Change) -> Arm:
-        """Return the arm with several changes of `fpid_pin.arms.change`, made at once, in order."""
-        return self._changed(*changes)
-
-    def perturbed(
-        self,
-        rng: np.random.Generator,
-        mass: float = 0.2,
-        com: float = 0.0,
-        inertia: float = 0.0,
-        friction: float = 0.0,
-    ) -> Arm:
-        """Return an arm whose true parameters differ from this one's, at random.
-
-        Parameters
-        ----------
-        rng
-            Where chance comes from; the same state gives the same arm.
-        mass
-            Relative spread of each link's mass (and of its rotational inertia with it), in [0, 1).
-        com
-            Each centre of mass moves by up to this much along each axis [m].
-        inertia
-            Further relative spread of the rotational inertia about the centre of mass, in [0, 1).
-        friction
-            Relative spread of F_v and F_d per joint, in [0, 1].
-
-        Notes
-        -----
-        All spreads are uniform. Whatever is drawn is physically consistent if this arm is.
-        """
-        checks.instance("rng", rng, np.random.Generator, "a numpy.random.Generator")
-        for name, value in (("mass", mass), ("inertia", inertia), ("friction", friction)):
-            checks.number(name, value, low=0.0, high=1.0 if name == "friction" else 1.0 - 1e-9)
-        checks.number("com", com, low=0.0)
-        rows = perturbed_rows(self.model, rng, mass, com, inertia)
-        arm = self._changed(change.Inertias(rows))
-        if friction:
-            scale = rng.uniform(1.0 - friction, 1.0 + friction, (2, self.n))
-            viscous, dry = scale[0] * self.viscous_friction, scale[1] * self.dry_friction
-            arm = arm.with_friction(viscous, dry)
-        return arm
-
     def visual(self) -> tuple[Any, Any]:
         """Return (model, visual ``pinocchio.GeometryModel``) for a viewer, loaded on first use.
 
@@ -196,43 +105,41 @@ class Arm(RigidBody, Making):
             Once, when meshes are missing; the geometry is then incomplete.
         """
         if "visual" not in self._cache:
-            self._cache["visual"] = self._source.visual(self.model)
-        model, geometry = self._cache["visual"]
-        return model, geometry.copy()
+            self._cache["visual"] = geometry_of(self._spec.shapes, cut(self.name))
+        return self.model, self._cache["visual"].copy()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the table that `fpid_pin.descriptions.from_dict` rebuilds the arm from."""
-        table = {"kind": self._source.kind, **self._source.table()}
-        if self._changes:
-            table["changes"] = [item.table() for item in self._changes]
-        return table
+        if self._origin is None:
+            # Changes are in its numbers.
+            return {"kind": "model", **self._spec.table()}
+        table = dict(self._origin)
+        return table | {"changes": list(self._changes)} if self._changes else table
 
     @classmethod
-    def _assembled(cls, source: Source) -> Arm:
-        return assemble(source)
+    def _assembled(cls, spec: ArmSpec, origin: Mapping[str, Any] | None = None) -> Self:
+        model = spec.model()
+        require_regular(model, spec.name, spec.pose)
+        return cls._of(spec, model, origin, ())
 
-    def _changed(self, *items: change.Change) -> Arm:
-        own = {name: getattr(self, name) for name in (*_ARRAYS, "home", "tool")}
-        parts = Parts(self.model.copy(), self.name, **own)
-        for item in items:
-            item.apply(parts)
-        return _finish(parts, self._source, (*self._changes, *items))
+    def _changed(self, spec: ArmSpec, change: Mapping[str, Any]) -> Self:
+        model = self.model.copy()
+        spec.fill(model)
+        return self._of(spec, model, self._origin, (*self._changes, change))
 
-
-def assemble(source: Source, changes: Sequence[change.Change] = ()) -> Arm:
-    """Build an arm from its source and changes, with every check."""
-    parts = source.build()
-    require_serial(parts.model, parts.name)
-    parts.settle()
-    require_regular(parts.model, parts.name, parts.home)
-    for item in changes:
-        item.apply(parts)
-    return _finish(parts, source, tuple(changes))
-
-
-def _finish(parts: Parts, source: Source, changes: tuple[change.Change, ...]) -> Arm:
-    home, tool = parts.settle()
-    names = tuple(str(name) for name in list(parts.model.names)[1:])
-    arrays: dict[str, Any] = {name: checks.read_only(getattr(parts, name)) for name in _ARRAYS}
-    arrays |= {"home": checks.read_only(home), "_source": source, "_changes": changes}
-    return Arm(parts.model, parts.name, names, tool, **arrays)
+    @classmethod
+    def _of(
+        cls,
+        spec: ArmSpec,
+        model: Any,
+        origin: Mapping[str, Any] | None,
+        changes: tuple[Mapping[str, Any], ...],
+    ) -> Self:
+        columns: dict[str, Any] = {
+            name: checks.read_only(spec.column(key)) for name, key in _COLUMNS.items()
+        }
+        return cls(
+            model, spec.name, tuple(joint.name for joint in spec.joints), spec.tool_frame,
+            **columns, home=checks.read_only(spec.pose), _spec=spec, _origin=origin,
+            _changes=changes,
+        )  # fmt: skip

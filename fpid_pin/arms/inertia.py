@@ -1,39 +1,149 @@
-"""A link's inertia as ten numbers, and links whose inertia is not what the model says."""
+"""A link's inertia as ten numbers, whether a body could have it, and links drawn at random."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArmError
+from fpid_pin.text import named
+
+#: Of a row: xx, xy, xz, xy, yy, ... of the symmetric matrix.
+_ENTRIES = [4, 5, 7, 5, 6, 8, 7, 8, 9]
+#: Part of the largest principal moment by which the others may fall short: files are rounded, some
+#: to three digits.
+_ROUNDING = 1e-2
 
 
-def inertia_of(row: FloatArray) -> Any:
-    """Build a ``pinocchio.Inertia`` from its ten numbers (see `fpid_pin.arms.change.Inertias`)."""
-    mass, cx, cy, cz, xx, xy, yy, xz, yz, zz = (float(x) for x in row)
-    matrix = np.array(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)))
-    return pin.Inertia(mass, np.array((cx, cy, cz)), matrix)
+def inertia_of(row: Sequence[float] | FloatArray) -> Any:
+    """Build a ``pinocchio.Inertia`` from its ten numbers (see `fpid_pin.arms.spec.Joint`)."""
+    numbers = np.asarray(row, dtype=np.float64)
+    inertia = pin.Inertia(float(numbers[0]), np.array(numbers[1:4]), np.eye(3))
+    # Afterwards, and so without a check: what is asked for may be no body's.
+    inertia.inertia = numbers[_ENTRIES].reshape(3, 3)
+    return inertia
 
 
-def row_of(inertia: Any) -> list[float]:
-    """Return the ten numbers of a ``pinocchio.Inertia`` (see `fpid_pin.arms.change.Inertias`)."""
+def row_of(inertia: Any) -> tuple[float, ...]:
+    """Return the ten numbers of a ``pinocchio.Inertia``."""
     matrix, lever = np.array(inertia.inertia), np.array(inertia.lever)
     about = matrix[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
-    return [float(x) for x in (inertia.mass, *lever, *about)]
+    return tuple(float(x) for x in (inertia.mass, *lever, *about))
 
 
-def scaled_rows(model: Any, mass: FloatArray, inertia: FloatArray) -> FloatArray:
-    """Return the links' ten numbers with masses, and rotational inertias again, times (n,)."""
-    rows = np.array([row_of(body) for body in list(model.inertias)[1:]])
-    rows[:, 0] *= mass
-    rows[:, 4:] *= np.multiply(mass, inertia)[:, None]
-    return rows
+def moved(row: Sequence[float], place: Any) -> tuple[float, ...]:
+    """Return the row in another frame, in which its own is at `place`, a ``pinocchio.SE3``."""
+    if not any(row) or place.isIdentity(0.0):
+        return tuple(row)
+    numbers, turn = np.asarray(row), np.array(place.rotation)
+    com = turn @ numbers[1:4] + np.array(place.translation)
+    about = turn @ numbers[_ENTRIES].reshape(3, 3) @ turn.T
+    return (*row[:1], *com.tolist(), *about[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)].tolist())
+
+
+def summed(rows: Sequence[Sequence[float]]) -> tuple[float, ...]:
+    """Return the row of several bodies together; of one alone, to the last bit, its own."""
+    heavy = [row for row in rows if any(row)]
+    if len(heavy) < 2:
+        return tuple((heavy or [(0.0,) * 10])[0])
+    total = inertia_of(heavy[0])
+    for row in heavy[1:]:
+        total = total + inertia_of(row)
+    return row_of(total)
+
+
+def require_physical(names: Sequence[str], rows: FloatArray, label: str) -> None:
+    """Refuse masses and inertias that no body has.
+
+    A mass is not negative. Neither are the principal moments of inertia, and none is larger than
+    the sum of the other two: Ixx + Iyy - Izz is twice an integral of z^2.
+
+    Parameters
+    ----------
+    names
+        Of the links.
+    rows
+        (L, 10), as in `fpid_pin.arms.spec.Joint`.
+    label
+        What to call the arm.
+
+    Raises
+    ------
+    ArmError
+        Naming the first link at fault.
+    """
+    bad = ~np.isfinite(rows).all(axis=1)
+    if bad.any():
+        raise ArmError(
+            f"{label}: link {named(names[int(np.argmax(bad))])}: expected a finite mass and "
+            "inertia, got NaN or inf"
+        )
+    light = rows[:, 0] < 0.0
+    if light.any():
+        k = int(np.argmax(light))
+        raise ArmError(
+            f"{label}: link {named(names[k])}: expected a mass >= 0 [kg], got {rows[k, 0]:g}"
+        )
+    bad = impossible(rows)
+    if bad.any():
+        k = int(np.argmax(bad))
+        got = ", ".join(f"{moment:.4g}" for moment in _moments(rows[k])[0])
+        raise ArmError(
+            f"{label}: link {named(names[k])}: expected principal moments of inertia >= 0 [kg m^2] "
+            f'with none above the sum of the others, got {got} (inertia="nearest" takes the '
+            'closest that a body can have, "accept" these)'
+        )
+
+
+def impossible(rows: FloatArray, rounding: float = _ROUNDING) -> NDArray[np.bool_]:
+    """Return which rows, (L, 10), have a rotational inertia that no body has, (L,)."""
+    matrices = rows[:, _ENTRIES].reshape(-1, 3, 3)
+    # To one scale: the largest doubles would overflow on the way to their eigenvalues.
+    sizes = np.abs(matrices).max(axis=(1, 2))
+    moments = np.linalg.eigvalsh(matrices / np.where(sizes > 0.0, sizes, 1.0)[:, None, None])
+    low, middle, high = moments.T
+    bad = np.minimum(low, low + middle - high) < -rounding * high
+    # Rounding makes no sign.
+    return np.asarray(bad | (np.diagonal(matrices, axis1=1, axis2=2) < 0.0).any(axis=1))
+
+
+def nearest_possible(row: Sequence[float]) -> tuple[tuple[float, ...], float]:
+    """Return the row with the closest rotational inertia that a body can have, and how far it is.
+
+    With second moments s_k >= 0 about the centre of mass, the principal moments are
+    s_2 + s_3, s_1 + s_3, s_1 + s_2. Closest is in Frobenius' norm, which leaves the principal axes
+    as they are; the distance is relative to the norm of the given inertia.
+    """
+    from scipy.optimize import nnls
+
+    moments, axes = _moments(row)
+    to_moments = 1.0 - np.eye(3)
+    second, distance = nnls(to_moments, moments)
+    matrix = axes @ np.diag(to_moments @ second) @ axes.T
+    about = matrix[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)].tolist()
+    return (*row[:4], *about), float(distance / np.linalg.norm(moments))
+
+
+def _moments(row: Any) -> tuple[FloatArray, FloatArray]:
+    values, axes = np.linalg.eigh(np.asarray(row)[_ENTRIES].reshape(3, 3))
+    return values, axes
+
+
+def scaled_rows(rows: FloatArray, mass: Any, inertia: Any) -> FloatArray:
+    """Return links' numbers, (n, 10), with masses, and rotational inertias again, times (n,)."""
+    scaled = np.array(rows)
+    scaled[:, 0] *= mass
+    scaled[:, 4:] *= np.multiply(mass, inertia)[:, None]
+    return scaled
 
 
 def perturbed_rows(
-    model: Any, rng: np.random.Generator, mass: float, com: float, inertia: float
+    rows: FloatArray, rng: np.random.Generator, mass: float, com: float, inertia: float
 ) -> FloatArray:
     """Draw other inertias for every link, physically consistent by construction.
 
@@ -42,10 +152,10 @@ def perturbed_rows(
     U(1 - inertia, 1 + inertia), and the centre of mass moves by U(-com, com) [m] along each axis.
     Scaling and moving keep principal moments positive and within the triangle inequality.
     """
-    n = len(model.inertias) - 1
+    n = len(rows)
     scale = rng.uniform(1.0 - mass, 1.0 + mass, n)
     shift = rng.uniform(-com, com, (n, 3))
     size = rng.uniform(1.0 - inertia, 1.0 + inertia, n)
-    rows = scaled_rows(model, scale, size)
-    rows[:, 1:4] += shift
-    return rows
+    drawn = scaled_rows(rows, scale, size)
+    drawn[:, 1:4] += shift
+    return drawn

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArmError
-from fpid_pin.text import cut, named
 
+Numbers = tuple[float, ...]
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
 #: Of a coordinate, by the kind of its joint; an effort is [N m] or [N].
 UNITS = {REVOLUTE: "rad", PRISMATIC: "m"}
@@ -22,10 +22,9 @@ _ALIGNED = {
     REVOLUTE: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
     PRISMATIC: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
 }
-_WORDS = {
-    "FreeFlyer": "a free joint (an arm's base is fixed)",
-    "Composite": "several joints in one (put a body between them)",
-    "Mimic": "one that mimics another (lock it)",
+_UNALIGNED = {
+    REVOLUTE: pin.JointModelRevoluteUnaligned,
+    PRISMATIC: pin.JointModelPrismaticUnaligned,
 }
 
 
@@ -56,33 +55,30 @@ def joint_model(kind: str, axis: FloatArray) -> Any:
         # Pinocchio has faster code for these.
         if np.array_equal(axis, np.eye(3)[k]):
             return aligned()
-    unaligned = {
-        REVOLUTE: pin.JointModelRevoluteUnaligned,
-        PRISMATIC: pin.JointModelPrismaticUnaligned,
-    }
-    return unaligned[kind](axis)
+    return _UNALIGNED[kind](axis)
 
 
-def require_one_axis(model: Any, label: str) -> None:
-    """Refuse, by name, a joint that neither turns about nor slides along one axis.
+def displacement(kind: str, axis: FloatArray, value: float) -> Any:
+    """Return where a joint takes its frame at a value [rad] or [m], a ``pinocchio.SE3``."""
+    if kind == PRISMATIC:
+        return pin.SE3(np.eye(3), value * axis)
+    return pin.SE3(pin.AngleAxis(value, axis).matrix(), np.zeros(3))
 
-    Raises
-    ------
-    ArmError
-        Also where such an axis is not a unit vector: its coordinate would not be an angle or a
-        length.
-    """
-    for k in range(1, model.njoints):
-        joint, name = model.joints[k], named(str(model.names[k]))
-        kind = kind_of(joint)
-        if kind not in UNITS:
-            raise ArmError(
-                f"{cut(label)}: joint {name}: expected revolute, continuous or prismatic, got "
-                f"{_WORDS.get(kind, kind)}"
-            )
-        axis = axis_of(joint)
-        if not abs(np.linalg.norm(axis) - 1.0) < 1e-6:
-            raise ArmError(
-                f"{cut(label)}: joint {name}: expected a unit vector as its axis, got "
-                f"{axis.tolist()}"
-            )
+
+def rows_of(placement: Any) -> tuple[Numbers, ...]:
+    """Return a ``pinocchio.SE3`` as the upper three rows of its (4, 4) matrix."""
+    return tuple(tuple(row) for row in np.asarray(placement.homogeneous)[:3].tolist())
+
+
+def placement_of(rows: Sequence[Sequence[float]]) -> Any:
+    """Build a ``pinocchio.SE3`` from three rows of four numbers."""
+    matrix = np.array(rows)
+    return pin.SE3(np.array(matrix[:, :3]), np.array(matrix[:, 3]))
+
+
+def link_of(model: Any, joint: int) -> str:
+    """Return the name of the link that `joint` moves."""
+    for frame in model.frames:
+        if frame.parentJoint == joint and frame.type == pin.FrameType.BODY:
+            return str(frame.name)
+    return str(model.names[joint])

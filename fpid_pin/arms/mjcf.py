@@ -1,188 +1,298 @@
-"""Reading an arm from MuJoCo's MJCF, by Pinocchio's parser."""
+"""Reading MJCF: MuJoCo's own compiler resolves it, and the compiled model becomes a tree."""
 
 from __future__ import annotations
 
-import warnings
-import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from fpid_pin.arms.mjcf_base import put_base, require_one_base
-from fpid_pin.arms.mjcf_limits import mend_limits
-from fpid_pin.arms.model import ModelSource
-from fpid_pin.arms.physical import require_physical
-from fpid_pin.arms.pinocchio_model import source_of
-from fpid_pin.arms.source import one_line
-from fpid_pin.arms.urdf_bare import numbers
-from fpid_pin.arms.xml_text import parse_xml, read_text, require_root
-from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArmError, FpidWarning
-from fpid_pin.text import cut, named
+from fpid_pin import checks
+from fpid_pin.arms.inertia import moved
+from fpid_pin.arms.joints import PRISMATIC, REVOLUTE, UNITS, Numbers, displacement, rows_of
+from fpid_pin.arms.pinocchio_model import limit_of, own_name
+from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_root
+from fpid_pin.arms.shapes import Shape
+from fpid_pin.arms.spec import Frame, Joint
+from fpid_pin.arms.tree import Body, Keep, Tree
+from fpid_pin.exceptions import ArmError
+from fpid_pin.extras import needed
+from fpid_pin.text import cut, listed
 
-#: Elements that stand for others; Pinocchio's parser would pass them over in silence.
-_UNWRITTEN = ("include", "frame", "replicate", "attach", "composite", "flexcomp")
-#: Settings of the compiler that change masses or limits, which the parser does not do (Pinocchio
-#: 4.1); and what they are where they change nothing.
-_COMPILER = (
-    "settotalmass", "boundmass", "boundinertia", "balanceinertia", "inertiagrouprange",
-    "inertiafromgeom", "autolimits", "coordinate",
-)  # fmt: skip
-_NOTHING = {"inertiafromgeom": ("auto", "false"), "autolimits": ("true",)}
-_Counts = dict[str, tuple[int, ...]]
-_PLACE: _Counts = {
-    "pos": (3,),
-    "quat": (4,),
-    "euler": (3,),
-    "axisangle": (4,),
-    "xyaxes": (6,),
-    "zaxis": (3,),
-}
-#: Attributes that are numbers, and how many; the parser would take what memory holds for others.
-_NUMBERS: dict[str, _Counts] = {
-    "option": {"gravity": (3,)},
-    "body": _PLACE,
-    "geom": _PLACE
-    | {"size": (1, 2, 3), "fromto": (6,), "mass": (1,), "density": (1,), "rgba": (4,)},
-    "site": _PLACE,
-    "inertial": _PLACE | {"mass": (1,), "diaginertia": (3,), "fullinertia": (6,)},
-    "joint": {
-        "axis": (3,), "pos": (3,), "range": (2,), "actuatorfrcrange": (2,), "damping": (1,),
-        "frictionloss": (1,), "armature": (1,), "stiffness": (1,), "ref": (1,),
-    },
-}  # fmt: skip
-_NEVER_NEGATIVE = ("damping", "frictionloss", "armature", "density")
-_FULL = (0, 3, 4, 3, 1, 5, 4, 5, 2)
+#: By MuJoCo's enumerations mjtJoint and mjtGeom.
+_KINDS = ("a free joint (an arm's base is fixed)", "a ball joint", PRISMATIC, REVOLUTE)
+_SOLIDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
+#: Groups of geoms that MuJoCo's viewers show at first; the others are for contacts.
+_SHOWN = 2
+#: Transmissions (mjtTrn) to a joint; an activation (mjtDyn) that stays within the control's range.
+_TO_JOINT, _BOUNDED = (0, 1), (0, 2, 3)
+Span = tuple[float, float]
+_ANY: Span = (-np.inf, np.inf)
 
 
-def read_mjcf(
-    path: str | Path, lock: Mapping[str, float] | None, gravity: ArrayLike | None
-) -> ModelSource:
-    """Read an MJCF file; see `Arm.from_mjcf`."""
+def mjcf_tree(path: str | Path, arm: str | None = None, keep: Keep | None = None) -> Tree:
+    """Read an MJCF file as MuJoCo does.
+
+    Parameters
+    ----------
+    path
+        The file.
+    arm
+        The body at the arm's base; None: the one that holds the link `keep`, else the only one
+        that stands in the world and has joints.
+
+    Raises
+    ------
+    FpidError
+        MuJoCo is not installed; what it refuses; a world of no arm or several.
+    """
     label = cut(str(path))
-    root = parse_xml(read_text(path, "MJCF"), label)
-    require_root(root, "mujoco", label)
-    _require_written_out(root, label)
-    require_one_base(root, label)
-    _require_numbers(root, label)
-    _require_inertias(root, label)
-    with one_line(label, "Pinocchio cannot build it"):
-        model = pin.buildModelFromMJCF(str(path))
-    mend_limits(model, root)
-    geometry = _geometry(model, path, label)
-    put_base(model, geometry, root, label)
-    option = root.find("option")
-    if gravity is None:
-        # The parser leaves its own.
-        given = None if option is None else option.get("gravity")
-        gravity = (0.0, 0.0, -9.81) if given is None else np.array(numbers(given))
-    source = source_of(model, label=label, lock=lock, gravity=gravity, geometry=geometry)
-    _say_what_is_left_out(root, label)
-    return source
+    require_root(parse_xml(read_robot(path, "MJCF"), label), "mujoco", label)
+    mujoco = needed("mujoco", "mujoco")
+    with one_line(f"{label}: MuJoCo cannot compile it"):
+        model = mujoco.MjModel.from_xml_path(str(path))
+    off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    gravity = (0.0,) * 3 if off else _floats(model.opt.gravity)
+    return _Reader(model, label, gravity).tree(arm, keep)
 
 
-def _require_written_out(root: ET.Element, label: str) -> None:
-    for element in root.iter():
-        if element.tag in _UNWRITTEN:
-            raise ArmError(
-                f"{label}: expected a model that is written out, got <{element.tag}> (MuJoCo's "
-                "mj_saveLastXML writes one)"
-            )
-    for compiler in root.findall("compiler"):
-        for key in _COMPILER:
-            value = compiler.get(key)
-            if value not in (None, *_NOTHING.get(key, ("false", "0", "-1", "local"))):
+class _Reader:
+    """Reads a compiled model, an ``MjModel``."""
+
+    def __init__(self, model: Any, label: str, gravity: Numbers) -> None:
+        self.model = model
+        self.bodies = [model.body(k).name or f"body{k}" for k in range(model.nbody)]
+        # The names of a compiled model begin with its own.
+        name = bytes(model.names).partition(b"\0")[0].decode()
+        unnamed = name in ("", "MuJoCo Model")
+        self.result = Tree(label, Path(label).stem if unnamed else name, gravity)
+        #: Of each body: which joint carries it, and where on it.
+        self.at: dict[int, tuple[int, Any]] = {0: (-1, pin.SE3.Identity())}
+        #: Pose of the key frame called home.
+        keys = [k for k in range(model.nkey) if model.key(k).name == "home"]
+        self.home = model.key_qpos[keys[0]] if keys else None
+
+    def tree(self, arm: str | None, keep: Keep | None) -> Tree:
+        model, tree = self.model, self.result
+        base = self._base(arm, keep)
+        for body in self._above(base):
+            carrier, place = self.at[model.body_parentid[body]]
+            self.at[body] = carrier, place * _pose(model.body_pos[body], model.body_quat[body])
+        taken = {self._joint_name(j) for j in range(model.njnt)}
+        for body in range(base, model.nbody):
+            if base in self._above(body):
+                self._add_body(body, taken)
+        for site in range(model.nsite):
+            if (body := int(model.site_bodyid[site])) in self.at and body >= base:
+                joint, place = self.at[body]
+                name = own_name(model.site(site).name, "site", taken)
+                rows = rows_of(place * _pose(model.site_pos[site], model.site_quat[site]))
+                tree.frames.append(Frame(name, joint, "frame", rows))
+        for geom in range(model.ngeom):
+            if int(model.geom_bodyid[geom]) in self.at and int(model.geom_bodyid[geom]) >= base:
+                tree.shapes += self._shapes(geom)
+        tree.tool = "tool" if any(frame.name == "tool" for frame in tree.frames) else None
+        self._say_what_is_left_out()
+        return tree
+
+    def _above(self, body: int) -> list[int]:
+        """Return the bodies from the world, which is not among them, to this one."""
+        path = list[int]()
+        while body:
+            path.append(body)
+            body = int(self.model.body_parentid[body])
+        return path[::-1]
+
+    # ------------------------------------------------------------------ the arm in a scene
+
+    def _base(self, arm: str | None, keep: Keep | None) -> int:
+        model, names, label = self.model, self.bodies, self.result.label
+        roots = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
+        moving = {
+            root: [int(model.jnt_type[j]) for j in range(model.njnt)
+                   if model.body_rootid[model.jnt_bodyid[j]] == root]
+            for root in roots
+        }  # fmt: skip
+        if arm is not None:
+            base = names.index(checks.choice("arm", arm, names[1:]))
+        elif isinstance(keep, str) and keep in names:
+            base = int(model.body_rootid[names.index(keep)])
+        else:
+            fixed = [root for root in roots if moving[root] and 0 not in moving[root]]
+            found = fixed or [root for root in roots if moving[root]]
+            if len(found) != 1:
+                some = f"{len(found)}: {listed(names[b] for b in found)}" if found else "none"
                 raise ArmError(
-                    f"{label}: <compiler>: expected no {key}, which is not done here, got "
-                    f"{named(value)}"
+                    f"{label}: expected one body in the world with joints, got {some}"
+                    + (" (arm names the base of one, or keep its tip)" if found else "")
                 )
+            base = found[0]
+        root = int(model.body_rootid[base])
+        out = [b for b in roots if b != root and (moving[b] or model.body_mocapid[b] >= 0)]
+        if out:
+            self._left_out(f"other bodies that move: {listed(names[b] for b in out)}")
+        return base
 
+    # ------------------------------------------------------------------ bodies and joints
 
-def _require_numbers(root: ET.Element, label: str) -> None:
-    for element in root.iter():
-        for key, counts in _NUMBERS.get(str(element.tag), {}).items():
-            text = element.get(key)
-            if text is None:
-                continue
-            values = numbers(text) or []
-            where = f"{label}: {element.tag} {named(element.get('name', ''))}"
-            if len(values) not in counts or not np.isfinite(values).all():
-                count = " or ".join(map(str, counts))
-                raise ArmError(f"{where}: expected {count} number(s) in {key}, got {named(text)}")
-            if key in _NEVER_NEGATIVE and values[0] < 0.0:
-                raise ArmError(f"{where}: expected {key} >= 0, got {values[0]:g}")
-            if key == "ref" and values[0] != 0.0:
-                raise ArmError(
-                    f"{where}: expected angles from the drawn pose on, got ref {named(text)}"
-                )
-            if key == "axis" and not np.linalg.norm(values) > 1e-9:
-                raise ArmError(f"{where}: expected a direction in axis, got {named(text)}")
+    def _add_body(self, body: int, taken: set[str]) -> None:
+        model, tree = self.model, self.result
+        carrier, place = self.at[int(model.body_parentid[body])]
+        place = place * _pose(model.body_pos[body], model.body_quat[body])
+        first = int(model.body_jntadr[body])
+        for j in range(first, first + int(model.body_jntnum[body])):
+            # The joint's frame is the body's, moved to where the joint is.
+            to_joint = pin.SE3(np.eye(3), np.array(model.jnt_pos[j]))
+            joint = self._joint(j, rows_of(place * to_joint))
+            tree.joints.append(joint)
+            tree.parents.append(carrier)
+            # A coordinate is measured from qpos0, where the file draws the body.
+            drawn = float(model.qpos0[model.jnt_qposadr[j]]) if joint.kind in UNITS else 0.0
+            tree.rest.append(drawn)
+            carrier = len(tree.joints) - 1
+            back = displacement(joint.kind, np.array(joint.axis), -drawn)
+            place = back * to_joint.inverse()
+            if self.home is not None and joint.kind in UNITS:
+                tree.home[joint.name] = float(self.home[model.jnt_qposadr[j]])
+        self.at[body] = carrier, place
+        xx, yy, zz = (float(x) for x in model.body_inertia[body])
+        principal = (float(model.body_mass[body]), 0.0, 0.0, 0.0, xx, 0.0, yy, 0.0, 0.0, zz)
+        inertia = moved(principal, place * _pose(model.body_ipos[body], model.body_iquat[body]))
+        name = self.bodies[body]
+        tree.bodies.append(Body(name, carrier, inertia))
+        tree.frames.append(Frame(own_name(name, "link", taken), carrier, "link", rows_of(place)))
+        if model.body_gravcomp[body] and carrier >= 0:
+            tree.remark(name, "left out: gravity compensation")
 
+    def _joint_name(self, j: int) -> str:
+        return self.model.joint(j).name or f"joint{j}"
 
-def _require_inertias(root: ET.Element, label: str) -> None:
-    """Refuse what no body is, and bodies whose mass the parser would make up."""
-    names, masses, matrices = [], [], list[FloatArray]()
-    moving = {
-        below
-        for body in root.iter("body")
-        if body.find("joint") is not None
-        for below in body.iter("body")
-    }
-    shared = any(geom.get("mass") for part in root.iter("default") for geom in part.iter("geom"))
-    for body in root.iter("body"):
-        name, inertial = body.get("name", ""), body.find("inertial")
-        if inertial is not None:
-            names.append(name)
-            masses.append((numbers(inertial.get("mass", "")) or [0.0])[0])
-            matrices.append(_matrix(inertial))
-        elif body not in moving:
-            # Held by the world: nothing feels its weight.
-            continue
-        elif any(g.get("mesh") or g.get("type") == "mesh" for g in body.findall("geom")):
-            # Of a mesh that it does not find it takes 1 kg and 1 kg m^2.
-            raise ArmError(
-                f"{label}: body {named(name)}: expected an <inertial>, got meshes alone (MuJoCo's "
-                "compiler knows it: body_mass, body_ipos, body_iquat, body_inertia)"
+    def _joint(self, j: int, placement: tuple[Numbers, ...]) -> Joint:
+        model, name, tree = self.model, self._joint_name(j), self.result
+        kind, dof = _KINDS[int(model.jnt_type[j])], int(model.jnt_dofadr[j])
+        if kind not in UNITS:
+            return Joint(name, kind, (0.0, 0.0, 1.0), placement, (0.0,) * 10)
+        lower, upper = _span(model.jnt_limited, model.jnt_range, j)
+        effort = self._effort(j)
+        if abs(effort[0]) != abs(effort[1]):
+            tree.remark(name, f"effort from {effort[0]:g} to {effort[1]:g} is taken as the larger "
+                              "to both sides (with_limits sets another)")  # fmt: skip
+        gears = [(float(model.actuator_gear[i][0]), i) for i in self._actuators(j)]
+        if model.nu and not gears:
+            tree.remark(name, "no actuator, taken as driven without a limit")
+        if model.jnt_stiffness[j] or _any(model, "jnt_stiffnesspoly", j):
+            tree.remark(name, "left out: a spring")
+        if _any(model, "dof_dampingpoly", dof):
+            tree.remark(name, "left out: damping that is not linear")
+        extra = {
+            key: sum(gear**2 * float(getattr(model, f"actuator_{key}", np.zeros(model.nu))[i])
+                     for gear, i in gears)
+            for key in ("armature", "damping")
+        }  # fmt: skip
+        return Joint(
+            name, kind, tuple(float(x) for x in model.jnt_axis[j]), placement, (0.0,) * 10,
+            lower, upper, limit_of(max(map(abs, effort))), np.inf,
+            float(model.dof_damping[dof]) + extra["damping"],
+            float(model.dof_frictionloss[dof]),
+            float(model.dof_armature[dof]) + extra["armature"],
+        )  # fmt: skip
+
+    # ------------------------------------------------------------------ actuators
+
+    def _actuators(self, j: int) -> list[int]:
+        model = self.model
+        driven = np.isin(model.actuator_trntype, _TO_JOINT) & (model.actuator_trnid[:, 0] == j)
+        return [int(i) for i in np.flatnonzero(driven)]
+
+    def _effort(self, j: int) -> Span:
+        """Return the least and the most that a joint's actuators give together [N m] or [N]."""
+        spans = [self._force(i) for i in self._actuators(j)]
+        total = (sum(s[0] for s in spans), sum(s[1] for s in spans)) if spans else _ANY
+        bound = _span(self.model.jnt_actfrclimited, self.model.jnt_actfrcrange, j)
+        return max(total[0], bound[0]), min(total[1], bound[1])
+
+    def _force(self, i: int) -> Span:
+        model, spans = self.model, [_ANY]
+        if model.actuator_forcelimited[i]:
+            spans.append(_span(model.actuator_forcelimited, model.actuator_forcerange, i))
+        motor = model.actuator_gaintype[i] == 0 and model.actuator_biastype[i] == 0
+        if motor and model.actuator_dyntype[i] in _BOUNDED and model.actuator_ctrllimited[i]:
+            gain = float(model.actuator_gainprm[i][0])
+            spans.append(_sorted(gain * x for x in model.actuator_ctrlrange[i]))
+        least, most = max(span[0] for span in spans), min(span[1] for span in spans)
+        gear = float(model.actuator_gear[i][0])
+        return _sorted((gear * least, gear * most)) if gear else (0.0, 0.0)
+
+    # ------------------------------------------------------------------ what is drawn
+
+    def _shapes(self, geom: int) -> Iterator[Shape]:
+        model, kind = self.model, _SOLIDS.get(int(self.model.geom_type[geom]))
+        material = int(model.geom_matid[geom])
+        colour = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+        if kind is None or model.geom_group[geom] > _SHOWN or not colour[3] > 0.0:
+            return
+        joint, place = self.at[int(model.geom_bodyid[geom])]
+        place, size = (
+            place * _pose(model.geom_pos[geom], model.geom_quat[geom]),
+            [float(x) for x in model.geom_size[geom]],
+        )
+        path = ""
+        if kind == "mesh":
+            mesh = int(model.geom_dataid[geom])
+            # The compiler moves a mesh to its centre of mass and principal axes.
+            place, size = (
+                place * _pose(model.mesh_pos[mesh], model.mesh_quat[mesh]).inverse(),
+                model.mesh_scale[mesh],
             )
-        elif shared and body.find("geom") is not None:
-            # The parser does not look there.
-            raise ArmError(
-                f"{label}: body {named(name)}: expected an <inertial> or the mass of each <geom>, "
-                "got a mass in <default>"
-            )
-    require_physical(names, masses, matrices, label)
+            paths, at = bytes(model.paths), int(model.mesh_pathadr[mesh])
+            if at < 0:
+                return
+            path = str(Path(paths[at : paths.index(b"\0", at)].decode()).resolve())
+        elif kind == "box":
+            size = [2.0 * x for x in size]
+        elif kind in ("capsule", "cylinder"):
+            size = [size[0], 2.0 * size[1]]
+        elif kind == "sphere":
+            size = size[:1]
+        yield Shape(joint, rows_of(place), kind, _floats(size), _floats(colour), path)
+
+    # ------------------------------------------------------------------ what is left out
+
+    def _left_out(self, what: str) -> None:
+        self.result.remarks.setdefault(f"left out: {what}", [])
+
+    def _say_what_is_left_out(self) -> None:
+        """Note what pulls at joints in MuJoCo and is no part of an arm here."""
+        model = self.model
+        counts = {"equality constraint": model.neq, "tendon": model.ntendon,
+                  "flexible body": model.nflex, "plugin": model.nplugin}  # fmt: skip
+        for what, count in counts.items():
+            if count:
+                self._left_out(f"{count} {what}(s)")
+        if model.opt.density or model.opt.viscosity or any(model.opt.wind):
+            self._left_out("the fluid around it")
 
 
-def _matrix(inertial: ET.Element) -> FloatArray:
-    full = inertial.get("fullinertia")
-    if full is not None:
-        return np.array(numbers(full))[list(_FULL)].reshape(3, 3)
-    return np.diag(numbers(inertial.get("diaginertia", "0 0 0")) or [0.0] * 3)
+def _pose(position: Any, quaternion: Any) -> Any:
+    w, x, y, z = (float(part) for part in quaternion)
+    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position))
 
 
-def _geometry(model: Any, path: str | Path, label: str) -> Any:
-    try:
-        with one_line(label, "its visuals cannot be loaded"):
-            return pin.buildGeomFromMJCF(model, str(path), pin.GeometryType.VISUAL)
-    except ArmError as error:
-        warnings.warn(f"{error}; drawn from primitives instead", FpidWarning, stacklevel=5)
-        return None
+def _any(model: Any, name: str, k: int) -> bool:
+    """Return whether an array has something but zeros there; older compilers do not have all."""
+    return bool(np.any(getattr(model, name, np.zeros((k + 1, 1)))[k]))
 
 
-def _say_what_is_left_out(root: ET.Element, label: str) -> None:
-    """Warn of what pulls at the joints in MuJoCo and is not part of an arm here."""
-    springs = sum(
-        (numbers(joint.get("stiffness", "0")) or [0.0])[0] != 0.0 for joint in root.iter("joint")
-    )
-    counts = {
-        "spring(s)": springs,
-        "equality constraint(s)": sum(len(part) for part in root.findall("equality")),
-        "tendon(s)": sum(len(part) for part in root.findall("tendon")),
-    }
-    found = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
-    if found:
-        warnings.warn(f"{label}: left out: {found}", FpidWarning, stacklevel=5)
+def _span(limited: Any, ranges: Any, k: int) -> Span:
+    return (float(ranges[k][0]), float(ranges[k][1])) if limited[k] else _ANY
+
+
+def _sorted(ends: Sequence[float] | Iterator[float]) -> Span:
+    low, high = sorted(ends)
+    return float(low), float(high)
+
+
+def _floats(values: Any) -> Numbers:
+    return tuple(float(x) for x in values)

@@ -11,9 +11,15 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms.inertia import row_of
-from fpid_pin.arms.joints import EFFORT_UNITS, UNITS, kind_of
+from fpid_pin.arms.joints import EFFORT_UNITS, UNITS, kind_of, link_of
 from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArmError
+from fpid_pin.text import cut, named
+
+#: Poses at which the mass matrix is tried, besides the arm's zero and home.
+_POSES = 4
+#: Smallest admissible ratio of the mass matrix's extreme eigenvalues (rounding alone gives 1e-16).
+_SINGULAR = 1e-14
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,10 +102,7 @@ class RigidBody:
         return np.array(pin.rnea(self.model, self._data, q, v, a))
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> FloatArray:
-        """Return q'' = M^-1 (tau - C q' - G) [rad/s^2], (n,) (articulated bodies).
-
-        In the world convention, as the fleet's: the two agree to the last bit.
-        """
+        """Return q'' = M^-1 (tau - C q' - G) [rad/s^2], (n,) (articulated bodies)."""
         q, v, tau = self._joint("q", q), self._joint("v", v), self._joint("tau", tau)
         return np.array(pin.aba(self.model, self._data, q, v, tau, pin.Convention.WORLD))
 
@@ -119,7 +122,9 @@ class RigidBody:
         Rotor inertia is not among the ten parameters of a link, so it stands apart.
         """
         q, v, a = self._joint("q", q), self._joint("v", v), self._joint("a", a)
-        return np.array(pin.computeJointTorqueRegressor(self.model, self._data, q, v, a))
+        found = pin.computeJointTorqueRegressor(self.model, self._data, q, v, a)
+        # Of one joint Pinocchio returns no matrix.
+        return np.array(found).reshape(self.n, -1)
 
     @property
     def inertial_parameters(self) -> FloatArray:
@@ -139,30 +144,13 @@ class RigidBody:
         frame = self.model.getFrameId(self.tool)
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         q = self._joint("q", q)
-        return np.array(pin.computeFrameJacobian(self.model, self._data, q, frame, axes))
+        found = pin.computeFrameJacobian(self.model, self._data, q, frame, axes)
+        return np.array(found).reshape(6, self.n)
 
     def _repr_html_(self) -> str:
         from fpid_pin.arms.joint_table import joint_table
 
         return joint_table(self)
-
-    def dynamics_key(self) -> bytes:
-        """Return bytes that are equal for arms with the same rigid-body dynamics, bit for bit."""
-        key: bytes | None = self._cache.get("key")
-        if key is None:
-            model = self.model
-            numbers = [np.asarray(model.gravity.vector), np.asarray(model.armature)]
-            for joint in range(1, model.njoints):
-                shape = model.joints[joint]
-                axis = shape.createData()
-                shape.calc(axis, np.zeros(shape.nq))
-                place = model.jointPlacements[joint]
-                numbers += [axis.S, place.rotation.ravel(), place.translation]
-                numbers.append(np.array(row_of(model.inertias[joint])))
-            kinds = ",".join(model.joints[joint].shortname() for joint in range(1, model.njoints))
-            key = kinds.encode() + np.concatenate([np.ravel(x) for x in numbers]).tobytes()
-            self._cache["key"] = key
-        return key
 
     @property
     def _data(self) -> Any:
@@ -173,3 +161,39 @@ class RigidBody:
 
     def _joint(self, name: str, value: ArrayLike) -> FloatArray:
         return checks.vector(name, value, self.n)
+
+
+def require_regular(model: Any, name: str, home: Any) -> None:
+    """Refuse an arm with massless links that leave the mass matrix singular.
+
+    Tried at the zero pose, at home and at a few seeded poses: a massless elbow, say, is regular
+    while the arm is bent and singular when it is straight.
+
+    Raises
+    ------
+    ArmError
+        Naming the link.
+    """
+    data = model.createData()
+    random = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSES, model.nv))
+    for q in np.vstack((np.zeros(model.nv), home, random)):
+        upper = np.triu(pin.crba(model, data, q))
+        mass = upper + np.triu(upper, 1).T
+        if not np.isfinite(mass).all():
+            raise ArmError(
+                f"{cut(name)}: expected finite inertias, got a mass matrix with NaN or inf"
+            )
+        values, vectors = np.linalg.eigh(mass)
+        if values[0] > _SINGULAR * max(values[-1], np.finfo(np.float64).tiny):
+            continue
+        # The direction in which nothing moves: the culprit is a massless link that takes part in
+        # it, or else the link that moves most.
+        share = np.abs(vectors[:, 0])
+        bodies = list(model.inertias)[1:]
+        idle = [k for k, body in enumerate(bodies) if body.mass <= 0.0 and share[k] > 1e-6]
+        joint = (idle[0] if idle else int(np.argmax(share))) + 1
+        raise ArmError(
+            f"{cut(name)}: expected a positive definite mass matrix, got smallest eigenvalue "
+            f"{values[0]:.3g}: link {named(link_of(model, joint))} (moved by joint "
+            f"{named(str(model.names[joint]))}) has too little mass or inertia"
+        )

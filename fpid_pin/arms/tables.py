@@ -1,9 +1,9 @@
-"""How files name arms: the kinds of an ``[arm]`` table, each read back through its source.
+"""How files name arms: the kinds of an ``[arm]`` table, with the arguments of `Arm`'s constructors.
 
     {"kind": "two_link"}
     {"kind": "planar", "lengths": [1.0, 0.8], "masses": [1.0, 1.0]}
     {"kind": "urdf", "path": "my_arm.urdf"}          # or "urdf": the text itself
-    {"kind": "mjcf", "path": "my_arm.xml"}           # "sdf" likewise
+    {"kind": "mjcf", "path": "my_arm.xml"}
     {"kind": "example", "name": "ur5"}
     {"kind": "description", "name": "ur5e_description"}
     {"kind": "model", "name": "gantry", "joints": [{...}, ...]}
@@ -14,130 +14,77 @@ and in each of them ``"changes"``: a list of ``{"payload": {...}}``, ``{"frictio
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from fpid_pin import checks
-from fpid_pin.arms import change
-from fpid_pin.arms.arm import Arm, assemble
-from fpid_pin.arms.catalogue import ExampleSource
-from fpid_pin.arms.mjcf import read_mjcf
-from fpid_pin.arms.model import ModelSource
-from fpid_pin.arms.planar import PlanarSource
-from fpid_pin.arms.robot_descriptions import read_description
-from fpid_pin.arms.sdf import read_sdf
-from fpid_pin.arms.source import Source
-from fpid_pin.arms.two_link import TwoLinkSource
-from fpid_pin.arms.urdf import UrdfSource
-from fpid_pin.arms.xml_text import read_text
+from fpid_pin.arms.arm import Arm
+from fpid_pin.arms.spec import ArmSpec
+from fpid_pin.arms.tree import HoldError
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
 
 
-class _Table(Arm):
-    """A kind of arm in a file. Reading one gives an `Arm`; none of these is ever an instance."""
-
-    #: Keys of the table: required, then optional.
-    _required: tuple[str, ...] = ()
-    _optional: tuple[str, ...] = ()
-
-    @classmethod
-    def from_table(cls, fields: Mapping[str, Any]) -> Arm:
-        """Build the arm; raises `ArgumentError` for an unknown or missing key."""
-        known = (*cls._required, *cls._optional, "changes")
-        for key in fields:
-            checks.choice(key, key, known)
-        for key in cls._required:
-            if key not in fields:
-                raise ArgumentError(f"arm.{key}", "a value", "none")
-        rest = {key: value for key, value in fields.items() if key != "changes"}
-        changes = fields.get("changes", [])
-        if not isinstance(changes, (list, tuple)):
-            raise ArgumentError("changes", "a list of tables", shown(changes))
-        items = [change.from_table(item, f"changes.{k}") for k, item in enumerate(changes)]
-        return assemble(cls._source_of(rest), items)
-
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        raise NotImplementedError
+def _urdf(urdf: str | None = None, **fields: Any) -> Arm:
+    """Read a URDF by its path, or by its text, of which `path` says where its meshes are."""
+    if urdf is None:
+        if "path" not in fields:
+            raise ArgumentError("arm.path", "a URDF file", "none")
+        return Arm.from_urdf(**fields)
+    checks.instance("urdf", urdf, str, "the text of a URDF")
+    path = fields.get("path", "")
+    if not isinstance(path, str) or "\0" in path:
+        raise ArgumentError("path", "the path of a URDF file", shown(path))
+    return Arm._from_urdf_text(urdf, **fields)
 
 
-@described("two_link")
-class _TwoLink(_Table):
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        return TwoLinkSource()
+def _model(**fields: Any) -> Arm:
+    return Arm._assembled(ArmSpec.from_table(fields))
 
 
-@described("planar")
-class _Planar(_Table):
-    _required = ("lengths", "masses")
-    _optional = ("gravity", "rods")
-
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        return PlanarSource(**fields)
-
-
-@described("urdf")
-class _Urdf(_Table):
-    _optional = ("urdf", "path", "lock", "gravity", "package_dirs")
-
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        if "urdf" not in fields:
-            if "path" not in fields:
-                raise ArgumentError("arm.path", "a URDF file", "none")
-            fields["urdf"] = read_text(fields["path"])
-        return UrdfSource(fields.pop("urdf"), **fields)
+#: Of each kind, what makes the arm, and what has its keys as arguments.
+_KINDS: dict[str, tuple[Callable[..., Arm], Callable[..., Any]]] = {
+    "two_link": (Arm.two_link, Arm.two_link),
+    "planar": (Arm.planar, Arm.planar),
+    "urdf": (_urdf, Arm.from_urdf),
+    "mjcf": (Arm.from_mjcf, Arm.from_mjcf),
+    "example": (Arm.from_example, Arm.from_example),
+    "description": (Arm.from_description, Arm.from_description),
+    "model": (_model, ArmSpec),
+}
 
 
-@described("example")
-class _Example(_Table):
-    _required = ("name",)
-    _optional = ("lock",)
-
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        return ExampleSource(**fields)
-
-
-@described("mjcf")
-class _Mjcf(_Table):
-    _required = ("path",)
-    _optional = ("lock", "gravity")
-
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        return read_mjcf(fields["path"], fields.get("lock"), fields.get("gravity"))
+def arm_of(table: Mapping[str, Any]) -> Arm:
+    """Build the arm of a table; raises `ArgumentError` for an unknown or missing key."""
+    kind = checks.choice("kind", table.get("kind"), _KINDS)
+    fields = {key: value for key, value in table.items() if key != "kind"}
+    make, signed = _KINDS[kind]
+    keys = inspect.signature(signed).parameters
+    known = [*keys, *(["urdf"] if kind == "urdf" else []), "changes"]
+    for key in fields:
+        checks.choice(key, key, known)
+    for key, parameter in keys.items():
+        if parameter.default is parameter.empty and key not in fields and kind != "urdf":
+            raise ArgumentError(f"arm.{key}", "a value", "none")
+    changes = fields.get("changes", [])
+    checks.instance("changes", changes, (list, tuple), "a list of tables")
+    arm = make(**{key: value for key, value in fields.items() if key != "changes"})
+    return arm.with_changes(*changes)
 
 
-@described("sdf")
-class _Sdf(_Table):
-    _required = ("path",)
-    _optional = ("lock", "gravity")
-
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        return read_sdf(fields["path"], fields.get("lock"), fields.get("gravity"))
+def _from_table(kind: str, fields: Mapping[str, Any]) -> Arm:
+    try:
+        return arm_of({"kind": kind, **fields})
+    except HoldError as error:
+        raise error.in_toml() from None
 
 
-@described("description")
-class _Description(_Table):
-    _required = ("name",)
-    _optional = ("lock", "gravity")
-
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        return read_description(fields["name"], fields.get("lock"), fields.get("gravity"))
-
-
-@described("model")
-class _Model(_Table):
-    _required = ("joints",)
-    _optional = ("frames", "shapes", "name", "gravity", "home", "tool")
-
-    @classmethod
-    def _source_of(cls, fields: dict[str, Any]) -> Source:
-        return ModelSource(**fields)
+for _kind in _KINDS:
+    # Reading one gives an `Arm`; none of these classes ever has an instance.
+    described(_kind)(
+        type(f"_{_kind}", (Arm,), {
+            "from_table": classmethod(lambda cls, fields, kind=_kind: _from_table(kind, fields)),
+        })
+    )  # fmt: skip

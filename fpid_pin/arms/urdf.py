@@ -1,167 +1,208 @@
-"""Reading an arm from a URDF."""
+"""Reading a URDF: urdfdom and Pinocchio make the model, and say what is wrong with it."""
 
 from __future__ import annotations
 
 import math
+import os
+import re
+import sys
+import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.arms import visuals
-from fpid_pin.arms.source import (
-    UNREACHABLE,
-    Parts,
-    Source,
-    gravity_entry,
-    gravity_vector,
-    limits_of,
-    one_line,
-)
-from fpid_pin.arms.urdf_bare import bare
-from fpid_pin.arms.urdf_checks import parse, require_joints
-from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError
-from fpid_pin.text import cut, shown
+from fpid_pin.arms.inertia import moved
+from fpid_pin.arms.pinocchio_model import tree_of
+from fpid_pin.arms.robot_file import one_line, parse_xml, require_root
+from fpid_pin.arms.spec import MOST_JOINTS
+from fpid_pin.arms.tree import Body, Tree
+from fpid_pin.arms.urdf_visuals import Visuals, pose_of
+from fpid_pin.exceptions import ArmError
+from fpid_pin.text import cut, listed, named
 
-_BOUNDS = ("lower", "upper")
-_FAR = f"{10.0 * UNREACHABLE:g}"
-_NO_LIMIT = {"lower": f"-{_FAR}", "upper": _FAR, "effort": "0", "velocity": "0"}
+#: urdfdom calls itself once for each link of a chain; at some ten thousand its stack ends, and the
+#: process with it.
+MOST_LINKS = 2000
+_TO_SET = "(with_limits sets one)"
 
 
-def unwind(root: ET.Element) -> None:
-    """Make continuous joints revolute without limits, so that an angle is one number: nq = nv.
-
-    Limits that are left out or infinite are written as urdfdom takes them: it insists on effort
-    and velocity (0: not given) and does not know inf.
-    """
-    for joint in root.findall("joint"):
-        for limit in joint.findall("limit"):
-            for name, absent in _NO_LIMIT.items():
-                if math.isinf(float(limit.get(name, "0" if name in _BOUNDS else "inf"))):
-                    limit.set(name, absent)
-        if joint.get("type") != "continuous":
-            continue
-        joint.set("type", "revolute")
-        for limit in joint.findall("limit") or [ET.SubElement(joint, "limit", _NO_LIMIT)]:
-            for name in _BOUNDS:
-                limit.set(name, _NO_LIMIT[name])
-
-
-def distinct_frames(model: Any) -> None:
-    """Rename links that share their name with a joint: Pinocchio cannot tell such frames apart."""
-    joints = {str(frame.name) for frame in model.frames if frame.type != pin.FrameType.BODY}
-    for frame in model.frames:
-        if frame.type == pin.FrameType.BODY and frame.name in joints:
-            frame.name = f"{frame.name}_link"
-
-
-@dataclass(frozen=True, eq=False)
-class UrdfSource(Source):
-    """An arm written as a URDF.
+def urdf_tree(
+    text: bytes | str,
+    label: str,
+    folder: Path | None = None,
+    package_dirs: Sequence[str | Path] = (),
+) -> Tree:
+    """Read a URDF; what urdfdom and Pinocchio accept is accepted, and what they refuse is refused.
 
     Parameters
     ----------
     text
-        The URDF itself; a saved run holds it whole, and can be rebuilt without the file.
-    path
-        Where it was read from, to find meshes; None if nowhere.
-    lock
-        Joints to hold still, and at which value [rad] or [m].
-    gravity
-        (3,) or a number (downwards) [m/s^2].
-    package_dirs
-        Folders in which ``package://`` addresses are looked up, besides the file's own and those
-        above it.
+        The URDF itself.
+    label
+        What to call it in a message: its path.
+    folder, package_dirs
+        Where to look for meshes: at and above the file's folder, and in these.
+
+    Raises
+    ------
+    ArmError
     """
+    label = cut(label)
+    root = parse_xml(text, label)
+    require_root(root, "robot", label)
+    _require_single(root, label)
+    _require_few(root, label)
+    remarks = list(_mend_limits(root))
+    model = _model(root, label)
+    places = {str(f.name): f for f in model.frames if f.type == pin.FrameType.BODY}
+    lost = [link.get("name", "") for link in root.findall("link") if link.get("name") not in places]
+    if lost:
+        raise ArmError(
+            f"{label}: expected every link below the base, got {len(lost)} apart: {listed(lost)}"
+        )
+    tree = tree_of(model, label)
+    tree.bodies = [_body(link, places[link.get("name", "")]) for link in root.findall("link")]
+    for name, remark in remarks:
+        tree.remark(name, remark)
+    for body in tree.bodies:
+        if body.joint >= 0 and body.inertia[0] == 0.0 and any(body.inertia[4:]):
+            tree.remark(body.name, "mass 0 with a rotational inertia, which is kept")
+    for k, joint in enumerate(tree.joints):
+        # Where a held joint stands: as drawn, or as near to it as its limits let it.
+        tree.rest[k] = float(np.clip(0.0, joint.lower, joint.upper))
+    for element in root.findall("joint"):
+        mimic = element.find("mimic")
+        if mimic is not None and element.get("name") in {joint.name for joint in tree.joints}:
+            scale = [float(mimic.get(k, d)) for k, d in (("multiplier", "1"), ("offset", "0"))]
+            tree.mimics[element.get("name", "")] = (mimic.get("joint", ""), scale[0], scale[1])
+    visuals = Visuals(root, folder, package_dirs)
+    for link in root.findall("link"):
+        frame = places[link.get("name", "")]
+        shapes, unclear = visuals.shapes(link, int(frame.parentJoint) - 1, frame.placement)
+        tree.shapes += shapes
+        if unclear:
+            tree.remark(
+                link.get("name", ""), "a visual without one shape of known size is not drawn"
+            )
+    return tree
 
-    text: str
-    path: str | None = None
-    lock: Mapping[str, float] = field(default_factory=dict)
-    gravity: ArrayLike = 9.81
-    package_dirs: Sequence[str] = ()
 
-    kind: ClassVar[str] = "urdf"
+def _require_single(root: ET.Element, label: str) -> None:
+    """Drop what is written twice alike; urdfdom would quietly take the first of what differs."""
+    for owner in [part for kind in ("link", "joint") for part in root.findall(kind)]:
+        for parent in (owner, *owner.findall("inertial")):
+            seen: dict[str, bytes] = {}
+            for part in list(parent):
+                written = b"".join(ET.tostring(part).split())
+                if part.tag in ("visual", "collision"):
+                    continue
+                if seen.setdefault(part.tag, written) != written:
+                    raise ArmError(
+                        f"{label}: {owner.tag} {named(owner.get('name', ''))}: expected one "
+                        f"<{cut(part.tag)}>, got several that differ"
+                    )
 
-    def __post_init__(self) -> None:
-        checks.instance("urdf", self.text, str, "the text of a URDF")
-        if self.path is not None and (not isinstance(self.path, str) or "\0" in self.path):
-            raise ArgumentError("path", "the path of a URDF file", shown(self.path))
-        if not isinstance(self.lock, Mapping):
-            raise ArgumentError("lock", "a table {joint: value}", shown(self.lock))
-        held = {str(name): checks.number(f"lock.{name}", x) for name, x in self.lock.items()}
-        dirs = self.package_dirs
-        checks.instance("package_dirs", dirs, (str, Path, Sequence), "a list of folders")
-        listed = (dirs,) if isinstance(dirs, (str, Path)) else tuple(dirs)
-        object.__setattr__(self, "lock", held)
-        object.__setattr__(self, "gravity", gravity_vector(self.gravity))
-        object.__setattr__(self, "package_dirs", tuple(str(folder) for folder in listed))
 
-    @property
-    def label(self) -> str:
-        """What to call it in an error: its file, else the robot."""
-        return cut(self.path or "URDF")
+def _require_few(root: ET.Element, label: str) -> None:
+    moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
+    for most, count, what in (
+        (MOST_LINKS, len(root.findall("link")), "links"),
+        (MOST_JOINTS, moving, "joints that are not fixed"),
+    ):
+        if count > most:
+            raise ArmError(f"{label}: expected at most {most} {what}, got {count}")
 
-    def build(self) -> Parts:
-        """Build the model; limits, friction and rotor inertia are those of the file."""
-        full = self.full_model()
-        distinct_frames(full)
-        model = full
-        held = [full.getJointId(name) for name in self.lock]
-        if held:
-            with one_line(self.label, "its joints cannot be locked"):
-                model = pin.buildReducedModel(full, held, self.pose(full))
-        model.gravity.linear = np.array(self.gravity)
-        tool = "tool" if model.existFrame("tool") else None
-        return Parts(model, str(model.name) or "arm", tool=tool, **limits_of(model))
 
-    def full_model(self) -> Any:
-        """Build the model with the locked joints still free."""
-        text = ET.tostring(bare(self.checked()), encoding="unicode")
-        with one_line(self.label, "Pinocchio cannot build it"):
-            return pin.buildModelFromXML(text)
+def _mend_limits(root: ET.Element) -> Iterator[tuple[str, str]]:
+    """Write limits as urdfdom takes them; yield joints, and what was made of their limits.
 
-    def checked(self) -> ET.Element:
-        """Return the URDF, checked, with its continuous joints unwound."""
-        root = parse(self.text, self.label)
-        require_joints(root, self.label, self.lock)
-        unwind(root)
-        return root
+    It insists on effort and velocity (0: none) and does not know inf.
+    """
+    for joint in root.findall("joint"):
+        name, limit = joint.get("name", ""), joint.find("limit")
+        if limit is None or joint.get("type") == "fixed":
+            continue
+        for key in ("effort", "velocity"):
+            value = _number(limit.get(key, "inf"))
+            if value <= 0.0:
+                yield name, f"{key} {value:g} is taken as no limit {_TO_SET}"
+            if value < 0.0 or math.isinf(value):
+                limit.set(key, "0")
+        bounds = [_number(limit.get(key, "0")) for key in ("lower", "upper")]
+        for key, value in zip(("lower", "upper"), bounds, strict=True):
+            if math.isinf(value):
+                limit.set(key, f"{math.copysign(1e6, value):g}")
+        if joint.get("type") == "continuous":
+            if any(bounds):
+                yield name, "lower and upper are not used, as the joint is continuous"
+        elif bounds[0] >= bounds[1]:
+            yield (
+                name,
+                f"lower {bounds[0]:g} is not below upper {bounds[1]:g}, taken as no limits "
+                f"{_TO_SET.replace('one', 'them')}",
+            )
 
-    def pose(self, full: Any) -> FloatArray:
-        """Return the pose of the full model at which joints are locked, (nq,)."""
-        q = np.zeros(full.nq)
-        for name, value in self.lock.items():
-            q[full.joints[full.getJointId(name)].idx_q] = value
-        return q
 
-    def table(self) -> dict[str, Any]:
-        """Return the URDF's text, its path, locks and gravity."""
-        table: dict[str, Any] = {
-            "urdf": self.text,
-            "gravity": gravity_entry(np.asarray(self.gravity)),
-        }
-        if self.path is not None:
-            table["path"] = self.path
-        if self.lock:
-            table["lock"] = dict(self.lock)
-        if self.package_dirs:
-            table["package_dirs"] = list(self.package_dirs)
-        return table
+def _number(text: str) -> float:
+    """Read a number; NaN where it is none, which urdfdom says."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
-    def visual(self, model: Any) -> tuple[Any, Any]:
-        """Load the visuals; meshes that cannot be found are left out with an `FpidWarning`."""
-        full = self.full_model()
-        folder = None if self.path is None else Path(self.path).resolve().parent
-        geometry = visuals.load(full, self.checked(), self.label, folder, self.package_dirs)
-        held = [full.getJointId(name) for name in self.lock]
-        if held:
-            distinct_frames(full)
-            _, (geometry,) = pin.buildReducedModel(full, [geometry], held, self.pose(full))
-        return model, geometry
+
+def _model(root: ET.Element, label: str) -> Any:
+    """Let urdfdom and Pinocchio build the model; of several errors the first ones say most."""
+    bare = ET.Element("robot", root.attrib)
+    for part in [*root.findall("link"), *root.findall("joint")]:
+        copy = ET.SubElement(bare, part.tag, part.attrib)
+        copy.extend(e for e in part if e.tag not in ("visual", "collision"))
+    said = list[str]()
+    try:
+        with one_line(f"{label}: Pinocchio cannot build it"), _native_errors(said):
+            model = pin.buildModelFromXML(ET.tostring(bare, encoding="unicode"))
+    except ArmError:
+        if not said:
+            raise
+    if said:
+        # It leaves out an inertia, say, that it cannot read.
+        raise ArmError(f"{label}: {'; '.join(said[:2])}")
+    return model
+
+
+@contextmanager
+def _native_errors(said: list[str]) -> Iterator[None]:
+    """Collect the errors that a compiled library writes to the terminal."""
+    sys.stderr.flush()
+    terminal = os.dup(2)
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(terminal, 2)
+            os.close(terminal)
+            file.seek(0)
+            text = file.read().decode("utf-8", "replace")
+            said += re.findall(r"^Error:\s+(.*?)\s*(?=^ *at line|\Z)", text, re.M | re.S)
+
+
+def _body(link: ET.Element, frame: Any) -> Body:
+    """Return a link, in the frame of the joint that carries it; urdfdom has read its numbers."""
+    name, joint = link.get("name", ""), int(frame.parentJoint) - 1
+    inertial = link.find("inertial")
+    if inertial is None:
+        return Body(name, joint, (0.0,) * 10)
+    about, mass = inertial.find("inertia"), inertial.find("mass")
+    assert about is not None
+    assert mass is not None
+    xx, xy, yy, xz, yz, zz = (
+        float(about.get(key, "0")) for key in ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
+    )
+    row = (float(mass.get("value", "0")), 0.0, 0.0, 0.0, xx, xy, yy, xz, yz, zz)
+    return Body(name, joint, moved(moved(row, pose_of(inertial.find("origin"))), frame.placement))

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import Flag, FloatArray, PerJoint
+from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 
 #: Half a cell of the grid that Sobol points lie on: a normal quantile of 0 is -inf.
@@ -18,7 +18,7 @@ _EDGE = 2.0**-31
 
 
 @dataclass(frozen=True, eq=False)
-class Distribution(ABC):
+class Distribution(Description, ABC):
     """The spread of one quantity; its numbers are those of all joints, or (n,), one a joint.
 
     Parameters
@@ -27,7 +27,7 @@ class Distribution(ABC):
         Whether all joints have the same number; else each has its own, independently.
     """
 
-    shared: bool = False
+    shared: Annotated[bool, Flag] = False
 
     @abstractmethod
     def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
@@ -39,17 +39,8 @@ class Distribution(ABC):
 
 
 def _ordered(low: FloatArray, high: FloatArray) -> None:
-    try:
-        wrong = ~(np.broadcast_arrays(low, high)[0] < high)
-    except ValueError:
-        raise ArgumentError("high", f"shape {low.shape}, as low", f"shape {high.shape}") from None
-    if wrong.any():
+    if not (low < high).all():
         raise ArgumentError("high", f"more than low ({low.tolist()})", high.tolist())
-
-
-def _set(thing: Distribution, **values: FloatArray) -> None:
-    for name, value in values.items():
-        object.__setattr__(thing, name, value)
 
 
 @described("uniform")
@@ -57,13 +48,12 @@ def _set(thing: Distribution, **values: FloatArray) -> None:
 class Uniform(Distribution):
     """Equally likely from `low` to `high`."""
 
-    low: ArrayLike
-    high: ArrayLike
+    low: Annotated[ArrayLike, PerJoint()]
+    high: Annotated[ArrayLike, PerJoint()]
 
     def __post_init__(self) -> None:
-        low, high = (checks.floats(k, getattr(self, k), max_ndim=1) for k in ("low", "high"))
-        _ordered(low, high)
-        _set(self, low=low, high=high)
+        super().__post_init__()
+        _ordered(np.asarray(self.low), np.asarray(self.high))
 
     def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
         """See `Distribution.quantile`."""
@@ -80,15 +70,12 @@ class Uniform(Distribution):
 class LogUniform(Distribution):
     """Its logarithm is equally likely from that of `low` to that of `high`, both positive."""
 
-    low: ArrayLike
-    high: ArrayLike
+    low: Annotated[ArrayLike, PerJoint(above=0.0)]
+    high: Annotated[ArrayLike, PerJoint(above=0.0)]
 
     def __post_init__(self) -> None:
-        low, high = (
-            checks.floats(k, getattr(self, k), above=0.0, max_ndim=1) for k in ("low", "high")
-        )
-        _ordered(low, high)
-        _set(self, low=low, high=high)
+        super().__post_init__()
+        _ordered(np.asarray(self.low), np.asarray(self.high))
 
     def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
         """See `Distribution.quantile`."""
@@ -111,13 +98,8 @@ class Normal(Distribution):
         Of the distribution before it is cut.
     """
 
-    mean: ArrayLike
-    std: ArrayLike
-
-    def __post_init__(self) -> None:
-        mean = checks.floats("mean", self.mean, max_ndim=1)
-        std = checks.floats("std", self.std, above=0.0, max_ndim=1)
-        _set(self, mean=mean, std=std)
+    mean: Annotated[ArrayLike, PerJoint()]
+    std: Annotated[ArrayLike, PerJoint(above=0.0)]
 
     def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
         """See `Distribution.quantile`."""
@@ -139,10 +121,7 @@ class Normal(Distribution):
 class Choices(Distribution):
     """One of several `values`, equally likely; the same list for every joint."""
 
-    values: ArrayLike
-
-    def __post_init__(self) -> None:
-        _set(self, values=checks.floats("values", self.values, max_ndim=1))
+    values: Annotated[ArrayLike, PerJoint()]
 
     def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
         """See `Distribution.quantile`."""

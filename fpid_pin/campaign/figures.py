@@ -73,7 +73,7 @@ def distributions(data: CampaignData) -> Figure:
     Of all plants: a curve ends at its controller's success rate.
     """
     names = [lettering(name) for name in data.controllers]
-    figure, (axes,) = new_figure(1, len(SHOWN), _WIDE, 3.3, share_x=False)
+    figure, axes = new_figure(1, len(SHOWN), _WIDE, 3.3, share_x=False)
     for panel, metric in zip(axes, SHOWN, strict=True):
         scores = scored(data, metric)
         for k, column in enumerate(scores.T):
@@ -102,7 +102,7 @@ def violins(data: CampaignData) -> Figure:
     """
     names = [textwrap.fill(lettering(name), 24) for name in data.controllers]
     height = 0.8 + 0.5 * len(names)
-    figure, (axes,) = new_figure(1, len(SHOWN), _WIDE, height, share_x=False)
+    figure, axes = new_figure(1, len(SHOWN), _WIDE, height, share_x=False)
     for panel, metric in zip(axes, SHOWN, strict=True):
         scores = scored(data, metric)
         log = _scale(panel, scores)
@@ -244,12 +244,10 @@ def _panels(data: CampaignData, row: float, below: float) -> tuple[Figure, list[
     # No more than three side by side, and none left by itself.
     columns = 2 if count in (2, 4) else min(count, 3)
     rows = -(-count // columns)
-    figure, axes = new_figure(rows, columns, _WIDE, row * rows + below, share_x=False)
-    flat = [panel for several in axes for panel in several]
-    for spare in flat[count:]:
-        spare.set_visible(False)
-    for k, (panel, name) in enumerate(zip(flat, data.controllers, strict=False)):
+    size = _WIDE, row * rows + below
+    figure, panels = new_figure(rows, columns, *size, count=count, share_x=False)
+    for k, (panel, name) in enumerate(zip(panels, data.controllers, strict=True)):
         # Long names would push their neighbour's panel aside.
         lines = textwrap.wrap(lettering(name), _LETTERS)[:_LINES]
         panel.set_title("\n".join(lines), color=colour(k))
-    return figure, flat[:count], columns
+    return figure, panels, columns

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.arms.change import Change, Payload, ScaledLinks
 from fpid_pin.campaign.distributions import Distribution
 from fpid_pin.checks import FloatArray
 from fpid_pin.disturbances import Cosine
@@ -144,11 +143,10 @@ def varied(nominal: Experiment, values: Mapping[str, FloatArray], seed: int) -> 
 
     cosine, plant = ("amplitude", "frequency", "phase"), nominal.plant or Plant()
     changed = some("viscous_friction", "dry_friction")
-    carried: list[Change] = (
-        [ScaledLinks(**some("mass", "inertia"))] if some("mass", "inertia") else []
-    )
+    scaled = some("mass", "inertia")
+    carried: list[dict[str, Any]] = [{"scaled_links": scaled}] if scaled else []
     if "payload" in value:
-        carried.append(Payload(float(value["payload"])))
+        carried.append({"payload": {"mass": float(value["payload"])}})
     if carried:
         arm = nominal.arm if plant.arm is None else plant.arm
         changed["arm"] = arm.with_changes(*carried)

@@ -5,25 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks, descriptions
+from fpid_pin import descriptions
 from fpid_pin.campaign.distributions import Distribution
 from fpid_pin.campaign.quantities import require_values
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import Array, FloatArray, OneOf, Whole
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.text import shown
 
-SAMPLINGS = ("sobol", "latin_hypercube")
 #: Points that are made at once, from run 0 on: a hypercube of so many runs, whatever is asked for.
 BLOCK = 256
 
 
 @dataclass(frozen=True, eq=False)
-class Scenarios:
+class Scenarios(Description):
     """What is uncertain, and how it is sampled.
 
     Parameters
@@ -52,23 +52,17 @@ class Scenarios:
     """
 
     uncertain: Mapping[str, Distribution]
-    sampling: str = "sobol"
-    seed: int = 0
-    points: ArrayLike | None = None
+    sampling: Annotated[str, OneOf("sobol", "latin_hypercube")] = "sobol"
+    seed: Annotated[int, Whole(low=0)] = 0
+    points: Annotated[ArrayLike | None, Array(low=0.0, high=1.0, shape=(None, None))] = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not isinstance(self.uncertain, Mapping) or not self.uncertain:
             raise ArgumentError("uncertain", "at least one quantity with its distribution", "none")
         for key, spread in self.uncertain.items():
             require_values(key, spread)
-        object.__setattr__(self, "uncertain", dict(self.uncertain))
-        checks.choice("sampling", self.sampling, SAMPLINGS)
-        object.__setattr__(self, "seed", checks.integer("seed", self.seed, low=0))
-        if self.points is not None:
-            points = checks.floats("points", self.points, low=0.0, high=1.0)
-            if points.ndim != 2:
-                raise ArgumentError("points", "shape (runs, numbers)", f"shape {points.shape}")
-            object.__setattr__(self, "points", points)
+        self._set(uncertain=dict(self.uncertain))
 
     def cube(self, first: int, last: int, size: int) -> FloatArray:
         """Return the points of runs `first` to `last` - 1 in the unit cube, (runs, size)."""

@@ -16,6 +16,7 @@ from fpid_pin.campaign.quantities import QUANTITIES, require_quantity, varied
 from fpid_pin.campaign.scenarios import Scenarios
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Controller
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.simulation import Experiment
 
@@ -24,7 +25,7 @@ FORMAT = 1
 
 
 @dataclass(frozen=True, eq=False)
-class Study:
+class Study(Description):
     """What a campaign simulates: every run's plant under every controller.
 
     Parameters
@@ -51,15 +52,15 @@ class Study:
     title: str = ""
 
     def __post_init__(self) -> None:
-        checks.instance("experiment", self.experiment, Experiment, "an Experiment")
+        super().__post_init__()
         checks.instance("scenarios", self.scenarios, Scenarios, "Scenarios")
         if not isinstance(self.controllers, Mapping) or not self.controllers:
             raise ArgumentError("controllers", "at least one, by name", "none")
         for name, controller in self.controllers.items():
             checks.instance(f"controllers.{name}", controller, Controller, "a Controller")
-        object.__setattr__(self, "controllers", dict(self.controllers))
-        # Written out: what is recorded says it, and a replay has the same bits.
-        object.__setattr__(self, "experiment", self.experiment.with_dynamics("compiled"))
+        # Dynamics written out: what is recorded says it, and a replay has the same bits.
+        experiment = self.experiment.with_dynamics("compiled")
+        self._set(controllers=dict(self.controllers), experiment=experiment)
         points, size = np.asarray(self.scenarios.points), len(self.parameters)
         if points.ndim and points.shape[1] != size:
             raise ArgumentError("points", f"shape (runs, {size})", f"shape {points.shape}")

@@ -9,12 +9,19 @@ from typing import Any
 from fpid_pin import checks
 from fpid_pin.arms import Arm, names
 from fpid_pin.arms.robot_descriptions import ENDING
-from fpid_pin.arms.xml_text import KINDS, kind_of
-from fpid_pin.descriptions import from_dict
+from fpid_pin.arms.robot_file import KINDS, kind_of
+from fpid_pin.arms.tables import arm_of
+from fpid_pin.arms.tree import HoldError
 from fpid_pin.exceptions import ArgumentError
 
 
-def arm_table(text: str, locks: Sequence[str] = ()) -> dict[str, Any]:
+def arm_table(
+    text: str,
+    locks: Sequence[str] = (),
+    keep: str | None = None,
+    package_dirs: Sequence[Path] = (),
+    tool: str | None = None,
+) -> dict[str, Any]:
     """Return the table of what was written for an arm.
 
     Parameters
@@ -23,20 +30,33 @@ def arm_table(text: str, locks: Sequence[str] = ()) -> dict[str, Any]:
         ``two_link``, a name of ``fpid-pin arms``, one of robot_descriptions, or a file's path.
     locks
         Joints to hold still, and where: ``"finger=0.02"`` [rad] or [m].
+    keep
+        The link at the arm's tip; all joints that do not move it are held.
+    package_dirs
+        Where to look for the meshes of a URDF.
+    tool
+        The tool's frame.
 
     Raises
     ------
     ArgumentError, ArmError
         Neither; a file that is not there or of no kind that is known.
     """
-    table = _table(text)
-    held = dict(_lock(item) for item in locks)
-    return table | {"lock": held} if held else table
+    given = {
+        "lock": dict(_lock(item) for item in locks),
+        "keep": keep,
+        "package_dirs": [str(folder.resolve()) for folder in package_dirs],
+        "tool": tool,
+    }
+    return _table(text) | {key: value for key, value in given.items() if value}
 
 
-def find_arm(text: str, locks: Sequence[str] = ()) -> Arm:
-    """Return the arm that was written: see `arm_table`."""
-    return from_dict(arm_table(text, locks), Arm)
+def arm_of_table(table: dict[str, Any]) -> Arm:
+    """Build the arm of `arm_table`; an error's hint is written as the command line has it."""
+    try:
+        return arm_of(table)
+    except HoldError as error:
+        raise error.on_command_line() from None
 
 
 def _table(text: str) -> dict[str, Any]:
@@ -50,7 +70,11 @@ def _table(text: str) -> dict[str, Any]:
         return {"kind": kind, "path": text}
     if text.endswith(ENDING):
         return {"kind": "description", "name": text}
-    checks.choice("arm", text, ("two_link", *names()))
+    known = ("two_link", *names())
+    if text.lower() in known:
+        expected = "one of " + ", ".join(known)
+        raise ArgumentError("arm", expected, f"{text!r} (did you mean {text.lower()}?)")
+    checks.choice("arm", text, known)
     raise AssertionError(text)
 
 

@@ -40,6 +40,9 @@ app.add_typer(campaign_commands.app, name="campaign")
 OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
 ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, or a robot's file.")]
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
+Tip = Annotated[str | None, typer.Option(metavar="TIP", help="The arm's last link; hold the rest.")]
+PackageDirs = Annotated[list[Path] | None, typer.Option(help="Where meshes are; repeat.")]
+Tool = Annotated[str | None, typer.Option(metavar="FRAME", help="The tool's frame.")]
 Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
 NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
 Png = Annotated[bool, typer.Option("--png", help="Draw figures as PNG, too.")]
@@ -153,11 +156,16 @@ def inspect(
     bandwidth: Annotated[float, typer.Option(help="Of the gains [rad/s].")] = 10.0,
     step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
     picture: Annotated[Path | None, typer.Option(help="Draw it: .svg, .png or .pdf.")] = None,
+    keep: Tip = None,
+    package_dir: PackageDirs = None,
+    tool: Tool = None,
 ) -> None:
     """Say what there is to know of an arm: limits, inertia, suggested gains, margins."""
+    from fpid_pin.cli.arm_argument import arm_table
     from fpid_pin.cli.inspect import run_inspect
 
-    run_inspect(arm, lock or (), bandwidth, step, picture)
+    table = arm_table(arm, lock or (), keep, package_dir or (), tool)
+    run_inspect(table, bandwidth, step, picture)
 
 
 @app.command()
@@ -165,11 +173,15 @@ def init(
     arm: ArmName,
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("config.toml"),
     lock: Locks = None,
+    keep: Tip = None,
+    package_dir: PackageDirs = None,
+    tool: Tool = None,
 ) -> None:
     """Write a configuration for an arm that `compare` runs as it is."""
+    from fpid_pin.cli.arm_argument import arm_table
     from fpid_pin.cli.init import run_init
 
-    run_init(arm, lock or (), out)
+    run_init(arm, arm_table(arm, lock or (), keep, package_dir or (), tool), out)
 
 
 @app.command()
@@ -178,16 +190,14 @@ def view(
     html: Annotated[Path | None, typer.Option(help="Write one page that opens anywhere.")] = None,
     caption: Annotated[list[str] | None, typer.Option(help="A caption a run; repeat.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
-    speed: Annotated[float, typer.Option(help="1 is real time.")] = 1.0,
-    loop: Annotated[bool, typer.Option("--loop", help="Begin again at the end.")] = False,
     browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
     port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
 ) -> None:
-    """Show recorded runs in meshcat: live, or as one self-contained page."""
+    """Show recorded runs in meshcat: in a browser, or as one self-contained page."""
     from fpid_pin.cli.view import run_view
 
     run_view(
-        files, html=html, captions=caption or (), fps=fps, speed=speed, loop=loop,
+        files, html=html, captions=caption or (), fps=fps,
         browser=browser, port=port,
     )  # fmt: skip
 

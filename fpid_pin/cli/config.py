@@ -273,11 +273,14 @@ class _Reader:
         disturbance = parts.get("disturbance")
         if disturbance is not None:
             plant = dataclasses.replace(plant or Plant(), disturbance=disturbance)
-        sensors = parts.get("sensors")
-        experiment: Experiment | None = self._try(
-            "simulation",
-            lambda: Experiment(arm, reference, plant=plant, sensors=sensors, **simulation),
-        )
+        found: list[FpidError] = []
+        table = {"arm": arm, "reference": reference, "plant": plant} | simulation
+        table["sensors"] = parts.get("sensors")
+        experiment: Experiment | None = descriptions.build(table, Experiment, "", found)
+        for fault in found:
+            if isinstance(fault, ArgumentError) and fault.name.split(".")[0] in SIMULATION_KEYS:
+                fault = ArgumentError(f"simulation.{fault.name}", fault.expected, fault.got)
+            self._faults.append(fault)
         return experiment
 
     def _try(self, path: str, action: Any) -> Any:

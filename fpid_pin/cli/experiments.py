@@ -89,7 +89,7 @@ def run_comparison(path: Path, out: Path, metric: str = "tail", keep: Keep = ALL
 
 def _comparisons(config: Config, entries: Sequence[Entry], ranking: Ranking) -> dict[str, Figure]:
     from fpid_pin.view import plots
-    from fpid_pin.view.panels import has_orders
+    from fpid_pin.view.panels import ORDERS, has_all
 
     label = f"{ranking.measure.label}, {ranking.measure.unit}".removesuffix(", ")
     figures = {
@@ -99,7 +99,7 @@ def _comparisons(config: Config, entries: Sequence[Entry], ranking: Ranking) -> 
     for name, condition in zip(names, config.conditions, strict=True):
         runs = [entry.run for entry in entries if entry.condition == condition]
         figures[name] = plots.comparison(runs)
-    moving = [e for e in entries[: len(config.controllers)] if has_orders(e.run)]
+    moving = [e for e in entries[: len(config.controllers)] if has_all(e.run, ORDERS)]
     stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
     for stem, entry in zip(stems, moving, strict=True):
         figures[stem] = plots.gains(entry.run)

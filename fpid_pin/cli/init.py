@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,8 @@ import numpy as np
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
-from fpid_pin.cli.arm_argument import arm_table
+from fpid_pin.cli.arm_argument import arm_of_table
 from fpid_pin.cli.screen import say, screen
-from fpid_pin.descriptions import from_dict
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import kind_of, put_text
 
@@ -97,14 +95,13 @@ sensors = {{ delay = 2 }}           # samples of one step
 """
 
 
-def run_init(text: str, locks: Sequence[str], out: Path) -> None:
+def run_init(text: str, table: dict[str, Any], out: Path) -> None:
     """Write a configuration; what is there already stays, and is an error."""
     if kind_of(out) is not None:
         raise FileFormatError(
             f"{out}: expected a new file, got one that exists (--out names another)"
         )
-    table = arm_table(text, locks)
-    arm = from_dict(table, Arm)
+    arm = arm_of_table(table)
     written = configuration(arm, _relative(table, out), asked=text, file=out)
     put_text(out, written)
     say(screen(), f"Written: {out} (fpid-pin compare {out})")
@@ -176,10 +173,11 @@ def rounded(values: FloatArray) -> FloatArray:
 
 
 def _relative(table: dict[str, Any], out: Path) -> dict[str, Any]:
-    """Let a path start where the configuration's paths do: at its folder."""
-    if "path" not in table:
-        return table
-    return table | {"path": os.path.relpath(table["path"], out.parent)}
+    """Let paths start where the configuration's do: at its folder."""
+    moved = dict(table)
+    if "path" in moved:
+        moved["path"] = os.path.relpath(moved["path"], out.parent)
+    return moved
 
 
 def _comment(text: str) -> str:

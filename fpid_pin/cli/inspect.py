@@ -5,27 +5,28 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
-from fpid_pin.cli.arm_argument import find_arm
+from fpid_pin.cli.arm_argument import arm_of_table
 from fpid_pin.cli.screen import say, screen
 from fpid_pin.control import AdaptiveFpid, gain_ceilings, stability_report, suggest_gains
 from fpid_pin.control.law import Controller
 from fpid_pin.text import visible
 
 WIDTH = 80
+#: Limits that exporters and drafts write for all joints; a link's mass to its neighbours'.
+_PLACEHOLDERS, _HEAVY = (10.0, 1000.0), 10.0
 Column = Sequence[object] | FloatArray
 
 
-def run_inspect(
-    text: str, locks: Sequence[str], bandwidth: float, step: float, picture: Path | None
-) -> None:
+def run_inspect(table: dict[str, Any], bandwidth: float, step: float, picture: Path | None) -> None:
     """Print all of it; draw the arm where a picture is asked for."""
-    arm = find_arm(text, locks)
+    arm = arm_of_table(table)
     console = screen()
     if picture is not None:
         from fpid_pin.view import plots
@@ -82,9 +83,34 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
             "F_d": _or_dash(arm.dry_friction),
         }
     )
+    found = list(oddities(arm))
+    yield from ["", "What looks wrong:"] if found else []
+    for line in found:
+        yield from _wrapped(f"- {line}")
     law = suggest_gains(arm, bandwidth, step=step)
     yield from _gains(arm, law, bandwidth, step)
     yield from _margins(arm, law, step)
+
+
+def oddities(arm: Arm) -> Iterator[str]:
+    """Yield what looks wrong about an arm; a file is often a draft where it says so."""
+
+    def of(which: Any) -> str:
+        return ", ".join(arm.joint_names[k] for k in np.flatnonzero(which))
+
+    weight = np.abs(arm.gravity_vector(arm.home))
+    if (weak := weight > arm.effort_limit).any():
+        yield f"the effort limit is below the weight at home: {of(weak)}"
+    limits = {"effort": arm.effort_limit, "speed": arm.velocity_limit}
+    for name, limit in limits.items():
+        if arm.n > 1 and limit[0] in _PLACEHOLDERS and (limit == limit[0]).all():
+            yield f"the {name} limits of all joints are {limit[0]:g}, as drafts have them"
+    masses = np.array([0.0, *(body.mass for body in list(arm.model.inertias)[1:]), 0.0])
+    beside = np.maximum(masses[:-2], masses[2:])
+    if (heavy := (beside > 0.0) & (masses[1:-1] > _HEAVY * beside)).any():
+        yield f"the link outweighs its neighbours more than {_HEAVY:g} times: {of(heavy)}"
+    if (outside := (arm.lower > 0.0) | (arm.upper < 0.0)).any():
+        yield f"the zero pose is outside the limits: {of(outside)}"
 
 
 def _gains(arm: Arm, law: AdaptiveFpid, w: float, step: float) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""`fpid-pin view`: recorded runs as one page, or played live."""
+"""`fpid-pin view`: recorded runs as one page, in a file or in a browser."""
 
 from __future__ import annotations
 
@@ -20,25 +20,23 @@ def run_view(
     html: Path | None = None,
     captions: Sequence[str] = (),
     fps: float = 30.0,
-    speed: float = 1.0,
-    loop: bool = False,
     browser: bool = True,
     port: int | None = None,
     console: Console | None = None,
 ) -> None:
-    """Show run files: as a page where `html` says where to, else live until they end or Ctrl-C.
+    """Show run files as a page: written where `html` says, else in a browser.
 
     Parameters
     ----------
     files
         Run files (.npz).
     html
-        The page to write; None: a live view.
+        The page to write; None: a browser shows it.
     captions
         One a run; none: the runs' names.
     fps
-        Frames a second of either.
-    speed, loop, browser, port
+        Samples of the motion a second.
+    browser, port
         As for `fpid_pin.view.play`.
     console
         Where to print.
@@ -56,11 +54,7 @@ def run_view(
         say(console, f"{path}: {size:.2f} MB, opens in any browser")
         return
 
-    def announce(text: str) -> None:
-        say(console, text)
-
-    announce("Ctrl-C ends it; in the page, the space bar halts and q ends it")
     play(
-        runs, speed=speed, loop=loop, open_browser=browser, port=port, fps=fps, captions=given,
-        announce=announce,
+        runs, fps=fps, captions=given, open_browser=browser, port=port,
+        announce=lambda text: say(console, text),
     )  # fmt: skip

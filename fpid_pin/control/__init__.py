@@ -6,15 +6,13 @@ from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.encoder import EncoderRate
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import GainSuggestion, explain_gains, suggest_gains
-from fpid_pin.control.joint_order import JointOrder
 from fpid_pin.control.law import Controller
-from fpid_pin.control.loop import Loop
+from fpid_pin.control.loop import Loop, Record
 from fpid_pin.control.observer_bandwidth import suggest_observer
 from fpid_pin.control.operators import Derivative, Integral, Operator
 from fpid_pin.control.pd_gravity import GravityOnly, PdGravity
 from fpid_pin.control.pid import Pid
-from fpid_pin.control.record import Record
-from fpid_pin.control.robot_loop import RobotLoop, Ticks
+from fpid_pin.control.robot_loop import JointOrder, RobotLoop, Ticks
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.sliding_mode import SlidingMode
 from fpid_pin.control.slotine_li import SlotineLi

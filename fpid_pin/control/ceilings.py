@@ -85,10 +85,10 @@ class DerivativeBound:
         """Return (M + h F_v/2)^-1 at a pose, (n, n)."""
         return np.asarray(np.linalg.inv(self.arm.mass_matrix(q) + self._friction))
 
-    def shares(self, kd: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
-        """Return how much of the bound Kd (N m s^mu/rad), scale included, uses up at a pose.
+    def load_at(self, kd: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
+        """Return which part of the bound Kd [N m s^mu/rad], scale included, uses up at a pose.
 
-        Also what part of that is each joint's, (n,): its derivative by ln Kd, over itself.
+        Also which part of that is each joint's, (n,): its derivative by ln Kd, over itself.
         """
         # The product is similar to a symmetric matrix.
         root = np.sqrt(kd / self.critical)
@@ -104,7 +104,7 @@ class DerivativeBound:
         if len(self.poses) == 1:
             return float(loads[0]), self.poses[0]
         starts = self.poses[np.argsort(-loads)[:2]]
-        load, pose = worst_pose(self.arm, lambda q: self.shares(kd, q)[0], starts)
+        load, pose = worst_pose(self.arm, lambda q: self.load_at(kd, q)[0], starts)
         # Where one Kd is worst another is not far from it.
         self.poses = np.vstack([self.poses, pose])
         self._mobility = np.concatenate([self._mobility, self.mobility(pose)[np.newaxis]])
@@ -113,8 +113,8 @@ class DerivativeBound:
     def critical_poses(self, scale: FloatArray) -> FloatArray:
         """Return poses at which a loop with equal gains over a scale is likeliest to break, (7, n).
 
-        They are home; where the arm is heaviest, most toppling (M and dG/dq over the scale s_j,
-        (n,)), and lightest, searched for; and three seeded ones.
+        They are home; where the arm is heaviest, where gravity is most unstable (M and dG/dq over
+        the scale s_j, (n,)), and where it is lightest, searched for; and three seeded ones.
         """
         root = 1.0 / np.sqrt(scale)
 
@@ -204,8 +204,8 @@ def worst_pose(
 ) -> tuple[float, FloatArray]:
     """Return the largest value of a positive measure of poses that is found, and where.
 
-    The two worst of the `poses` given, (poses, n), are starts of local searches (L-BFGS-B, within
-    the joints' limits): where an arm is nearly singular samples miss the worst by far.
+    Searched from the two worst of `poses`, (poses, n), by L-BFGS-B within the joints' limits: where
+    an arm is nearly singular samples miss the worst by far.
     """
     from scipy.optimize import minimize
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from numpy.typing import ArrayLike
 
+from fpid_pin.checks import PerJoint
 from fpid_pin.control.law import Controller
-from fpid_pin.control.parameters import check_gains
 from fpid_pin.descriptions import described
 
 
@@ -30,9 +30,9 @@ class ComputedTorque(Controller):
         See `Controller`.
     """
 
-    k0: ArrayLike = 1.0
-    k1: ArrayLike = 2.0
-    ki: ArrayLike = 0.0
+    k0: Annotated[ArrayLike, PerJoint("1/s^2", low=0.0)] = 1.0
+    k1: Annotated[ArrayLike, PerJoint("1/s", low=0.0)] = 2.0
+    ki: Annotated[ArrayLike, PerJoint("1/s^3", low=0.0)] = 0.0
     name: str = field(default="computed torque", kw_only=True)
 
     uses_model = True
@@ -42,7 +42,3 @@ class ComputedTorque(Controller):
         """Write what the model is asked about: M a + C(q, q') q' + G."""
         c.a = c.a_ref + c.k1 * c.e_dot + c.k0 * c.e + c.ki * c.int_e
         c.w = c.v
-
-    def __post_init__(self) -> None:
-        self.check_options()
-        check_gains(self, "k0", "k1", "ki")

@@ -1,14 +1,16 @@
-"""How damped an arm's loops are at several poses, and boxes of gains that are damped at all."""
+"""How damped an arm's loops are at several poses: gains and boxes of gains that are, at all."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from fpid_pin.checks import FloatArray
+from fpid_pin.control.ceilings import DerivativeBound
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.linear import ComplexArray
 from fpid_pin.control.linear_law import feedback, terms_of
@@ -28,6 +30,16 @@ BOX_DAMPING = 0.05
 INSIDE = 24
 #: How often a worse corner is looked for, and the part of a box is halved: to within a sixteenth.
 TURNS = 4
+#: What a missing bit of damping ratio weighs beside the logarithm of one joint's gains.
+PENALTY = 100.0
+#: Poles that are watched at a pose: the least damped changes as gains do, and would be a kink.
+PAIRS = 4
+#: How often poses may be added at which the last gains were found wanting.
+ROUNDS = 8
+#: Parts of the bandwidth to start from, one after another until less damping than that is missing.
+STARTS, ENOUGH = (1.0, 0.5, 0.2), 0.1
+#: Missing damping ratio, and part of the bound used in excess, that no round is spent on.
+SLACK = 0.01
 
 
 class FrozenLoops:
@@ -53,15 +65,10 @@ class FrozenLoops:
         return np.array([self.damping(gains, pose) for pose in range(len(self.poses))])
 
     def slopes(self, gains: FloatArray, pose: int, count: int = 1) -> tuple[FloatArray, FloatArray]:
-        """Return the least damping ratios of poles or pairs, and how they depend on the gains.
+        """Return the least damping ratios, (count,), and their derivatives by ln K, (count, 3, n).
 
         With x and y the right and left eigenvectors of a pole z, dz/dK = y^T b (c x) / y^T x: b of
-        the gain's joint, c of its term.
-
-        Returns
-        -------
-        ratios, slopes
-            (count,), least first, and the derivatives by the logarithms of gains, (count, 3, n).
+        the gain's joint, c of its term (Lancaster, Numerische Mathematik 6, 1964).
         """
         loop = self._loops[pose]
         values, right = np.linalg.eig(loop.closed(feedback(gains)))
@@ -71,12 +78,12 @@ class FrozenLoops:
         left = np.linalg.solve(right.T, np.eye(len(poles))[:, least])
         z = poles[least]
         terms = (loop.c @ right[:, least]).reshape(*gains.shape, count)
-        felt = loop.b.T @ left / (z * self.step)
-        moved = np.moveaxis(gains[:, :, np.newaxis] * terms * felt, -1, 0)
+        by_torque = loop.b.T @ left / (z * self.step)
+        rate = np.moveaxis(gains[:, :, np.newaxis] * terms * by_torque, -1, 0)  # ds/d ln K
         s = (np.log(z) / self.step)[:, np.newaxis, np.newaxis]
         # zeta = -Re s/|s|; a pole that only grows is to grow less.
-        turned = s.real * (np.conj(s) * moved).real / np.abs(s) ** 3
-        slopes = -moved.real / np.abs(s) + np.where(np.abs(s.imag) > SLOW, turned, 0.0)
+        turned = s.real * (np.conj(s) * rate).real / np.abs(s) ** 3
+        slopes = -rate.real / np.abs(s) + np.where(np.abs(s.imag) > SLOW, turned, 0.0)
         return ratios[least], np.asarray(slopes)
 
 
@@ -157,3 +164,85 @@ class GainBox:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if self.shrunk(middle).is_damped(loops) else (low, middle)
         return self.shrunk(low), low
+
+
+def nearest_gains(
+    loops: FrozenLoops, bound: DerivativeBound, wanted: FloatArray, *, part: float,
+    damping: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Lower gains, (3, n), joint by joint, no further than damping and the bound on Kd ask.
+
+    `part` of the bound may be used up; `damping` is the least ratio at each pose of `loops`.
+
+    Maximises the sum of all ln K, so that a gain gives up little where another can do as much, by
+    sequential quadratic programming (SLSQP) with exact derivatives of poles and loads. A pose
+    counts from when gains have been found wanting there. Where nothing satisfies all constraints
+    the damping ratios fall short by the same, least, amount. Where a search ends far from what is
+    wanted another begins at less bandwidth.
+    """
+    from scipy.optimize import minimize
+
+    n = wanted.shape[1]
+    slower = np.array([2.0, 3.0, 1.0])  # Kp, Ki, Kd go with these powers of the bandwidth
+    merit = np.append(-np.ones(3 * n), PENALTY)
+    limits = [(-8.0, 0.0)] * (3 * n) + [(0.0, 2.0)]
+    active_bound: list[FloatArray] = []
+    active_damping: list[int] = []
+
+    def gains(y: FloatArray) -> FloatArray:
+        return np.asarray(wanted * np.exp(y[:-1].reshape(3, n)))
+
+    @lru_cache(maxsize=1)
+    def constraints(key: bytes) -> tuple[FloatArray, FloatArray]:
+        """Return what has to be >= 0, and its derivatives by (ln K, shortfall)."""
+        y = np.frombuffer(key)
+        table = gains(y)
+        values, rows = [], []
+        for pose in active_bound:
+            load, parts = bound.load_at(table[2], pose)
+            values.append(np.log(part / load))
+            rows.append([*np.zeros(2 * n), *-parts, 0.0])
+        for k in active_damping:
+            for ratio, slope in zip(*loops.slopes(table, k, count=PAIRS), strict=True):
+                values.append(ratio - damping[k] + y[-1])
+                rows.append([*slope.reshape(-1), 1.0])
+        return np.array(values), np.array(rows)
+
+    held: Any = {
+        "type": "ineq",
+        "fun": lambda y: constraints(y.tobytes())[0],
+        "jac": lambda y: constraints(y.tobytes())[1],
+    }
+
+    def searched(y: FloatArray) -> FloatArray:
+        for turn in range(ROUNDS):
+            short = damping - loops.ratios(gains(y)) - y[-1]
+            new = [k for k in np.flatnonzero(short > SLACK).tolist() if k not in active_damping]
+            load, pose = bound.worst(gains(y)[2])
+            heavy = load > (1.0 + SLACK) * part
+            # A lowered start may be damped where the first was not, and lower than it need be.
+            if not new and not heavy and (turn or not active_damping):
+                break
+            active_damping.extend(new)
+            active_bound.extend([pose] * heavy)
+            constraints.cache_clear()
+            y = minimize(
+                lambda y: merit @ y, y, jac=lambda _: merit, method="SLSQP", bounds=limits,
+                constraints=held, options={"maxiter": 20, "ftol": 1e-3},
+            ).x  # fmt: skip
+            if y[-1] > damping.max():
+                break  # unstable somewhere at best
+        table = gains(y)
+        table[2] *= min(1.0, part / max(bound.worst(table[2])[0], 1e-300))
+        return table
+
+    found, least = wanted, np.inf
+    for lowered in STARTS:
+        start = np.append(np.repeat(np.log(lowered) * slower, n), 0.0)
+        table = searched(start)
+        short = float((damping - loops.ratios(table)).max())
+        if short < least:
+            found, least = table, short
+        if least < ENOUGH:
+            break
+    return found

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, Number, PerJoint
+from fpid_pin.descriptions import Description
 
 
 @dataclass(frozen=True)
-class EncoderRate:
+class EncoderRate(Description):
     """The difference of two angles over the time between them, smoothed by a first-order low pass.
 
         v_k = v_(k-1) + h/(tau + h) ((q_k - q_(k-1))/h - v_(k-1))
@@ -36,14 +38,14 @@ class EncoderRate:
     that moves the other way.
     """
 
-    tau: float = 0.005
-    turn: ArrayLike | None = None
+    tau: Annotated[float, Number("s", low=0.0)] = 0.005
+    turn: Annotated[ArrayLike | None, PerJoint("rad", above=0.0, finite=False)] = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tau", checks.number("tau", self.tau, low=0.0))
-        if self.turn is not None:
-            turn = checks.floats("turn", self.turn, above=0.0, finite=False, max_ndim=1)
-            object.__setattr__(self, "turn", tuple(turn.tolist()) if turn.ndim else float(turn))
+        super().__post_init__()
+        if self.turn is not None:  # as what is hashed and compared
+            turn = np.asarray(self.turn)
+            self._set(turn=tuple(turn.tolist()) if turn.ndim else float(turn))
 
     def delay(self, step: float) -> float:
         """Return by how much slow motions are late, ``tau + h/2`` [s]; compare delay_margin.
@@ -58,8 +60,8 @@ class EncoderRate:
         Rounding counts as white noise of ``resolution/sqrt(12)``, as it is while the joint moves by
         more than a step of it a tick.
         """
-        share = step / (self.tau + step)
-        return float(resolution / np.sqrt(12.0) * share / step * np.sqrt(2.0 / (2.0 - share)))
+        a = step / (self.tau + step)
+        return float(resolution / np.sqrt(12.0) * a / step * np.sqrt(2.0 / (2.0 - a)))
 
     def nearest(self, angle: FloatArray, to: FloatArray) -> FloatArray:
         """Return `angle` moved by whole turns, to within half a turn of `to` [rad].

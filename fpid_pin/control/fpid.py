@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import Check, FloatArray, OneOf, PerJoint
 from fpid_pin.control.law import Controller
 from fpid_pin.control.operators import INITIALISATIONS, Derivative, Integral, Operator
-from fpid_pin.control.parameters import check_gains
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.descriptions import described
 from fpid_pin.fractional import Design, ExponentialSum
@@ -22,7 +21,13 @@ from fpid_pin.kernels.functions import clip, winds_up
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
-REGRESSORS = ("law", "integer")
+
+def check_bounds(name: str, value: Any) -> tuple[float, ...]:
+    """Check the least and the largest order."""
+    bounds = checks.floats(name, value, low=0.0, high=1.0, max_ndim=1)
+    if bounds.shape != (2,) or bounds[0] > bounds[1]:
+        raise checks.ArgumentError(name, "a lower and an upper bound", bounds.tolist())
+    return tuple(bounds.tolist())
 
 
 @described("adaptive_fpid")
@@ -69,21 +74,21 @@ class AdaptiveFpid(Controller):
         See `Controller`.
     """
 
-    kp: ArrayLike
-    ki: ArrayLike
-    kd: ArrayLike
-    integral_order: ArrayLike = 1.0
-    derivative_order: ArrayLike = 1.0
-    learning_rate: ArrayLike = 25.0
-    k0: ArrayLike = 1.0
-    k1: ArrayLike = 2.0
-    regressors: str = "law"
+    kp: Annotated[ArrayLike, PerJoint("N m/rad", low=0.0)]
+    ki: Annotated[ArrayLike, PerJoint("N m/(rad s^lambda)", low=0.0)]
+    kd: Annotated[ArrayLike, PerJoint("N m s^mu/rad", low=0.0)]
+    integral_order: Annotated[ArrayLike, PerJoint(low=0.0, high=1.0)] = 1.0
+    derivative_order: Annotated[ArrayLike, PerJoint(low=0.0, high=1.0)] = 1.0
+    learning_rate: Annotated[ArrayLike, PerJoint(low=0.0, rows=3)] = 25.0
+    k0: Annotated[ArrayLike, PerJoint("1/s^2", low=0.0)] = 1.0
+    k1: Annotated[ArrayLike, PerJoint("1/s", low=0.0)] = 2.0
+    regressors: Annotated[str, OneOf("law", "integer")] = "law"
     design: Design = field(default_factory=lambda: ExponentialSum(modes=24))
-    initialisation: str = "caputo"
+    initialisation: Annotated[str, OneOf(*INITIALISATIONS)] = "caputo"
     safeguards: Safeguards | None = None
-    order_learning_rate: ArrayLike = 0.0
-    integral_order_bounds: Sequence[float] = (0.02, 1.0)
-    derivative_order_bounds: Sequence[float] = (0.3, 1.0)
+    order_learning_rate: Annotated[ArrayLike, PerJoint(low=0.0, rows=2)] = 0.0
+    integral_order_bounds: Annotated[Sequence[float], Check(check_bounds)] = (0.02, 1.0)
+    derivative_order_bounds: Annotated[Sequence[float], Check(check_bounds)] = (0.3, 1.0)
 
     # ------------------------------------------------------------------------ the law
 
@@ -131,7 +136,7 @@ class AdaptiveFpid(Controller):
         found: dict[str, ArrayLike] = {name: getattr(self, name) for name in ("k0", "k1")}
         for k, name in enumerate(("kp", "ki", "kd")):
             # Projection counts from the start.
-            gain = np.clip(checks.spread(name, getattr(self, name), n), low[k], high[k])
+            gain = np.clip(checks.per_joint(name, getattr(self, name), n), low[k], high[k])
             found |= {name: gain, f"{name}_0": gain, f"gamma_{name[1]}": rates[k]}
             found |= {f"{name}_min": low[k], f"{name}_max": high[k]}
         found["as_printed"] = float(self.regressors == "integer")
@@ -147,28 +152,6 @@ class AdaptiveFpid(Controller):
 
     # ----------------------------------------------------------------- the description
 
-    def __post_init__(self) -> None:
-        for name, rows in (("learning_rate", 3), ("order_learning_rate", 2)):
-            rate = checks.floats(name, getattr(self, name), low=0.0, max_ndim=2)
-            if rate.ndim == 2 and rate.shape[0] != rows:
-                expected = f"shape (n,) or ({rows}, n)"
-                raise checks.ArgumentError(name, expected, f"shape {rate.shape}")
-            object.__setattr__(self, name, rate)
-        for name in ("integral_order_bounds", "derivative_order_bounds"):
-            bounds = checks.floats(name, getattr(self, name), low=0.0, high=1.0, max_ndim=1)
-            if bounds.shape != (2,) or bounds[0] > bounds[1]:
-                raise checks.ArgumentError(name, "a lower and an upper bound", bounds.tolist())
-            object.__setattr__(self, name, tuple(bounds.tolist()))
-        self.check_options()
-        check_gains(self, "kp", "ki", "kd", "k0", "k1", what="gains and orders")
-        orders = ("integral_order", "derivative_order")
-        check_gains(self, *orders, high=1.0, what="gains and orders")
-        checks.choice("regressors", self.regressors, REGRESSORS)
-        checks.choice("initialisation", self.initialisation, INITIALISATIONS)
-        checks.instance("design", self.design, Design, "a fractional design")
-        if self.safeguards is not None:
-            checks.instance("safeguards", self.safeguards, Safeguards, "Safeguards or None")
-
     @property
     def moves_orders(self) -> bool:
         """Whether orders adapt."""
@@ -181,7 +164,7 @@ class AdaptiveFpid(Controller):
             rate = np.asarray(getattr(self, name))
             if rate.ndim == 2 and rate.shape != (rows, n):
                 raise checks.ArgumentError(name, f"shape ({rows}, {n})", f"{rate.shape}")
-            one = rate if rate.ndim == 2 else checks.spread(name, rate, n)
+            one = rate if rate.ndim == 2 else checks.per_joint(name, rate, n)
             found.append(np.broadcast_to(one, (rows, n)))
         return np.concatenate(found)
 
@@ -196,8 +179,8 @@ class AdaptiveFpid(Controller):
 
     def orders(self, n: int) -> FloatArray:
         """Return lambda and mu, (2, n); projection of those that adapt counts from the start."""
-        lam = checks.spread("integral_order", self.integral_order, n)
-        mu = checks.spread("derivative_order", self.derivative_order, n)
+        lam = checks.per_joint("integral_order", self.integral_order, n)
+        mu = checks.per_joint("derivative_order", self.derivative_order, n)
         if self.moves_orders:
             # D^0 e is e, but the limit for mu that falls to 0 is e - e(0): the one to start from.
             mu = np.maximum(mu, np.finfo(float).tiny)

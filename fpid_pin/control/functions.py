@@ -49,21 +49,8 @@ ARGUMENTS = {"joint": ("c",), "torque": ("c",), "robot": ("joints", "own", "mode
 def address_of(function: Any, record: Any, role: str, *, columns: int = 0) -> int:
     """Return the address of a law's function, for `kernels.call`; the same one for the same code.
 
-    Parameters
-    ----------
-    function
-        See `plain_function`.
-    record
-        Type of a joint's record.
-    role
-        One of `ARGUMENTS`.
-    columns
-        Of the law's own arrays.
-
-    Raises
-    ------
-    SimulationError
-        A function that cannot be compiled; the message names its line.
+    `record` is the type of a joint's record, `role` one of `ARGUMENTS`, `columns` those of the
+    law's own arrays. A function that cannot be compiled is a SimulationError that names its line.
     """
     function = plain_function(function)
     stamp = _stamp(function)
@@ -274,20 +261,8 @@ def _code_text(code: CodeType) -> str:
 def check_in_python(function: Any, role: str, *arguments: Any, who: str) -> None:
     """Run a law's function once in Python, which names the line of a fault that compiling hides.
 
-    Parameters
-    ----------
-    function, role
-        See `address_of`.
-    arguments
-        What it is called with.
-    who
-        The law, and what the function is to it.
-
-    Raises
-    ------
-    SimulationError
-        It takes other arguments, raises, asks for a number that the law has not, or should return
-        a number and does not.
+    `who` is the law, and what the function is to it. A SimulationError says where it takes other
+    arguments, raises, or returns no number though its role is to.
     """
     function = plain_function(function)
     code = getattr(function, "__code__", None)
@@ -315,6 +290,3 @@ def check_in_python(function: Any, role: str, *arguments: Any, who: str) -> None
             f"{who}, line {line} of {file}: expected a number to be returned, got "
             f"{type(result).__name__}"
         )
-
-
-__all__ = ["ARGUMENTS", "Model", "address_of", "check_in_python", "plain_function"]

@@ -13,9 +13,8 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.ceilings import DerivativeBound, gain_table, seeded_poses
-from fpid_pin.control.damping import FrozenLoops, GainBox
+from fpid_pin.control.damping import SLACK, FrozenLoops, GainBox, nearest_gains
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.lowering import SLACK, nearest_gains
 from fpid_pin.control.observer_bandwidth import SUGGESTED, check_observer, suggest_observer
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.exceptions import FpidWarning
@@ -29,9 +28,12 @@ ORDERS = (0.95, 0.9, 0.85, 0.8, 0.75, 0.7, 0.65, 0.6)
 #: Part of the sampled-data bound that Kd should use up, so that it can rise fourfold, and that it
 #: may: a gain margin of 2.5.
 START_PART, MOST_PART = 0.25, 0.4
-#: Least damping ratio at home, an overshoot of 25 %, and at the other poses that are looked at, of
-#: 50 %.
+#: Least damping ratio zeta at home, and at the other poses that are looked at: overshoots
+#: exp(-pi zeta/sqrt(1 - zeta^2)) of 25 and 53 % (Åström and Murray, *Feedback Systems*, 2008,
+#: section 6.3).
 HOME_DAMPING, POSE_DAMPING = 0.4, 0.2
+#: Of the bandwidth w, Ki over w^3: 15 % of Routh's bound 2 w^3 for s^3 + 2 w s^2 + w^2 s + Ki.
+INTEGRAL_PART = 0.3
 #: Errors that dry friction and the largest weight torque may cost before the integral answers, at
 #: which the proportional term may ask for the whole effort limit [rad]. Chosen so that all arms of
 #: the catalogue follow (`benchmarks/results/arms.md`).
@@ -147,7 +149,7 @@ def explain_gains(
         and Kd, Ki that at the frequency w weigh as 2 w and 0.3 w^3 do at orders 1. Gains are
         lowered, no further than needed, until Kd uses up at most 0.4 of the sampled-data bound
         (`DerivativeBound`) at the worst pose, and damping ratios are at least 0.4 at home and
-        0.2 at the heaviest, the lightest, the most toppling and some random poses. Projection
+        0.2 at the heaviest pose, the lightest, the most unstable and some random ones. Projection
         keeps adapted gains within 0.7 and four times these, under the ceilings of `gain_ceilings`,
         in a `GainBox` that is damped at all those poses. Learning rates make 0.05 rad of error
         double a gain in about five seconds.
@@ -241,14 +243,14 @@ def _nominal(
     for order in ORDERS if mu is None else (mu,):
         kd = 2.0 * w ** (2.0 - order)
         law = AdaptiveFpid(
-            kp=w**2, ki=0.3 * w ** (2.0 + lam), kd=kd, integral_order=lam,
+            kp=w**2, ki=INTEGRAL_PART * w ** (2.0 + lam), kd=kd, integral_order=lam,
             derivative_order=order, learning_rate=0.0, scale=scale, name=name,
         )  # fmt: skip
         bound = DerivativeBound(arm, law, step=step, horizon=horizon)
         # One order for all joints: only the ratio of Kd and what a joint bears differs.
-        share = kd / bound.critical[0]
-        unit = unit or bound.worst(kd * scale)[0] / share
-        if unit * share <= START_PART:
+        ratio = kd / bound.critical[0]
+        unit = unit or bound.worst(kd * scale)[0] / ratio
+        if unit * ratio <= START_PART:
             break
     return law, bound
 

@@ -6,16 +6,17 @@ import dataclasses
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import Flag, FloatArray, Number, OneOf, PerJoint
 from fpid_pin.control.operators import Derivative, Integral, Operator
-from fpid_pin.control.parameters import check_scale, is_number, joint_scale
+from fpid_pin.control.parameters import SCALES, is_number, joint_scale
 from fpid_pin.control.supervisor import Supervisor
+from fpid_pin.descriptions import Description
 from fpid_pin.fractional import Design, ExponentialSum
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Controller(ABC):  # noqa: B024 - a law has one of three forms
+class Controller(Description, ABC):
     """A control law and its parameters for one robot: a frozen dataclass (``eq=False``).
 
     A law of one's own has fields, and functions in one of three forms. CONTRIBUTING.md has an
@@ -93,7 +94,6 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
     memory: ClassVar[tuple[str, ...]] = ()
     uses_model: ClassVar[bool] = False
     estimates_model: ClassVar[bool] = False
-    own_columns: ClassVar[int] = 0
     surface: ClassVar[Any] = None
     torque: ClassVar[Any] = None
     adapt: ClassVar[Any] = None
@@ -101,32 +101,18 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
     adapts: ClassVar[Any] = None
     control: ClassVar[Any] = None
 
-    scale: str | ArrayLike = "none"
-    feedforward: bool = False
-    observer: float = 0.0
+    scale: Annotated[str | ArrayLike, OneOf(*SCALES), PerJoint(above=0.0)] = "none"
+    feedforward: Annotated[bool, Flag] = False
+    observer: Annotated[float, Number("rad/s", low=0.0)] = 0.0
     supervisor: Supervisor | None = None
     name: str = ""
 
     def __post_init__(self) -> None:
-        self.check_options()
-
-    def check_options(self) -> None:
-        """Check what all laws have.
-
-        Raises
-        ------
-        ArgumentError
-            Among others: a feedforward for a law that asks the model itself; two observers.
-        """
-        check_scale(self)
-        checks.instance("feedforward", self.feedforward, bool, "true or false")
+        super().__post_init__()
         if self.feedforward and self.uses_model:
             kind = type(self).__name__
             raise checks.ArgumentError("feedforward", f"none: {kind} has the model itself", True)
-        object.__setattr__(self, "observer", checks.number("observer", self.observer, low=0.0))
-        if self.supervisor is not None:
-            checks.instance("supervisor", self.supervisor, Supervisor, "a Supervisor or None")
-        _ = self.bandwidth
+        _ = self.bandwidth  # refuses two observers that differ
 
     def check_fields(self) -> None:
         """Check that no field of a law of one's own hides something that all laws have.
@@ -186,14 +172,14 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
         }
 
     def arrays(self, arm: Arm, step: float, horizon: float) -> FloatArray:
-        """Return the arrays of a law of the whole robot at the start, (rows, own_columns)."""
-        return np.zeros((0, self.own_columns))
+        """Return the arrays of a law of the whole robot at the start, (rows, columns)."""
+        return np.zeros((0, 0))
 
     def scale_on(self, arm: Arm) -> FloatArray:
         """Return the scale on an arm, (n,)."""
         return joint_scale(self.scale, arm)
 
-    def begin(self, state: Any) -> None:  # noqa: B027 - most laws have nothing to prepare
+    def begin(self, state: Any) -> None:
         """Prepare what a law in plain Python remembers; see `control.state.State`."""
 
     # ------------------------------------------------------------- what a user asks
@@ -222,10 +208,7 @@ class Controller(ABC):  # noqa: B024 - a law has one of three forms
         from fpid_pin.control.loop import Loop
         from fpid_pin.control.start import start_all
 
-        def restart() -> Any:
-            return start_all([self], arm, step=step, horizon=horizon)[0]
-
-        return Loop(restart(), restart, self)
+        return Loop(lambda: start_all([self], arm, step=step, horizon=horizon)[0], self)
 
 
 _OPTIONS = {field.name for field in dataclasses.fields(Controller)}

@@ -1,8 +1,7 @@
 """An arm at rest as a linear sampled system, and the frequencies at which loops are measured.
 
-Signals are deviations from rest at a pose, sampled every h. The arm moves by the simulation's rule
-(semi-implicit Euler, viscous friction implicit) or, as a real arm does behind a zero-order hold,
-exactly.
+Signals are deviations from rest at a pose, sampled every h. The arm moves by the simulation's rule:
+semi-implicit Euler, viscous friction implicit.
 """
 
 from __future__ import annotations
@@ -14,14 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
 ComplexArray = NDArray[np.complex128]
-METHODS = ("semi_implicit_euler", "zero_order_hold")
 #: Frequencies per decade. Crossings between them are interpolated, which at 1.2 % apart costs less
 #: than 1e-4 of a margin.
 DENSITY = 200
@@ -33,15 +30,11 @@ STIFFNESS_STEP = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class LinearSystem:
-    """``x+ = A x + B u, y = C x``.
-
-    The last `modes` states drive nothing but themselves and y, and their part of A is diagonal.
-    """
+    """``x+ = A x + B u, y = C x``."""
 
     a: FloatArray
     b: FloatArray
     c: FloatArray
-    modes: int = 0
 
     def response(self, z: ComplexArray) -> ComplexArray:
         """Return C (z I - A)^-1 B at points z, (K,), as (K, outputs, inputs)."""
@@ -54,46 +47,22 @@ class LinearSystem:
 
 
 def linear_arm(
-    arm: Arm, q: FloatArray, *, step: float, method: str = "semi_implicit_euler",
-    inertia: float = 1.0, late: int = 0,
-) -> LinearSystem:  # fmt: skip
+    arm: Arm, q: FloatArray, *, step: float, inertia: float = 1.0, late: int = 0
+) -> LinearSystem:
     """Return the arm at rest at `q` as a system from torque to [q, q'], its first 2 n states.
 
-    Gravity's stiffness and viscous friction are included, dry friction is not: a joint that slides
-    feels it as a constant.
-
-    Parameters
-    ----------
-    arm, q
-        The arm and its pose, (n,).
-    step
-        Sampling period [s].
-    method
-        How it moves between samples, one of `METHODS`.
-    inertia
-        Factor of its mass matrix: a load that the model does not know of.
-    late
-        By how many samples what is seen is late; the older values are further states.
+    Gravity's stiffness and viscous friction are included; dry friction, a constant to a joint that
+    slides, is not. The mass matrix counts `inertia` times: a load that the model does not know of.
+    Measurements are `late` samples old, the older values being further states.
     """
-    checks.choice("method", method, METHODS)
     n = arm.n
-    mass, viscous = inertia * arm.mass_matrix(q), np.diag(arm.viscous_friction)
-    stiffness, eye, zero = gravity_stiffness(arm, q), np.eye(n), np.zeros((n, n))
-    if method == "zero_order_hold":
-        from scipy.linalg import expm
-
-        inverse = np.linalg.inv(mass)
-        rates = np.hstack([-inverse @ stiffness, -inverse @ viscous, inverse])
-        whole = expm(step * np.vstack([np.hstack([zero, eye, zero]), rates, np.zeros((n, 3 * n))]))
-        moved, pushed = whole[: 2 * n, : 2 * n], whole[: 2 * n, 2 * n :]
-    else:
-        inverse = step * np.linalg.inv(mass + step * viscous)
-        speed = np.hstack([-inverse @ stiffness, eye - inverse @ viscous])
-        moved = np.vstack([np.hstack([eye, zero]) + step * speed, speed])
-        pushed = np.vstack([step * inverse, inverse])
+    stiffness, viscous = gravity_stiffness(arm, q), np.diag(arm.viscous_friction)
+    inverse = step * np.linalg.inv(inertia * arm.mass_matrix(q) + step * viscous)
+    speed = np.hstack([-inverse @ stiffness, np.eye(n) - inverse @ viscous])
     size = 2 * n * (1 + late)
     a, b = np.eye(size, k=-2 * n), np.zeros((size, n))
-    a[: 2 * n, : 2 * n], b[: 2 * n] = moved, pushed
+    a[: 2 * n, : 2 * n] = np.vstack([np.eye(n, 2 * n) + step * speed, speed])
+    b[: 2 * n] = np.vstack([step * inverse, inverse])
     return LinearSystem(a, b, np.eye(size)[size - 2 * n :])
 
 

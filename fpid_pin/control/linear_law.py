@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 #: Part of a joint's torque, beside what e and e' make of it, below which a combination of numbers
 #: has none. Its square is what estimates of it add to the stiffness.
-UNSEEN = 1e-4
+UNOBSERVABLE = 1e-4
 #: Over how many ticks a law's own numbers may pass on what they hold before a torque shows it.
 CHAIN = 4
 
@@ -73,52 +73,32 @@ class LinearLaw:
         a = np.vstack([np.eye(states, size), self.following @ c, self.drive @ c])
         a[:states, :states] = arm.a
         a[states + memory :, states + memory :] += np.diag(self.decay)
-        b = np.vstack([arm.b, np.zeros((size - states, arm.b.shape[1]))])
-        return LinearSystem(a, b, c, modes=len(self.decay))
+        return LinearSystem(a, np.vstack([arm.b, np.zeros((size - states, arm.b.shape[1]))]), c)
 
     def closed_loop(self, arm: LinearSystem) -> FloatArray:
         """Return the state matrix of the closed loop; the arm's states come first."""
         return self.open_loop(arm).closed(self.torque)
 
     def response(self, z: ComplexArray) -> ComplexArray:
-        """Return what the torque answers to [q, q'] at points z, (K,), as (K, n, 2 n)."""
-        known = 2 * len(self.torque)
-        y = modal(1.0 / (z[:, np.newaxis] - self.decay), self.out, self.drive) + self.direct
-        inner = np.concatenate([y, self.following / z[:, np.newaxis, np.newaxis]], axis=1)
-        inner = np.linalg.solve(np.eye(inner.shape[1]) - inner[:, :, known:], inner[:, :, :known])
-        return np.asarray(self.torque[:, :known] + self.torque[:, known:] @ inner)
-
-
-def modal(factor: Any, out: FloatArray, drive: FloatArray) -> Any:
-    """Return ``out diag(factor) drive`` for factors (K, modes), as (K, outputs, signals)."""
-    found = np.zeros((len(factor), len(out), drive.shape[1]), factor.dtype)
-    for k, weights in enumerate(out):
-        own = np.flatnonzero(weights)
-        used = np.flatnonzero(drive[own].any(axis=0))
-        found[:, k, used] = (factor[:, own] * weights[own]) @ drive[np.ix_(own, used)]
-    return found
+        """Return what q, q' make of the signals s at points z, (K,), as (K, signals, 2 n)."""
+        known, at = 2 * len(self.torque), z[:, np.newaxis]
+        y = (self.out / (at - self.decay)[:, np.newaxis]) @ self.drive + self.direct
+        inner = np.concatenate([y, self.following / at[:, np.newaxis]], axis=1)
+        others = np.linalg.solve(np.eye(inner.shape[1]) - inner[:, :, known:], inner[:, :, :known])
+        measured = np.broadcast_to(np.eye(known), (len(z), known, known))
+        return np.concatenate([measured, others], axis=1)
 
 
 def linearised(
     controller: Controller, arm: Arm, q: FloatArray, *, step: float, horizon: float,
     design: Design | None = None,
 ) -> LinearLaw:  # fmt: skip
-    """Linearise a law about rest at a pose, as the engine runs it: every form, with its observer.
+    """Linearise a law about rest at a pose q, (n,), as the engine runs it, with its observer.
 
     Gravity counts as held by a constant torque. What adapts counts as far as it matters at rest:
     estimates of the weight, which errors move in proportion, do; gains, which products of errors
-    move, stay. Torque limits and the supervisor, which is silent at rest, are left out.
-
-    Parameters
-    ----------
-    controller, arm
-        The law, and the nominal arm.
-    q
-        The pose, (n,).
-    step, horizon
-        [s].
-    design
-        Of its fractional operators, in place of its own.
+    move, stay. Torque limits and the supervisor, which is silent at rest, are left out. `design`
+    is for its fractional operators, in place of its own.
 
     Raises
     ------
@@ -137,13 +117,13 @@ def linearised(
     if law.control is not None and tick.keeps_a_past():
         got = f"{who}, whose torque depends on a past of its own, such as a Bank's"
         raise checks.ArgumentError("controller", "a law that declares its operators", got)
-    found, kept = _needed(_with_operators(tick, slopes))
+    found, kept = _minimal(_with_operators(tick, slopes))
     # Torques, what is remembered, and what goes into operators.
     rows = np.ones(len(slopes), dtype=bool)
     rows[arm.n : arm.n + len(tick.memory)] = np.isin(np.arange(len(tick.memory)), kept)
     if jumps[rows].any():
         raise checks.ArgumentError("controller", "a law that is smooth at rest", f"a jump in {who}")
-    return _without_unseen(found, np.isin(kept, np.flatnonzero(tick.own)))
+    return _without_unobservable(found, np.isin(kept, np.flatnonzero(tick.own)))
 
 
 def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
@@ -161,10 +141,11 @@ def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
             # total = total_ + h/2 (f + f_), whose rate is f.
             total = before[0] + 0.5 * tick.step * (sources[k] + before[1])
             now = np.stack([total, sources[k]])
+        elif tick.ops["rate"][j, i] < 0:
+            # Not measured: taken to be constant over the step.
+            now[1] = before[1] = (sources[k] - before[0]) / tick.step
         last[2 * k : 2 * k + 2] = now
-        measured = bool(tick.summed[j, i] or tick.ops["rate"][j, i] >= 0)
-        rule = tick.modes.at(j, i).recursion(measured=measured)
-        now, before = now[: rule.now.size], before[: rule.now.size]
+        rule = tick.modes.at(j, i).recursion()
         direct[k] = rule.now @ now + rule.before @ before
         drive.append(rule.drive_now @ now + rule.drive_before @ before)
         weights.append(rule.weights)
@@ -176,18 +157,20 @@ def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
     return LinearLaw(torque, following, direct, np.concatenate(drive), out, np.concatenate(decay))
 
 
-def _needed(law: LinearLaw) -> tuple[LinearLaw, NDArray[np.int64]]:
+def _minimal(law: LinearLaw) -> tuple[LinearLaw, NDArray[np.int64]]:
     """Leave out what the torque does not depend on, and what nothing moves.
 
     What remembers the same becomes one. Also returns which places of the memory are left.
     """
     known, outputs = 2 * len(law.torque), len(law.direct)
     by_output = (law.direct != 0.0) | ((law.out != 0.0) @ (law.drive != 0.0))
-    needs = np.vstack([np.zeros((known, law.torque.shape[1])), by_output, law.following]) != 0.0
-    seen, moved = (law.torque != 0.0).any(axis=0), np.arange(len(needs)) < known
-    for _ in range(len(needs)):
-        seen, moved = seen | needs[seen].any(axis=0), moved | needs[:, moved].any(axis=1)
-    _, y, m = np.split(seen & moved, [known, known + outputs])
+    depends = np.vstack([np.zeros((known, law.torque.shape[1])), by_output, law.following]) != 0.0
+    observable = (law.torque != 0.0).any(axis=0)
+    reachable = np.arange(len(depends)) < known
+    for _ in depends:
+        observable = observable | depends[observable].any(axis=0)
+        reachable = reachable | depends[:, reachable].any(axis=1)
+    _, y, m = np.split(observable & reachable, [known, known + outputs])
     columns = np.concatenate([np.arange(known), known + np.flatnonzero(np.append(y, m))])
     modes, places = law.out[y].any(axis=0), np.flatnonzero(m)
     law = LinearLaw(
@@ -202,10 +185,10 @@ def _needed(law: LinearLaw) -> tuple[LinearLaw, NDArray[np.int64]]:
         order = np.sort(first)
         places = places[order]
         basis = np.equal.outer(first[group.reshape(-1)], order).astype(float)
-        law = _remembering(law, np.eye(len(rows))[order], basis)
+        law = _with_memory(law, np.eye(len(rows))[order], basis)
 
 
-def _without_unseen(law: LinearLaw, own: NDArray[np.bool_]) -> LinearLaw:
+def _without_unobservable(law: LinearLaw, own: NDArray[np.bool_]) -> LinearLaw:
     """Leave out combinations of a law's own numbers, `own` of its memory, that no torque shows.
 
     At rest a weight shows, most of the estimates of inertia do not. What is shown is spanned by the
@@ -219,17 +202,17 @@ def _without_unseen(law: LinearLaw, own: NDArray[np.bool_]) -> LinearLaw:
     for _ in range(CHAIN):
         shown.append(shown[-1] @ law.following[np.ix_(own, columns)])
     _, values, vectors = np.linalg.svd(np.vstack(shown), full_matrices=False)
-    basis = vectors[values > UNSEEN].T
+    basis = vectors[values > UNOBSERVABLE].T
     if basis.shape[1] == len(columns):
         return law
     kept = memory - len(columns)
     whole = np.zeros((memory, kept + basis.shape[1]))
     whole[np.flatnonzero(~own), np.arange(kept)] = 1.0
     whole[own, kept:] = basis
-    return _remembering(law, whole.T, whole)
+    return _with_memory(law, whole.T, whole)
 
 
-def _remembering(law: LinearLaw, rows: FloatArray, basis: FloatArray) -> LinearLaw:
+def _with_memory(law: LinearLaw, rows: FloatArray, basis: FloatArray) -> LinearLaw:
     """Return the law that remembers r = rows m in place of m = basis r."""
     known = law.torque.shape[1] - len(law.following)
 
@@ -242,25 +225,40 @@ def _remembering(law: LinearLaw, rows: FloatArray, basis: FloatArray) -> LinearL
     )  # fmt: skip
 
 
-def terms_of(
-    controller: AdaptiveFpid, arm: Arm, poses: FloatArray, *, step: float, horizon: float,
-    design: Design | None = None,
-) -> list[LinearSystem]:  # fmt: skip
-    """Return the arm at rest at poses, (poses, n), from the FPID's torque to its terms.
+def linear_terms(
+    controller: AdaptiveFpid, arm: Arm, *, step: float, horizon: float,
+    design: Design | None = None, used: FloatArray | float = 1.0,
+) -> tuple[LinearLaw, FloatArray]:  # fmt: skip
+    """Return an FPID about rest at home, and which of its signals are its terms, (3 n, signals).
 
-    The terms are e of all joints, then I^lambda e, then D^mu e, (3 n); gains are left out:
-    `feedback` closes the loop. For the rest see `linearised`.
+    The terms are e of all joints, then I^lambda e, then D^mu e; those that `used` has at 0, (3, n),
+    are left out. Gains are, too: `feedback` closes the loop. For the rest see `linearised`.
     """
-    # With gains that make all terms count; neither scale nor observer are any term's.
+    n = arm.n
+    kp, ki, kd = used = np.broadcast_to(used, (3, n))
+    # Neither scale nor observer are any term's.
     unit = dataclasses.replace(
-        controller, kp=1.0, ki=1.0, kd=1.0, learning_rate=0.0, order_learning_rate=0.0,
+        controller, kp=kp, ki=ki, kd=kd, learning_rate=0.0, order_learning_rate=0.0,
         safeguards=None, scale="none", observer=0.0, supervisor=None,
     )  # fmt: skip
-    law, n = linearised(unit, arm, arm.home, step=step, horizon=horizon, design=design), arm.n
+    law = linearised(unit, arm, arm.home, step=step, horizon=horizon, design=design)
+    terms = np.zeros((3 * n, law.torque.shape[1]))
+    terms[:n, :n] = -np.eye(n)
+    outputs = n + np.flatnonzero(used[1:])
+    terms[outputs, 2 * n + np.arange(len(outputs))] = 1.0
+    return law, terms
+
+
+def terms_of(
+    controller: AdaptiveFpid, arm: Arm, poses: FloatArray, *, step: float, horizon: float,
+    design: Design | None = None, used: FloatArray | float = 1.0,
+) -> list[LinearSystem]:  # fmt: skip
+    """Return the arm at rest at poses, (poses, n), from the FPID's torque to `linear_terms`."""
+    law, terms = linear_terms(
+        controller, arm, step=step, horizon=horizon, design=design, used=used
+    )  # fmt: skip
     wholes = [law.open_loop(linear_arm(arm, q, step=step)) for q in poses]
-    return [
-        LinearSystem(x.a, x.b, np.vstack([-x.c[:n], x.c[2 * n : 4 * n]]), x.modes) for x in wholes
-    ]
+    return [LinearSystem(x.a, x.b, terms @ x.c) for x in wholes]
 
 
 def feedback(gains: FloatArray) -> FloatArray:

@@ -1,9 +1,9 @@
-"""A law on one robot, a tick at a time."""
+"""A law on one robot, a tick at a time, and the record of what it sees and does."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,48 +11,40 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.record import ROWS, Record
-from fpid_pin.exceptions import FpidWarning, SimulationError
+from fpid_pin.exceptions import FpidWarning
 
 if TYPE_CHECKING:
+    from fpid_pin.arms import Arm
     from fpid_pin.control.state import State
 
-_NAMES = ("q", "v", "q_ref", "v_ref", "a_ref")
+#: What a tick is given, in the order of `State.inputs`.
+INPUTS = ("q", "v", "q_ref", "v_ref", "a_ref")
+#: Rows that there is room for where nobody says: 16 s at 1 kHz.
+ROWS = 16_384
 
 
 class Loop:
     """A law on one robot: arrays of shape (n,) in, a fresh (n,) torque out, inputs checked.
 
-    Parameters
-    ----------
-    state
-        Of one robot.
-    restart
-        Makes a state as it was at the start, for `reset`.
-    controller
-        The law's description, for whoever records it.
+    `controller.start` makes one, of a function that starts the law anew; `state` is where it is.
     """
 
-    def __init__(
-        self, state: State, restart: Callable[[], State] | None = None, controller: Any = None
-    ) -> None:
+    def __init__(self, start: Callable[[], State], controller: Any) -> None:
         # Imported late: it loads numba.
         from fpid_pin.kernels.limits import finite
 
-        self.controller = controller
-        self._restart = restart
-        self._record: Record | None
+        self.controller, self._start = controller, start
         self._finite: Any = finite
-        self._shape = (state.n,)
-        self._rest = np.zeros(state.n)
-        self._take_over(state)
+        self._record: Record | None
+        self.reset()
 
-    def _take_over(self, state: State) -> None:
-        """Work on a state from its start."""
+    def reset(self) -> None:
+        """Be as at the start: no integral, no memory, the gains as given. Not for within a tick."""
+        self.state = state = self._start()
         state.prepare()
-        self.state, self._ticks, self._record = state, 0, None
+        self._ticks, self._record, self._last = 0, None, state.ticks_within_horizon
+        self._shape, self._rest = (state.n,), np.zeros(state.n)
         self._rows, self._flat = tuple(state.inputs), state.inputs.reshape(-1)
-        self._last = state.ticks_within_horizon
 
     def torque(
         self,
@@ -91,7 +83,12 @@ class Loop:
         if not self._finite(self._flat):
             self._take(self._rows)
         if self._ticks == self._last > 0:
-            self._warn()
+            warnings.warn(
+                f"the law runs past its horizon of {state.horizon:g} s, for which its fractional "
+                "memories are fitted: give start() the time that it will run",
+                FpidWarning,
+                stacklevel=2,
+            )
         self._ticks += 1
         state.tick()
         torque: FloatArray = state.torque.copy()
@@ -100,21 +97,10 @@ class Loop:
         return torque
 
     def _take(self, given: tuple[ArrayLike, ...]) -> None:
-        """Copy the inputs, each of them checked."""
-        arrays = [
-            checks.vector(name, value, self.state.n)
-            for name, value in zip(_NAMES, given, strict=True)
-        ]
+        """Copy the inputs, once all of them are checked."""
+        arrays = [checks.vector(*x, self.state.n) for x in zip(INPUTS, given, strict=True)]
         for row, array in zip(self._rows, arrays, strict=True):
             row[:] = array
-
-    def _warn(self) -> None:
-        warnings.warn(
-            f"the law runs past its horizon of {self.state.horizon:g} s, for which its fractional "
-            "memories are fitted: give start() the time that it will run",
-            FpidWarning,
-            stacklevel=3,
-        )
 
     def signals(self) -> dict[str, FloatArray]:
         """Return copies of the law's inner signals at the last tick, (n,) or scalars."""
@@ -141,14 +127,52 @@ class Loop:
         state, rows = self.state, checks.integer("rows", rows, low=1)
         return Record(state.arm, state.step, self.controller, state.signals(), rows)
 
-    def reset(self) -> None:
-        """Be as at the start: no integral, no memory, the gains as given. Not for within a tick.
 
-        Raises
-        ------
-        SimulationError
-            The loop was made of a state alone, not by ``controller.start``.
-        """
-        if self._restart is None:
-            raise SimulationError("reset: expected a loop by controller.start, got a state's")
-        self._take_over(self._restart())
+class Record:
+    """Rows of one robot, for `Run.from_record`; there is always room, doubled where it is full.
+
+    `Loop.record` makes one.
+
+    Attributes
+    ----------
+    arm, controller
+        The nominal arm, and the law's description where it is known.
+    step
+        Sampling period [s].
+    """
+
+    def __init__(
+        self, arm: Arm, step: float, controller: Any, live: Mapping[str, FloatArray], rows: int
+    ) -> None:
+        self.arm, self.step, self.controller = arm, step, controller
+        # The law's signals are views, which are looked at in every row.
+        self._count, self._live = 0, dict(live)
+        self._motion: FloatArray = np.zeros((rows, 5, arm.n))
+        self._kept = {name: np.zeros((rows, *np.shape(value))) for name, value in live.items()}
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __repr__(self) -> str:
+        return f"<Record of {self._count} rows, {self.step:g} s apart>"
+
+    def take(self, inputs: FloatArray, torque: FloatArray) -> None:
+        """Add a row: `inputs` as `State.inputs`, (5, n); the torque until the next, (n,) [N m]."""
+        k = self._count
+        if k == len(self._motion):
+            self._motion = np.concatenate([self._motion, np.zeros_like(self._motion)])
+            self._kept = {n: np.concatenate([a, np.zeros_like(a)]) for n, a in self._kept.items()}
+        self._motion[k, :4], self._motion[k, 4] = inputs[:4], torque
+        for name, value in self._live.items():
+            self._kept[name][k] = value
+        self._count = k + 1
+
+    def arrays(self) -> dict[str, FloatArray]:
+        """Return copies of t, (N,) [s], and of q, v, q_ref, v_ref and torque, (N, n)."""
+        names = (*INPUTS[:4], "torque")
+        table = {name: self._motion[: self._count, k].copy() for k, name in enumerate(names)}
+        return {"t": self.step * np.arange(self._count, dtype=np.float64)} | table
+
+    def signals(self) -> dict[str, FloatArray]:
+        """Return copies of what the law showed of itself, (N, n) or (N,)."""
+        return {name: array[: self._count].copy() for name, array in self._kept.items()}

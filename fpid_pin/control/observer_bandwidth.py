@@ -14,7 +14,7 @@ from fpid_pin.control.ceilings import seeded_poses
 from fpid_pin.control.law import Controller
 from fpid_pin.control.linear import linear_arm
 from fpid_pin.control.linear_law import LinearLaw, linearised
-from fpid_pin.control.observer_gains import FASTEST, observer_gains
+from fpid_pin.control.parameters import FASTEST, observer_gains
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.fractional import ExponentialSum
 
@@ -69,15 +69,10 @@ def suggest_observer(
     noise
         Part by which the torque may vary more.
 
-    Returns
-    -------
-    float
-        0 where the law alone, on the exact arm at home, does not bear the delay.
-
     Warns
     -----
     FpidWarning
-        It is 0.
+        Where the law alone, on the exact arm at home, does not bear the delay: it is 0 then.
 
     Notes
     -----
@@ -137,12 +132,13 @@ def check_observer(observer: float | str) -> float | str:
 
 def _quiet(arm: Arm, law: LinearLaw, step: float, noise: float) -> float:
     """Return the bandwidth at which the torque varies by 1 + `noise` times as much."""
-    # What is answered at once is the response at z = inf.
-    answer = law.response(np.array([1e300 + 0.0j]))[0, :, arm.n :].real
-    felt = arm.mass_matrix(arm.home) + step * np.diag(arm.viscous_friction)
+    # What is answered at once is what q' adds to the torque directly.
+    whole = law.open_loop(linear_arm(arm, arm.home, step=step))
+    answer = (law.torque @ whole.c)[:, arm.n : 2 * arm.n]
+    inertia = arm.mass_matrix(arm.home) + step * np.diag(arm.viscous_friction)
 
     def size(omega: float) -> float:
-        both = observer_gains(omega, step)[1] * felt - answer
+        both = observer_gains(omega, step)[1] * inertia - answer
         return float(np.sqrt((both**2 + answer**2).sum(axis=1)).sum())
 
     low, high = 0.0, FASTEST / step

@@ -47,14 +47,10 @@ class Integral(Operator):
 
 
 def check_declared(operators: Any, memory: Any, numbers: Sequence[str]) -> None:
-    """Check what a law declares; `numbers` are the names of its numbers.
+    """Check what a law declares, `numbers` being the names of its numbers.
 
-    Raises
-    ------
-    ArgumentError
-        Numbers that have the name of what every law is given; operators that are none, that have
-        the name of something else, or whose order is to adapt and is in no field; a memory that is
-        one name.
+    Refused are names that are taken, operators that are none, a memory that is one name, and an
+    order that is to adapt and is in no field.
     """
     checks.instance("memory", memory, (tuple, list), "a tuple of names")
     for name in numbers:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from numpy.typing import ArrayLike
 
+from fpid_pin.checks import PerJoint
 from fpid_pin.control.law import Controller
-from fpid_pin.control.parameters import check_gains
 from fpid_pin.descriptions import described
 
 
@@ -32,9 +32,9 @@ class PdGravity(Controller):
         See `Controller`.
     """
 
-    kp: ArrayLike
-    kd: ArrayLike
-    ki: ArrayLike = 0.0
+    kp: Annotated[ArrayLike, PerJoint("N m/rad", low=0.0)]
+    kd: Annotated[ArrayLike, PerJoint("N m s/rad", low=0.0)]
+    ki: Annotated[ArrayLike, PerJoint("N m/(rad s)", low=0.0)] = 0.0
     name: str = field(default="PD + gravity", kw_only=True)
 
     # At rest, w = 0 and a = 0, the model's part is G alone.
@@ -44,10 +44,6 @@ class PdGravity(Controller):
     def torque(c: Any) -> Any:
         """Return the torque beside gravity's, over the scale."""
         return c.kp * c.e + c.kd * c.e_dot + c.ki * c.int_e
-
-    def __post_init__(self) -> None:
-        self.check_options()
-        check_gains(self, "kp", "kd", "ki")
 
 
 @described("none")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from numpy.typing import ArrayLike
 
+from fpid_pin.checks import PerJoint
 from fpid_pin.control.law import Controller
-from fpid_pin.control.parameters import check_gains
 from fpid_pin.descriptions import described
 
 
@@ -28,16 +28,12 @@ class Pid(Controller):
         See `Controller`.
     """
 
-    kp: ArrayLike
-    ki: ArrayLike
-    kd: ArrayLike
+    kp: Annotated[ArrayLike, PerJoint("N m/rad", low=0.0)]
+    ki: Annotated[ArrayLike, PerJoint("N m/(rad s)", low=0.0)]
+    kd: Annotated[ArrayLike, PerJoint("N m s/rad", low=0.0)]
     name: str = field(default="PID", kw_only=True)
 
     @staticmethod
     def torque(c: Any) -> Any:
         """Return u over the scale."""
         return c.kp * c.e + c.ki * c.int_e + c.kd * c.e_dot
-
-    def __post_init__(self) -> None:
-        self.check_options()
-        check_gains(self, "kp", "ki", "kd")

@@ -13,20 +13,18 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.encoder import EncoderRate
-from fpid_pin.control.joint_order import JointOrder
-from fpid_pin.control.loop import Loop
-from fpid_pin.control.record import ROWS, Record
+from fpid_pin.control.loop import INPUTS, ROWS, Loop, Record
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import listed
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
 #: A tick counts as late from this part of a step on.
 LATE = 0.1
-_NAMES = ("q", "v", "q_ref", "v_ref", "a_ref")
 
 
-@dataclass(frozen=True)
+@dataclass
 class Ticks:
     """How a robot's ticks came.
 
@@ -55,6 +53,63 @@ class Ticks:
         )
 
 
+class JointOrder:
+    """Which number of a robot's is which joint of an arm.
+
+    Parameters
+    ----------
+    arm_names
+        The arm's n joints, in its order (`Arm.joint_names`).
+    robot_names
+        The robot's m joints in its order, all of the arm's among them; others, a gripper's say, get
+        no torque.
+
+    Raises
+    ------
+    ArgumentError
+        A joint of the arm that the robot has not, or has twice.
+    """
+
+    def __init__(self, arm_names: Sequence[str], robot_names: Sequence[str]) -> None:
+        self.arm_names, self.robot_names = tuple(arm_names), tuple(robot_names)
+        for name in dict.fromkeys([*self.robot_names, *self.arm_names]):
+            count = self.robot_names.count(name)
+            if count != 1:
+                expected = f"each of {listed(self.arm_names)} once"
+                raise ArgumentError("joint_names", expected, f"{name} {count} times")
+        self._places = np.array([self.robot_names.index(name) for name in self.arm_names])
+        self._shape = (len(self.robot_names),)
+
+    def to_arm(self, name: str, values: Any) -> FloatArray:
+        """Return the arm's numbers, (n,), of the robot's, (m,) or a table by name.
+
+        Raises
+        ------
+        ArgumentError
+            Naming `name`: another length, a joint that is missing, no numbers.
+        """
+        # The checks of a well-made array take longer than all else; they are for the others.
+        if type(values) is np.ndarray and values.shape == self._shape and values.dtype == float:
+            return values.take(self._places)
+        if isinstance(values, Mapping):
+            names = self.arm_names
+            missing = [joint for joint in names if joint not in values]
+            if missing:
+                raise ArgumentError(name, f"a number for {missing[0]}", listed(values))
+            return checks.vector(name, [values[joint] for joint in names], len(names))
+        array = checks.floats(name, values)
+        if array.shape != self._shape:
+            expected = f"shape {self._shape} (the robot's joints)"
+            raise ArgumentError(name, expected, f"shape {array.shape}")
+        return array.take(self._places)
+
+    def to_robot(self, values: FloatArray) -> FloatArray:
+        """Return the robot's numbers, (m,), of the arm's, (n,); 0 for joints that it has not."""
+        found: FloatArray = np.zeros(self._shape)
+        found[self._places] = values
+        return found
+
+
 class RobotLoop:
     """A `Loop` with what hardware needs around it; all numbers are in the robot's order.
 
@@ -75,7 +130,7 @@ class RobotLoop:
     loop
         By ``controller.start``; its step is the period.
     joint_names
-        The robot's joints in its order, or places, as in `JointOrder`; None: the arm's own.
+        The robot's joints in its order, as in `JointOrder`; None: the arm's own.
     rate
         Makes rates of angles, where a call brings none; None: every call brings them. Its `turn`,
         if one number, is for revolute joints alone; (n,) is in the arm's order.
@@ -87,6 +142,11 @@ class RobotLoop:
     most_missed
         Ticks that are made up at most.
 
+    Attributes
+    ----------
+    ticks
+        How the ticks came since the start or the last `reset`.
+
     Raises
     ------
     ArgumentError
@@ -97,7 +157,7 @@ class RobotLoop:
         self,
         loop: Loop,
         *,
-        joint_names: Sequence[str] | Sequence[int] | None = None,
+        joint_names: Sequence[str] | None = None,
         rate: EncoderRate | None = None,
         soft_start: float = 0.0,
         hold: ArrayLike = 0.0,
@@ -111,7 +171,6 @@ class RobotLoop:
         self._soft_start = checks.number("soft_start", soft_start, low=0.0)
         self._hold = checks.per_joint("hold", hold, arm.n)
         self._most_missed = checks.integer("most_missed", most_missed, low=0)
-        self._inputs: FloatArray = np.zeros((5, arm.n))
         self._before: FloatArray = np.zeros((5, arm.n))
         self._record: Record | None = None
         self._begin()
@@ -119,8 +178,7 @@ class RobotLoop:
     def _begin(self) -> None:
         self._first, self._tick = 0.0, -1
         self._torque: FloatArray = self._hold.copy()
-        self._counts = dict.fromkeys(("on_time", "late", "missed", "early"), 0)
-        self._latest = 0.0
+        self.ticks = Ticks()
 
     def torque(
         self,
@@ -157,21 +215,20 @@ class RobotLoop:
         """
         tick, late = self._due(now)
         if tick == self._tick:
-            self._counts["early"] += 1
+            self.ticks.early += 1
             return self._given(q)
         missed = tick - self._tick - 1
         if missed > self._most_missed:
             raise ArgumentError(
                 "now", f"at most {self._most_missed} ticks missed", f"{missed} (reset starts anew)"
             )
-        x = self._inputs
-        for row, name, value in zip(x, _NAMES, (q, v, q_ref, v_ref, a_ref), strict=True):
-            row[:] = 0.0
+        x: FloatArray = np.zeros_like(self._before)
+        for row, name, value in zip(x, INPUTS, (q, v, q_ref, v_ref, a_ref), strict=True):
             if value is not None:
                 row[:] = self.order.to_arm(name, value)
         if not np.isfinite(x).all():
             j = int(np.argmin(np.isfinite(x).all(axis=1)))
-            raise ArgumentError(_NAMES[j], "finite numbers", "NaN or inf")
+            raise ArgumentError(INPUTS[j], "finite numbers", "NaN or inf")
         if self._rate is not None:
             self._unwrap(x, self._rate.encoder)
             made = self._rate.rate(x[0], missed + 1)
@@ -180,13 +237,15 @@ class RobotLoop:
         elif v is None:
             raise ArgumentError("v", "rates, or RobotLoop(rate=EncoderRate())", "none")
         for k in range(1, missed + 1):
-            between = self._before + k / (missed + 1) * (x - self._before)
-            self._advance(between, self._torque)
-        self._torque = self._softened(self._advance(x, None), tick)
-        if self._record is not None:
-            self._record.take(x, self._torque)
-        self._before, self._inputs = x, self._before
-        self._count(tick, missed, late)
+            self._advance(self._before + k / (missed + 1) * (x - self._before), self._torque)
+        self._torque = self._advance(x, None, tick)
+        self._before, self._tick = x, tick
+        if abs(late) > LATE * self.step:
+            self.ticks.late += 1
+        else:
+            self.ticks.on_time += 1
+        self.ticks.missed += missed
+        self.ticks.latest = max(self.ticks.latest, late)
         return self._given(q)
 
     def _due(self, now: float | None) -> tuple[int, float]:
@@ -210,31 +269,21 @@ class RobotLoop:
         for row in (0, 2):
             x[row] = encoder.nearest(x[row], self._before[row])
 
-    def _advance(self, x: FloatArray, held: FloatArray | None) -> FloatArray:
+    def _advance(self, x: FloatArray, held: FloatArray | None, tick: int = 0) -> FloatArray:
+        """Make a tick of the law and return what the drives get; None `held`: the law's torque."""
         torque = self.loop.torque(*x)
-        if held is not None and self._record is not None:
+        if held is None:
+            part = tick * self.step / self._soft_start if self._soft_start else 1.0
+            held = torque if part >= 1.0 else self._hold + part * (torque - self._hold)
+        if self._record is not None:
             self._record.take(x, held)
-        return torque
-
-    def _softened(self, torque: FloatArray, tick: int) -> FloatArray:
-        if tick * self.step >= self._soft_start:
-            return torque
-        return np.asarray(self._hold + tick * self.step / self._soft_start * (torque - self._hold))
-
-    def _count(self, tick: int, missed: int, late: float) -> None:
-        self._counts["late" if abs(late) > LATE * self.step else "on_time"] += 1
-        self._counts["missed"] += missed
-        self._latest = max(self._latest, late)
-        self._tick = tick
+        return held
 
     def _given(self, q: Any) -> Any:
-        order = self.order
-        return (order.named if isinstance(q, Mapping) else order.to_robot)(self._torque)
-
-    @property
-    def ticks(self) -> Ticks:
-        """How the ticks came since the start or the last `reset`."""
-        return Ticks(**self._counts, latest=self._latest)
+        torque = self.order.to_robot(self._torque)
+        if isinstance(q, Mapping):
+            return dict(zip(self.order.robot_names, torque.tolist(), strict=True))
+        return torque
 
     def record(self, rows: int = ROWS) -> Record:
         """Keep every tick from now on, as `Loop.record` does: what was given, made-up ticks too."""

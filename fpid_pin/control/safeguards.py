@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import FloatArray, Number, PerJoint
+from fpid_pin.descriptions import Description, described
 
 
 @described("safeguards")
 @dataclass(frozen=True, eq=False)
-class Safeguards:
+class Safeguards(Description):
     """Ways of keeping adapted gains bounded; none is on in the paper's experiment.
 
     The gradient law alone drifts: under a constant load ``Ki' = gamma k0 (int e)^2 >= 0``, so
@@ -35,24 +36,21 @@ class Safeguards:
         No adaptation while ``|S|`` is below it; beyond, only the excess counts.
     """
 
-    minimum: ArrayLike = 0.0
-    maximum: ArrayLike = np.inf
-    sigma: float = 0.0
-    e_modification: float = 0.0
-    dead_zone: float = 0.0
+    _path = "safeguards"
+
+    minimum: Annotated[ArrayLike, PerJoint(rows=3)] = 0.0
+    maximum: Annotated[ArrayLike, PerJoint(low=0.0, finite=False, rows=3)] = np.inf
+    sigma: Annotated[float, Number("1/s", low=0.0)] = 0.0
+    e_modification: Annotated[float, Number(low=0.0)] = 0.0
+    dead_zone: Annotated[float, Number(low=0.0)] = 0.0
 
     def __post_init__(self) -> None:
-        low = checks.floats("safeguards.minimum", self.minimum, max_ndim=2)
-        high = checks.floats("safeguards.maximum", self.maximum, low=0, finite=False, max_ndim=2)
-        if np.any(low > high):
+        super().__post_init__()
+        low = np.asarray(self.minimum)
+        if np.any(low > np.asarray(self.maximum)):
             raise checks.ArgumentError(
                 "safeguards.minimum", "at most safeguards.maximum", f"{low.max():g}"
             )
-        object.__setattr__(self, "minimum", low)
-        object.__setattr__(self, "maximum", high)
-        for name in ("sigma", "e_modification", "dead_zone"):
-            value = checks.number(f"safeguards.{name}", getattr(self, name), low=0)
-            object.__setattr__(self, name, value)
 
     @staticmethod
     def bounds_of(guard: Safeguards | None, n: int) -> tuple[FloatArray, FloatArray]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from numpy.typing import ArrayLike
 
+from fpid_pin.checks import PerJoint
 from fpid_pin.control.law import Controller
-from fpid_pin.control.parameters import check_gains
 from fpid_pin.descriptions import described
 
 
@@ -35,9 +35,9 @@ class SlidingMode(Controller):
         See `Controller`.
     """
 
-    slope: ArrayLike
-    gain: ArrayLike
-    boundary_layer: ArrayLike = 0.1
+    slope: Annotated[ArrayLike, PerJoint("1/s", low=0.0)]
+    gain: Annotated[ArrayLike, PerJoint("N m", low=0.0)]
+    boundary_layer: Annotated[ArrayLike, PerJoint("rad/s", low=0.0)] = 0.1
     name: str = field(default="sliding mode", kw_only=True)
 
     uses_model = True
@@ -56,7 +56,3 @@ class SlidingMode(Controller):
         # Without a layer the ramp is so steep that only its ends are left.
         ramp = c.s / max(c.boundary_layer, 1e-300)
         return -c.gain * min(max(ramp, -1.0), 1.0)
-
-    def __post_init__(self) -> None:
-        self.check_options()
-        check_gains(self, "slope", "gain", "boundary_layer")

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import Flag, FloatArray, Number, PerJoint
 from fpid_pin.control.law import Controller
-from fpid_pin.control.parameters import check_gains
 from fpid_pin.descriptions import described
 from fpid_pin.kernels.functions import winds_up
 from fpid_pin.kernels.records import ESTIMATES
@@ -60,12 +58,12 @@ class SlotineLi(Controller):
         See `Controller`; an observer sees what the nominal model lacks, not the estimate.
     """
 
-    slope: ArrayLike
-    damping: ArrayLike
-    adaptation_rate: float = 1.0
-    initial: float = 1.0
-    friction: bool = True
-    leakage: float = 0.0
+    slope: Annotated[ArrayLike, PerJoint("1/s", low=0.0)]
+    damping: Annotated[ArrayLike, PerJoint("N m s/rad", low=0.0)]
+    adaptation_rate: Annotated[float, Number(low=0.0)] = 1.0
+    initial: Annotated[float, Number(low=0.0)] = 1.0
+    friction: Annotated[bool, Flag] = True
+    leakage: Annotated[float, Number("1/s", low=0.0)] = 0.0
     name: str = field(default="Slotine-Li", kw_only=True)
 
     uses_model = True
@@ -118,14 +116,6 @@ class SlotineLi(Controller):
             "initial": self.initial, "reach": reach, "m_rate": self.adaptation_rate * mass**2,
             "friction_rate": self.friction * self.adaptation_rate * friction**2,
         }  # fmt: skip
-
-    def __post_init__(self) -> None:
-        self.check_options()
-        check_gains(self, "slope", "damping")
-        for name in ("adaptation_rate", "initial", "leakage"):
-            value = checks.number(name, getattr(self, name), low=0.0)
-            object.__setattr__(self, name, value)
-        checks.instance("friction", self.friction, bool, "true or false")
 
 
 def moved(c: Any, value: float, nominal: float, rate: float) -> Any:

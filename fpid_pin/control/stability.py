@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.ceilings import gain_ceilings
-from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.law import Controller
 from fpid_pin.control.linear import (
     ComplexArray,
@@ -28,8 +24,8 @@ from fpid_pin.shown import Shown
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
-#: Share of the largest one that a pole must have in what a push leaves behind, to dominate.
-SHARE = 0.1
+#: Part of the largest residue, of a push in the angles, that a pole must have to dominate.
+DOMINANT_PART = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -60,11 +56,6 @@ class StabilityReport(Shown):
     common_gain_margin, common_gain_reduction, common_delay_margin
         The same where all joints' torques are raised, lowered or late together, as by a slow
         computer: less than any one joint bears.
-    kd_ceiling, kd_limit
-        Half of the sampled-data bound on Kd, and the bound (see `gain_ceilings`); NaN for laws
-        without a Kd of their own.
-    method
-        How the arm moves between samples.
     """
 
     joint_names: tuple[str, ...]
@@ -79,9 +70,6 @@ class StabilityReport(Shown):
     common_gain_margin: float
     common_gain_reduction: float
     common_delay_margin: float
-    kd_ceiling: FloatArray
-    kd_limit: FloatArray
-    method: str
 
     def rows(self) -> list[dict[str, object]]:
         """Return one table row a joint, labelled with units, and one for all at once."""
@@ -93,8 +81,6 @@ class StabilityReport(Shown):
                 "phase margin [deg]": np.degrees(self.phase_margin[j]),
                 "delay margin [ms]": 1e3 * self.delay_margin[j],
                 "crossover [rad/s]": self.crossover[j],
-                "Kd ceiling": self.kd_ceiling[j],
-                "Kd limit": self.kd_limit[j],
             }
             for j, joint in enumerate(self.joint_names)
         ]
@@ -109,7 +95,7 @@ class StabilityReport(Shown):
     def __str__(self) -> str:
         s = self.dominant_pole
         lines = [
-            f"{'stable' if self.stable else 'UNSTABLE'} at home ({self.method}), "
+            f"{'stable' if self.stable else 'UNSTABLE'} at home, "
             f"dominant pole {s.real:.3g} ± {abs(s.imag):.3g}j 1/s"
         ]
         for row in self.rows():
@@ -119,13 +105,7 @@ class StabilityReport(Shown):
 
 
 def stability_report(
-    arm: Arm,
-    controller: Controller,
-    *,
-    step: float = 1e-3,
-    horizon: float = 3600.0,
-    gains: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
-    method: str = "semi_implicit_euler",
+    arm: Arm, controller: Controller, *, step: float = 1e-3, horizon: float = 3600.0
 ) -> StabilityReport:
     """Linearise the sampled loop at the arm's home and measure its margins.
 
@@ -139,16 +119,11 @@ def stability_report(
         Torque limits and dry friction are left out, and so is a supervisor: it is silent at rest.
     step, horizon
         [s].
-    gains
-        Kp, Ki, Kd to use in place of a law's initial ones, (n,) each: what adaptation has made
-        of them, ``(run.kp[-1], run.ki[-1], run.kd[-1])``.
-    method
-        ``"semi_implicit_euler"``, as simulated, or ``"zero_order_hold"``, a real arm.
 
     Raises
     ------
     ArgumentError
-        What cannot be linearised: see `linearised`. Gains for a law without Kp, Ki and Kd.
+        What cannot be linearised: see `linearised`.
 
     Notes
     -----
@@ -158,43 +133,19 @@ def stability_report(
     Nyquist criterion: MacFarlane and Postlethwaite, International Journal of Control 25, 1977).
     """
     step = checks.number("step", step, above=0.0)
-    controller, n = controller.on(arm, step=step), arm.n
-    if gains is not None:
-        controller = _with_gains(controller, gains, n)
+    controller = controller.on(arm, step=step)
     omega = frequencies(step)
     z = np.exp(1j * omega * step)
-    plant = linear_arm(arm, arm.home, step=step, method=method)
+    plant = linear_arm(arm, arm.home, step=step)
     law = linearised(controller, arm, arm.home, step=step, horizon=horizon)
     radius, dominant = _poles(plant, law, step)
-    loop = -law.response(z) @ plant.response(z)
-    sensitivity = np.linalg.inv(np.eye(n) + loop)
+    loop = -law.torque @ law.response(z) @ plant.response(z)
+    sensitivity = np.linalg.inv(np.eye(arm.n) + loop)
     own = np.asarray(1.0 / np.diagonal(sensitivity, axis1=1, axis2=2) - 1.0, np.complex128)
     alone = np.array([_margins(omega, locus) for locus in own.T]).T
     together = np.array([_margins(omega, locus) for locus in _loci(loop)]).T
-    ceiling, limit = np.full(n, np.nan), np.full(n, np.nan)
-    if isinstance(controller, AdaptiveFpid):
-        ceilings = gain_ceilings(arm, controller, step=step, horizon=horizon)
-        ceiling, limit = ceilings.kd, ceilings.kd_limit
-    common = [float(x) for x in (together[0].min(), together[1].max(), together[3].min())]
-    found: Any = (*alone, *common, ceiling, limit, method)
+    found: Any = (*alone, *map(float, (together[0].min(), together[1].max(), together[3].min())))
     return StabilityReport(arm.joint_names, radius < 1.0, radius, dominant, *found)
-
-
-def _with_gains(controller: Controller, gains: tuple[ArrayLike, ...], n: int) -> Controller:
-    """Return a law with other Kp, Ki and Kd, which no safeguards bound."""
-    names = ("kp", "ki", "kd")
-    if not {*names} <= {field.name for field in dataclasses.fields(controller)}:
-        kind = type(controller).__name__
-        raise checks.ArgumentError("gains", "a law with kp, ki and kd", kind)
-    if len(gains) != len(names):
-        raise checks.ArgumentError("gains", "Kp, Ki and Kd", f"{len(gains)} of them")
-    given: dict[str, Any] = {
-        name: checks.per_joint(f"gains.{k}", x, n, low=0.0)
-        for k, (name, x) in enumerate(zip(names, gains, strict=True))
-    }
-    if isinstance(controller, AdaptiveFpid):
-        given["safeguards"] = None
-    return dataclasses.replace(controller, **given)
 
 
 def _poles(plant: LinearSystem, law: LinearLaw, step: float) -> tuple[float, complex]:
@@ -203,10 +154,10 @@ def _poles(plant: LinearSystem, law: LinearLaw, step: float) -> tuple[float, com
     poles, right = np.linalg.eig(law.closed_loop(plant))
     left = np.linalg.inv(right)
     push = np.vstack([plant.b, np.zeros((len(poles) - len(plant.b), n))])
-    share = np.linalg.norm(right[:n], axis=0) * np.linalg.norm(left @ push, axis=1)
+    size = np.linalg.norm(right[:n], axis=0) * np.linalg.norm(left @ push, axis=1)
     modulus = np.abs(poles)
-    slowest = np.argmax(np.where((share >= SHARE * share.max()) | (modulus >= 1.0), modulus, 0.0))
-    pole = np.log(complex(poles[slowest])) / step
+    seen = (size >= DOMINANT_PART * size.max()) | (modulus >= 1.0)
+    pole = np.log(complex(poles[np.argmax(np.where(seen, modulus, 0.0))])) / step
     return float(modulus.max()), complex(pole.real, abs(pole.imag))
 
 
@@ -225,7 +176,9 @@ def _loci(loop: ComplexArray) -> ComplexArray:
 
 def _margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, ...]:
     """Return gain margin, gain reduction, phase margin, delay margin and crossover of one loop."""
-    up, down = _gain_margins(loop)
+    factors = critical_gain(loop)
+    up = float(factors[factors >= 1.0].min(initial=np.inf))
+    down = float(factors[factors < 1.0].max(initial=0.0))
     at, values = crossings(omega, loop, lambda x: np.log(np.abs(x) + 1e-300))
     phases = np.angle(-values)  # in (-pi, pi]
     if not len(at):
@@ -234,9 +187,3 @@ def _margins(omega: FloatArray, loop: ComplexArray) -> tuple[float, ...]:
     # A delay turns the loop clockwise: from a phase margin below 0 it takes most of a turn.
     lag = np.mod(phases, 2.0 * np.pi) / at
     return up, down, float(phases[least]), float(lag.min()), float(at[least])
-
-
-def _gain_margins(loop: ComplexArray) -> tuple[float, float]:
-    factors = critical_gain(loop)
-    above, below = factors[factors >= 1.0], factors[factors < 1.0]
-    return float(above.min(initial=np.inf)), float(below.max(initial=0.0))

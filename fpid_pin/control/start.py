@@ -10,7 +10,6 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.control.operators import INITIALISATIONS
 from fpid_pin.control.state import State
-from fpid_pin.fractional import Design
 from fpid_pin.fractional.design import modes_of
 
 if TYPE_CHECKING:
@@ -25,12 +24,6 @@ def start_all(
 
     The modes of laws with the same operators are fitted together, which costs hardly more than
     one.
-
-    Raises
-    ------
-    ArgumentError, DesignError, SimulationError
-        Numbers that do not fit the arm, operators that cannot be had, functions that cannot be
-        compiled.
     """
     # A suggestion takes a second, and most populations have one description many times. It is not
     # fitted to a horizon: a run's gains must not depend on how long it lasts.
@@ -45,21 +38,15 @@ def start_all(
             key = (law.fractional_design, getattr(law, "initialisation", "caputo"))
             groups.setdefault((*key, state.orders.shape), []).append(state)
     for (design, initialisation, _), members in groups.items():
-        _fit(members, design, initialisation)
+        checks.choice("initialisation", initialisation, INITIALISATIONS)
+        grid = {"step": step, "horizon": horizon}
+        modes = modes_of(design, np.array([state.orders for state in members]), **grid)
+        if modes.shared_poles:
+            ops, poles, values = modes.records(initialisation)
+            for state, own, value in zip(members, ops, values, strict=True):
+                state.use_modes(own, poles, value)
+        else:
+            for state in members:
+                alone = modes_of(design, state.orders, **grid)
+                state.use_modes(*alone.records(initialisation))
     return states
-
-
-def _fit(states: Sequence[State], design: Design, initialisation: str) -> None:
-    """Give states their operators' modes."""
-    checks.choice("initialisation", initialisation, INITIALISATIONS)
-    first = states[0]
-    orders = np.array([state.orders for state in states])
-    modes = modes_of(design, orders, step=first.step, horizon=first.horizon)
-    if modes.shared_poles:
-        ops, poles, values = modes.records(initialisation)
-        for state, own, value in zip(states, ops, values, strict=True):
-            state.use_modes(own, poles, value)
-    else:
-        for state in states:
-            own = modes_of(design, state.orders, step=state.step, horizon=state.horizon)
-            state.use_modes(*own.records(initialisation))

@@ -13,30 +13,15 @@ from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
-from fpid_pin.control.observer_gains import observer_gains
 from fpid_pin.control.operators import Integral, check_declared
-from fpid_pin.control.order_changes import OrdersByHand
-from fpid_pin.exceptions import ArgumentError, SimulationError
-from fpid_pin.fractional import Bank
+from fpid_pin.control.parameters import observer_gains
+from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
+from fpid_pin.fractional import Bank, Design
+from fpid_pin.fractional.design import modes_of
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
 from fpid_pin.kernels.layout import record_type
-from fpid_pin.kernels.records import (
-    DERIVATIVE,
-    ESTIMATES,
-    FRAME,
-    GIVEN,
-    INERTIA,
-    INTEGRAL,
-    INTEGRAL_OF_ERROR,
-    LINK,
-    MODE,
-    OPERATOR,
-    POLE,
-    ROBOT,
-    SLOPES,
-    TERMS,
-)
+from fpid_pin.kernels.records import ESTIMATES, GIVEN, INERTIA, SLOPES
 from fpid_pin.kernels.rollout import step_tick
 
 if TYPE_CHECKING:
@@ -49,27 +34,32 @@ RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref
 SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 
 
+#: Orders at which the table is laid out that orders which vary are interpolated in: a cubic on this
+#: grid is within 1e-7 of the operator, as the operator of 24 modes is of the exact one.
+NODES = 201
+#: Signals that are there before a law's surface, and so operators of them.
+EARLY = set(GIVEN.names) - {"s", "a", "w"}  # type: ignore[arg-type]
+
+
 @lru_cache(maxsize=256)
 def _record(own: tuple[str, ...]) -> Any:
     return record_type(dict.fromkeys((*GIVEN.names, *own), ""))  # type: ignore[misc]
 
 
-class State(OrdersByHand):
-    """One robot under one law.
+@lru_cache(maxsize=8)
+def _order_table(design: Design, step: float, horizon: float) -> FloatArray:
+    """Return the table of `kernels.operator.variable_order_derivative`."""
+    nodes = np.linspace(0.0, 1.0, NODES)
+    return np.ascontiguousarray(modes_of(design, nodes, step=step, horizon=horizon).table())
 
-    Parameters
-    ----------
-    controller
-        The law.
-    arm
-        The nominal arm.
-    step, horizon
-        Sampling period, and the longest time that it will run [s].
+
+class State:
+    """One robot under one law, for the longest time that it will run, `horizon` [s].
 
     Attributes
     ----------
     arm, step, horizon, n
-        As given; number of joints.
+        The nominal arm, sampling period and horizon [s]; number of joints.
     c : kernels.records.Controller
         All arrays of the controller.
     joints : record array, (n,)
@@ -83,71 +73,63 @@ class State(OrdersByHand):
     def __init__(self, controller: Controller, arm: Arm, *, step: float, horizon: float) -> None:
         self.controller, self.arm, self.n = controller, arm, arm.n
         self.step = checks.number("step", step, above=0.0)
-        self.horizon = horizon
-        n = arm.n
+        self.horizon, n = horizon, arm.n
         controller.check_fields()
         given = controller.numbers(arm, step, horizon)
         check_declared(controller.operators, controller.memory, list(given))
-        operators = controller.operators
-        outputs = [
-            name
-            for output, operator in operators.items()
-            for name in ([output, f"{output}_by_order"] if operator.adapts else [output])
-        ]
-        estimated = [*ESTIMATES, *SLOPES] if controller.estimates_model else []
-        names = dict.fromkeys([*estimated, *given, *controller.memory, *outputs])
-        own_names = tuple(name for name in names if name not in GIVEN.names)  # type: ignore[operator]
+        # Operators of given signals come first; the others follow the law's surface.
+        self._operators = sorted(controller.operators.items(), key=lambda x: x[1].of not in EARLY)
+        names = [*ESTIMATES, *SLOPES] if controller.estimates_model else []
+        names += [*given, *controller.memory]
+        for output, operator in self._operators:
+            names += [output, f"{output}_by_order"] if operator.adapts else [output]
         try:
-            self.record = _record(own_names)
+            self.record = _record(
+                tuple(name for name in dict.fromkeys(names) if name not in GIVEN.names)  # type: ignore[operator]
+            )
         except ValueError as error:
             raise ArgumentError("fields and memory", "other names", str(error)) from None
+        self._columns = {name: k for k, name in enumerate(self.record.names)}
         for name, field in self.shown_names().items():
-            if field not in self.record.names:
+            if field not in self._columns:
                 raise ArgumentError(f"shown.{name}", "a number of the law", field)
         numbers = np.zeros((n, len(self.record.names)))
         self.joints = numbers.view(self.record)[:, 0]
-        inertia = inertial_numbers(bodies_of(arm))
-        numbers[:, INERTIA : INERTIA + 10] = inertia
+        numbers[:, INERTIA : INERTIA + 10] = inertial_numbers(bodies_of(arm))
         for name, value in given.items():
             try:
                 self.joints[name] = value
             except ValueError:
                 self.joints[name] = checks.per_joint(name, value, n)
         self.joints["h"], self.joints["limit"] = self.step, arm.effort_limit
-        self.joints["viscous"], self.joints["scale"] = (
-            arm.viscous_friction,
-            controller.scale_on(arm),
-        )
-        bodies = bodies_of(arm).copy()
-        own = np.ascontiguousarray(controller.arrays(arm, step, horizon), dtype=np.float64)
+        self.joints["viscous"] = arm.viscous_friction
+        self.joints["scale"] = controller.scale_on(arm)
+        zeros = np.zeros
         self.c = records.Controller(
-            robot=np.zeros(1, ROBOT),
+            robot=zeros(1, records.ROBOT),
             joints=np.ndarray((n,), GIVEN, buffer=numbers, strides=numbers.strides[:1]),
             numbers=numbers,
-            own=own,
-            ops=np.zeros((n, 0), OPERATOR),
-            poles=np.zeros((1, 0), POLE),
-            modes=np.zeros((n, 0, 0), MODE),
-            table=np.zeros((0, 4)),
-            bodies=bodies,
-            links=np.zeros(n, LINK),
-            motions=np.zeros((3, n, 6)),
-            frames=np.zeros(n + 1, FRAME),
+            own=np.ascontiguousarray(controller.arrays(arm, step, horizon), dtype=np.float64),
+            ops=zeros((n, 0), records.OPERATOR),
+            poles=zeros((1, 0), records.POLE),
+            modes=zeros((n, 0, 0), records.MODE),
+            table=zeros((0, 4)),
+            bodies=bodies_of(arm).copy(),
+            links=zeros(n, records.LINK),
+            motions=zeros((3, n, 6)),
+            frames=zeros(n + 1, records.FRAME),
             gravity=np.array(arm.model.gravity.linear),
-            mass=np.zeros((n, n)),
-            factored=np.zeros((n, n)),
-            terms=np.zeros((TERMS, n)),
+            mass=zeros((n, n)),
+            factored=zeros((n, n)),
+            terms=zeros((records.TERMS, n)),
         )
-        self._columns = {name: k for k, name in enumerate(self.record.names)}
-        self.inputs: FloatArray = np.zeros((5, n))
-        self.torque: FloatArray = np.zeros(n)
+        self.inputs: FloatArray = zeros((5, n))
+        self.torque: FloatArray = zeros(n)
         self.memory: dict[str, Any] = {}
         self.shown: dict[str, FloatArray] = {}
         self._ticked = False
         self._step: Any = None
-        self._operators = list(operators.items())
         self.orders = self._initial_orders()
-        self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
         self._fill_robot()
         self._bind()
         self.in_python = controller.control is not None
@@ -181,22 +163,20 @@ class State(OrdersByHand):
         law, robot = self.controller, self.c.robot
         if law.control is not None:
             return
-        whole = law.torques is not None
-        if not whole and law.torque is None and law.surface is None:
+        if law.torques is None and law.torque is None and law.surface is None:
             raise SimulationError(
                 f"{type(law).__name__}: expected functions (torque, or torques, or control), got "
                 "none of them"
             )
-        roles = {"torque": ("torques", "robot"), "adapt": ("adapts", "robot")}
-        if not whole:
-            roles = {"surface": ("surface", "joint"), "torque": ("torque", "torque")}
-            roles["adapt"] = ("adapt", "joint")
-        for place, (name, role) in roles.items():
+        roles = {"surface": "joint", "torque": "torque", "adapt": "joint"}
+        if law.torques is not None:
+            roles = {"torques": "robot", "adapts": "robot"}
+        for name, role in roles.items():
             function = getattr(law, name)
             if function is not None:
                 self._check(function, name, role)
-                columns = self.c.own.shape[1]
-                robot[place] = address_of(function, self.record, role, columns=columns)
+                address = address_of(function, self.record, role, columns=self.c.own.shape[1])
+                robot[name.rstrip("s")] = address
 
     def _check(self, function: Any, name: str, role: str) -> None:
         """Run a function of a user's law once in Python, on a copy."""
@@ -218,54 +198,43 @@ class State(OrdersByHand):
         """Return the orders alpha of the law's operators, (n, operators), each checked."""
         orders: FloatArray = np.zeros((self.n, len(self._operators)))
         for i, (output, operator) in enumerate(self._operators):
-            known = operator.order in self._columns if isinstance(operator.order, str) else True
-            if not known:
-                raise ArgumentError(f"operators.{output}", "a field with its order", operator.order)
+            name = f"operators.{output}"
             order: Any = operator.order
             if isinstance(order, str):
+                if order not in self._columns:
+                    raise ArgumentError(name, "a field with its order", order)
                 order = self.joints[order]
-            order = checks.per_joint(f"operators.{output}", order, self.n, low=0.0, high=1.0)
+            order = checks.per_joint(name, order, self.n, low=0.0, high=1.0)
             orders[:, i] = 1.0 - order if isinstance(operator, Integral) else order
             if operator.of not in self._columns:
-                raise ArgumentError(
-                    f"operators.{output}", f"a signal ({', '.join(self.record.names)})", operator.of
-                )
-        # Operators of given signals come first; the others follow the law's surface.
-        early = set(GIVEN.names) - {"s", "a", "w"}  # type: ignore[arg-type]
-        given = [operator.of in early for _, operator in self._operators]
-        if sorted(given, reverse=True) != given:
-            order_of = np.argsort(np.logical_not(given), kind="stable")
-            self._operators = [self._operators[k] for k in order_of]
-            orders = orders[:, order_of]
-        self.c.robot["first_operators"] = sum(given)
+                known = ", ".join(self.record.names)
+                raise ArgumentError(name, f"a signal ({known})", operator.of)
+        self.c.robot["first_operators"] = sum(x.of in EARLY for _, x in self._operators)
         return orders
 
     def use_modes(self, ops: Any, poles: Any, modes: Any) -> None:
         """Take the operators' records: see `fractional.design.Records`."""
-        table = np.zeros((3 + modes.shape[-1], 4))
+        table, columns = np.zeros((3 + modes.shape[-1], 4)), self._columns
+        ops["kind"], ops["order_column"] = records.DERIVATIVE, -1
         for i, (output, operator) in enumerate(self._operators):
-            column = ops[:, i]
-            column["source"] = self._columns[operator.of]
-            column["output"] = self._columns[output]
-            column["rate"] = self._columns[RATES[operator.of]] if operator.of in RATES else -1
-            column["kind"], column["sign"] = DERIVATIVE, operator.sign
-            column["order_column"] = -1
+            column = ops[:, i]  # a view
+            column["source"], column["output"] = columns[operator.of], columns[output]
+            column["rate"] = columns[RATES[operator.of]] if operator.of in RATES else -1
+            column["sign"] = operator.sign
             if isinstance(operator, Integral):
-                column["kind"] = INTEGRAL_OF_ERROR if operator.of == "e" else INTEGRAL
+                column["kind"] = records.INTEGRAL
                 if operator.of == "e":
-                    column["source"], column["rate"] = self._columns["int_e"], self._columns["e"]
+                    column["kind"] = records.INTEGRAL_OF_ERROR
+                    column["source"], column["rate"] = columns["int_e"], columns["e"]
             if operator.adapts:
-                column["variable"] = 1
-                column["order_column"] = self._columns[str(operator.order)]
-                self._need_shared_poles(poles)
-                table = self._table()
-            ops[:, i] = column
-        self.c = self.c._replace(
-            ops=np.ascontiguousarray(ops),
-            poles=poles,
-            modes=np.ascontiguousarray(modes),
-            table=table,
-        )
+                design = self.controller.fractional_design
+                if len(poles) > 1:
+                    kind = type(design).__name__
+                    raise DesignError(f"orders: expected a design with shared poles, got {kind}")
+                column["variable"], column["order_column"] = 1, columns[str(operator.order)]
+                table = _order_table(design, self.step, self.horizon)
+        ops, modes = np.ascontiguousarray(ops), np.ascontiguousarray(modes)
+        self.c = self.c._replace(ops=ops, poles=poles, modes=modes, table=table)
 
     # ------------------------------------------------------------------------- a tick
 
@@ -282,18 +251,9 @@ class State(OrdersByHand):
     def tick(self, model: Callable[[State], None] | None = None) -> None:
         """Advance by one tick: from `inputs` to `torque`.
 
-        Parameters
-        ----------
-        model
-            Writes what the nominal model says (`kernels.tick.ask_model`); None: the compiled one.
-
-        Raises
-        ------
-        SimulationError
-            A law in plain Python that raises, or returns something else than (n,) numbers.
+        `model` writes what the nominal model says (`kernels.tick.ask_model`); None: the compiled
+        one. A law in plain Python that raises, or returns no (n,) numbers, is a SimulationError.
         """
-        if self._ramp is not None:
-            self._follow_ramp()
         # Gains move by the signals of the last tick, so that until then they are those that made
         # its torque.
         first = (ADAPT if self._ticked else 0) | SIGNALS
@@ -356,8 +316,6 @@ class State(OrdersByHand):
         orders = checks.per_joint("order", order, self.n)
         design = self.controller.fractional_design
         return Bank(design, orders, step=self.step, horizon=self.horizon, rate=rate)
-
-    # ---------------------------------------------------------------- orders by hand
 
     @property
     def ticks_within_horizon(self) -> int:

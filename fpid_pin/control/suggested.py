@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.checks import Flag, Number, OneOf
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.gains import LEARNING_ERROR, LEARNING_TIME, suggest_gains
 from fpid_pin.control.law import Controller
-from fpid_pin.control.observer_bandwidth import SUGGESTED, check_observer
+from fpid_pin.control.observer_bandwidth import SUGGESTED
 from fpid_pin.descriptions import described
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
+
+Bandwidth = Annotated[float | str, OneOf(SUGGESTED), Number("rad/s", low=0.0)]
 
 
 @described("suggested_fpid")
@@ -34,30 +37,13 @@ class SuggestedFpid(Controller):
         What tables and figures call it.
     """
 
-    bandwidth: float = 10.0
-    integral_order: float = 0.9
-    derivative_order: float | None = None
-    adaptive: bool = True
-    order_learning_rate: float | str = 0.0
-    observer: float | str = field(default=0.0, kw_only=True)  # type: ignore[assignment]
+    bandwidth: Annotated[float, Number("rad/s", above=0.0)] = 10.0
+    integral_order: Annotated[float, Number(low=0.0, high=1.0)] = 0.9
+    derivative_order: Annotated[float | None, Number(low=0.0, high=1.0)] = None
+    adaptive: Annotated[bool, Flag] = True
+    order_learning_rate: Annotated[float | str, OneOf(SUGGESTED), Number(low=0.0)] = 0.0
+    observer: Bandwidth = field(default=0.0, kw_only=True)  # type: ignore[assignment]
     name: str = field(default="FPID, suggested gains", kw_only=True)
-
-    def __post_init__(self) -> None:
-        value = checks.number("bandwidth", self.bandwidth, above=0.0)
-        object.__setattr__(self, "bandwidth", value)
-        for name in ("integral_order", "derivative_order"):
-            order = getattr(self, name)
-            if order is not None or name == "integral_order":
-                object.__setattr__(self, name, checks.number(name, order, low=0.0, high=1.0))
-        for name in ("adaptive", "feedforward"):
-            checks.instance(name, getattr(self, name), bool, "true or false")
-        object.__setattr__(self, "observer", check_observer(self.observer))
-        rate = self.order_learning_rate
-        if isinstance(rate, str):
-            checks.choice("order_learning_rate", rate, (SUGGESTED,))
-        else:
-            rate = checks.number("order_learning_rate", rate, low=0.0)
-            object.__setattr__(self, "order_learning_rate", rate)
 
     def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> AdaptiveFpid:
         """Return the controller that this is on `arm`."""

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint
+from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import FpidWarning
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
-KINDS = ("sampled", "paper")
 #: At how many poses, home and seeded ones, M^-1 is looked at for `Supervisor.warn`.
 POSES = 32
 
@@ -47,9 +46,7 @@ def lyapunov_matrix(k0: float, k1: float, weight: ArrayLike | None = None) -> Fl
 
     k0 = checks.number("supervisor.k0", k0, above=0.0)
     k1 = checks.number("supervisor.k1", k1, above=0.0)
-    q = checks.floats("supervisor.weight", np.eye(2) if weight is None else weight)
-    if q.shape != (2, 2):
-        raise checks.ArgumentError("supervisor.weight", "shape (2, 2)", f"shape {q.shape}")
+    q = checks.floats("supervisor.weight", np.eye(2) if weight is None else weight, shape=(2, 2))
     if not np.array_equal(q, q.T) or np.linalg.eigvalsh(q)[0] <= 0.0:
         raise checks.ArgumentError(
             "supervisor.weight", "a symmetric positive definite matrix", q.tolist()
@@ -61,7 +58,7 @@ def lyapunov_matrix(k0: float, k1: float, weight: ArrayLike | None = None) -> Fl
 
 @described("supervisor")
 @dataclass(frozen=True, eq=False)
-class Supervisor:
+class Supervisor(Description):
     """Supervisory control: it keeps V = 1/2 sum_j E_j^T P E_j, and so the error, inside a set.
 
     ``"sampled"`` acts one step ahead. Over a step in which e'' is constant V is a quadratic in
@@ -110,46 +107,27 @@ class Supervisor:
         V_T and V_on over V_M. Noise wants a lower V_T: see docs/supervisor.md.
     """
 
-    m_x: float
-    reference_bound: float
-    disturbance_bound: ArrayLike = 0.0
-    gravity_bound: ArrayLike | None = None
-    k0: float = 0.5
-    k1: float = 1.0
-    weight: ArrayLike | None = None
-    boundary_layer: float = 0.0
-    kind: str = "sampled"
-    lookahead: float | None = None
-    observer: float = 0.0
-    target: float = 1.0
-    trigger: float = 0.0
+    _path = "supervisor"
+
+    m_x: Annotated[float, Number()]
+    reference_bound: Annotated[float, Number(low=0.0)]
+    disturbance_bound: Annotated[ArrayLike, PerJoint("N m", low=0.0)] = 0.0
+    gravity_bound: Annotated[ArrayLike | None, PerJoint("N m", low=0.0)] = None
+    k0: Annotated[float, Number("1/s^2", above=0.0)] = 0.5
+    k1: Annotated[float, Number("1/s", above=0.0)] = 1.0
+    weight: Annotated[ArrayLike | None, Array(shape=(2, 2))] = None
+    boundary_layer: Annotated[float, Number(low=0.0)] = 0.0
+    kind: Annotated[str, OneOf("sampled", "paper")] = "sampled"
+    lookahead: Annotated[float | None, Number("s", above=0.0)] = None
+    observer: Annotated[float, Number("rad/s", low=0.0)] = 0.0
+    target: Annotated[float, Number(above=0.0)] = 1.0
+    trigger: Annotated[float, Number(low=0.0)] = 0.0
 
     def __post_init__(self) -> None:
-        def number(name: str, **bounds: Any) -> float:
-            value = checks.number(f"supervisor.{name}", getattr(self, name), **bounds)
-            object.__setattr__(self, name, value)
-            return value
-
-        bound = number("reference_bound", low=0.0)
-        m_x = number("m_x")
-        if m_x <= bound:
-            raise checks.ArgumentError(
-                "supervisor.m_x", f"more than reference_bound ({bound:g})", f"{m_x:g}"
-            )
-        for name in ("disturbance_bound", "gravity_bound"):
-            value = getattr(self, name)
-            if value is not None:
-                array = checks.floats(f"supervisor.{name}", value, low=0.0, max_ndim=1)
-                object.__setattr__(self, name, array)
-        if self.weight is not None:
-            object.__setattr__(self, "weight", checks.floats("supervisor.weight", self.weight))
-        checks.choice("supervisor.kind", self.kind, KINDS)
-        for name in ("boundary_layer", "observer", "trigger"):
-            number(name, low=0.0)
-        for name in ("k0", "k1", "target"):
-            number(name, above=0.0)
-        if self.lookahead is not None:
-            number("lookahead", above=0.0)
+        super().__post_init__()
+        if self.m_x <= self.reference_bound:
+            expected = f"more than reference_bound ({self.reference_bound:g})"
+            raise checks.ArgumentError("supervisor.m_x", expected, f"{self.m_x:g}")
         lyapunov_matrix(self.k0, self.k1, self.weight)
 
     @classmethod

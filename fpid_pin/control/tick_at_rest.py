@@ -34,18 +34,9 @@ PROBES = 4
 class TickAtRest:
     """One tick of a law on an arm that rests at a pose.
 
-    Attributes
-    ----------
-    ops : ndarray, (n, operators)
-        Records of the operators, `kernels.records.OPERATOR`.
-    summed : ndarray, (n, operators)
-        Which of them sum their signal up themselves.
-    modes : Modes
-        Of the operators, in the order of `ops`.
-    memory : ndarray of int
-        Places of m in all numbers of the law, its own arrays after them.
-    own : ndarray of bool
-        Which of m are the law's own, and not among those that the engine gives every law.
+    Of its operators it has the records `ops`, (n, operators), which of them sum their signal up
+    themselves, `summed`, and the `modes`. `memory` are the places of m in all numbers of the law,
+    its own arrays after them; `own` says which of m are not among those that every law is given.
     """
 
     def __init__(

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.costs.figures import METRIC_NAMES, Metrics
-from fpid_pin.descriptions import described
+from fpid_pin.checks import FloatArray, Number, OneOf, PerJoint
+from fpid_pin.costs.figures import METRIC_NAMES, REDUCTIONS, Metrics, over_joints
+from fpid_pin.descriptions import Description, described
 
 if TYPE_CHECKING:
     from fpid_pin.costs.rows import RowCost
 
 
-class Cost(ABC):
+class Cost(Description, ABC):
     """One number for a run, to be made small; a run that diverges costs +inf."""
+
+    _path = "cost"
 
     @abstractmethod
     def of(self, metrics: Metrics) -> float:
@@ -28,10 +30,6 @@ class Cost(ABC):
     def streamed(self) -> RowCost | None:
         """Return what takes the run's rows in place of `of`; None: its metrics are enough."""
         return None
-
-
-def _weights(value: ArrayLike) -> FloatArray:
-    return checks.floats("joint_weights", value, low=0.0, max_ndim=1)
 
 
 def _weighted(metric: FloatArray, weights: ArrayLike) -> FloatArray:
@@ -55,14 +53,9 @@ class QuadraticCost(Cost):
         c, scalar or (n,).
     """
 
-    w1: float = 1.0
-    w2: float = 1e-4
-    joint_weights: ArrayLike = 1.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "w1", checks.number("cost.w1", self.w1, low=0.0))
-        object.__setattr__(self, "w2", checks.number("cost.w2", self.w2, low=0.0))
-        object.__setattr__(self, "joint_weights", _weights(self.joint_weights))
+    w1: Annotated[float, Number(low=0.0)] = 1.0
+    w2: Annotated[float, Number(low=0.0)] = 1e-4
+    joint_weights: Annotated[ArrayLike, PerJoint(low=0.0)] = 1.0
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`."""
@@ -73,7 +66,7 @@ class QuadraticCost(Cost):
 @described("metric_cost")
 @dataclass(frozen=True, eq=False)
 class MetricCost(Cost):
-    """A metric itself, ``iae``, ``settling_time``, ..., of all joints together or of the worst.
+    """A metric itself, ``iae``, ``settling_time``, ..., over the joints.
 
     Parameters
     ----------
@@ -82,19 +75,14 @@ class MetricCost(Cost):
     joint_weights
         Scalar or (n,).
     joints
-        ``"all"``: their sum; ``"worst"``: the largest.
+        ``"sum"`` over them, the ``"worst"`` one's, or their root mean square, ``"rms"``.
     """
 
-    metric: str
-    joint_weights: ArrayLike = 1.0
-    joints: str = "all"
-
-    def __post_init__(self) -> None:
-        checks.choice("cost.metric", self.metric, METRIC_NAMES)
-        checks.choice("cost.joints", self.joints, ("all", "worst"))
-        object.__setattr__(self, "joint_weights", _weights(self.joint_weights))
+    metric: Annotated[str, OneOf(*METRIC_NAMES)]
+    joint_weights: Annotated[ArrayLike, PerJoint(low=0.0)] = 1.0
+    joints: Annotated[str, OneOf(*REDUCTIONS)] = "sum"
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`."""
         each = _weighted(getattr(metrics, self.metric), self.joint_weights)
-        return float(np.max(each) if self.joints == "worst" else np.add.reduce(each))
+        return over_joints(each, self.joints)

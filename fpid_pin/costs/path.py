@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, Number, OneOf
 from fpid_pin.costs.figures import SETTLING_BAND
 from fpid_pin.costs.rows import RowCost, Rows
 from fpid_pin.descriptions import described
@@ -25,10 +24,7 @@ class ToolCost(RowCost):
         ``"rms"`` over the rows, or their ``"peak"``.
     """
 
-    measure: str = "rms"
-
-    def __post_init__(self) -> None:
-        checks.choice("cost.measure", self.measure, ("rms", "peak"))
+    measure: Annotated[str, OneOf("rms", "peak")] = "rms"
 
     def begin(self) -> tuple[int, float, float]:
         """See `RowCost.begin`: rows, sum of squares [m^2] and largest square [m^2]."""
@@ -75,10 +71,7 @@ class SettlingCost(RowCost):
         [rad].
     """
 
-    band: float = SETTLING_BAND
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "band", checks.number("cost.band", self.band, above=0.0))
+    band: Annotated[float, Number("rad", above=0.0)] = SETTLING_BAND
 
     def begin(self) -> float:
         """See `RowCost.begin`."""

@@ -116,11 +116,12 @@ class FromRows(RowCost):
     signals: Sequence[str] = ()
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, given in (("step", self.step), ("value", self.value)):
             if not callable(given) and not (name == "value" and given is None):
                 raise ArgumentError(f"cost.{name}", "a function", shown(given))
         names = (self.signals,) if isinstance(self.signals, str) else tuple(self.signals)
-        object.__setattr__(self, "signals", names)
+        self._set(signals=names)
 
     def begin(self) -> Any:
         """See `RowCost.begin`."""

@@ -11,8 +11,20 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
-from fpid_pin.export.kinds import INT, REAL, Array, Bundle, Kind, Number, Record
-from fpid_pin.export.language import ATOM, UNARY, Value, field_kind, offset
+from fpid_pin.export.kinds import (
+    ATOM,
+    INT,
+    REAL,
+    UNARY,
+    Array,
+    Bundle,
+    Kind,
+    Number,
+    Record,
+    Value,
+    field_kind,
+    offset,
+)  # fmt: skip
 
 #: Functions that printed kernels may call. min and max are Python's, which let NaN through where it
 #: comes first and drop it where it comes second: fmin and fmax would always drop it, and a joint
@@ -58,16 +70,11 @@ class C99:
     """What depends on the language: numbers, memory, declarations, functions.
 
     JavaScript is a subclass: blocks, loops and conditional expressions it writes alike.
-
-    Attributes
-    ----------
-    functions
-        Names of functions that are called otherwise than in Python.
-    reserved, taken
-        Names that no variable may have; and that no function may have, either.
     """
 
+    #: Names of functions that are called otherwise than in Python.
     functions: ClassVar[Mapping[str, str]] = {"abs": "fabs", "int": "real_int", "ipow": "real_ipow"}
+    #: Names that no variable may have; and, with `taken`, no function.
     reserved: ClassVar = frozenset(_RESERVED.split())
     taken: ClassVar = frozenset(_TAKEN.split()) | frozenset(HELPERS)
 

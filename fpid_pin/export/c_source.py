@@ -38,19 +38,9 @@ def template(name: str) -> str:
 
 
 class CSource:
-    """The text of a law's C files.
+    """A law's C files, from its state at t = 0 (`law.start`): texts by name.
 
-    Parameters
-    ----------
-    state
-        At t = 0: see `law.start`.
-
-    Attributes
-    ----------
-    files
-        Texts by the names of files.
-    exact
-        Whether it has only operations in it whose bits are the same everywhere.
+    `exact` is whether all operations in it have the same bits everywhere.
     """
 
     def __init__(self, state: State) -> None:

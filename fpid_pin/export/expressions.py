@@ -10,15 +10,21 @@ from types import FunctionType
 from typing import TYPE_CHECKING
 
 from fpid_pin.export.c99 import C99
-from fpid_pin.export.kinds import INT, REAL, Array, Bundle, Kind, Number, Record
-from fpid_pin.export.language import (
+from fpid_pin.export.kinds import (
     AND,
     CHOICE,
     COMPARISON,
+    INT,
     OR,
     PRODUCT,
+    REAL,
     SUM,
     UNARY,
+    Array,
+    Bundle,
+    Kind,
+    Number,
+    Record,
     Value,
 )  # fmt: skip
 from fpid_pin.export.source import Source
@@ -43,18 +49,11 @@ _MATH = """
 
 
 class Expressions:
-    """Translates the expressions of one kernel.
-
-    Attributes
-    ----------
-    kinds
-        Of the variables, as far as is known.
-    fixed
-        Values of variables that are constants.
-    """
+    """Translates the expressions of one kernel."""
 
     def __init__(self, source: Source, language: C99, program: Program) -> None:
         self.source, self.language, self._program = source, language, program
+        #: Of the variables, as far as is known; values of those that are constants.
         self.kinds: dict[str, Kind] = {}
         self.fixed: dict[str, Value] = {}
 

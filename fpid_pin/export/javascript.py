@@ -11,8 +11,19 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from fpid_pin.export.c99 import C99
-from fpid_pin.export.kinds import REAL, Array, Kind, Number, Record
-from fpid_pin.export.language import ATOM, SUM, UNARY, Value, field_kind, offset
+from fpid_pin.export.kinds import (
+    ATOM,
+    REAL,
+    SUM,
+    UNARY,
+    Array,
+    Kind,
+    Number,
+    Record,
+    Value,
+    field_kind,
+    offset,
+)  # fmt: skip
 
 #: Functions that the printed kernels call. min and max are Python's: Math.min and Math.max would
 #: make NaN of either argument's.

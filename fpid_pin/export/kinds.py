@@ -1,13 +1,14 @@
 """What a kernel's arguments are: numbers, records, arrays of constant size, bundles of arrays.
 
 A kernel names no types. Printed for given arguments it has them all, as numba has when it compiles.
+An expression of the other language is a `Value` of such a kind.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -58,20 +59,13 @@ class Record:
 
 @dataclass(frozen=True)
 class Array:
-    """An array of numbers or records, C-contiguous.
-
-    Attributes
-    ----------
-    pitch
-        Of a part of columns: how many elements a row is after the one before; None: as many as a
-        row has.
-    fixed
-        Whether it is never written to.
-    """
+    """An array of numbers or records, C-contiguous."""
 
     element: Number | Record
     shape: tuple[Extent, ...]
+    #: Of a part of columns: how many elements a row is after the one before; None: a row's own.
     pitch: Extent = None
+    #: Whether it is never written to.
     fixed: bool = False
 
     def __str__(self) -> str:
@@ -80,14 +74,7 @@ class Array:
 
 @dataclass(frozen=True)
 class Bundle:
-    """Arrays by name, in one argument.
-
-    Attributes
-    ----------
-    members
-        Name, kind, and how the array is written in the other language, given the argument's name
-        as ``{}``.
-    """
+    """Arrays by name, in one argument: name, kind, and text, given the argument's name as {}."""
 
     name: str
     members: tuple[tuple[str, Array, str], ...]
@@ -107,19 +94,10 @@ def real(*shape: int) -> Array:
 def array_kind(
     name: str, values: Any, constants: Collection[str] | None = None, *, fixed: bool = False
 ) -> Array:
-    """Return what the printer is told of an array.
+    """Return what the printer is told of an array, or of records called `name`.
 
-    Parameters
-    ----------
-    name
-        Of its records, if they are any.
-    values
-        At t = 0.
-    constants
-        Integer fields that never change; those that are the same everywhere are known to the
-        printer. None: all but `MOVING`.
-    fixed
-        Whether nothing of it is ever written to.
+    `constants` are integer fields that never change, None: all but `MOVING`; those that are the
+    same everywhere are known to the printer. `fixed`: nothing of it is ever written to.
     """
 
     def kind_of(dtype: Any) -> Number:
@@ -151,18 +129,8 @@ def bundle(
 ) -> Bundle:  # fmt: skip
     """Return what the printer is told of arrays by name, as of a NamedTuple of `kernels.records`.
 
-    Parameters
-    ----------
-    name
-        Of the argument's type.
-    arrays
-        At t = 0.
-    texts
-        How each array is written, see `Bundle`.
-    constants
-        Integer fields that never change, by array; None: all but `MOVING`.
-    fixed
-        Arrays that are never written to.
+    `texts` says how each is written, see `Bundle`; `constants` and `fixed` are `array_kind`'s, by
+    array.
     """
     members = []
     for field, values in arrays.items():
@@ -179,3 +147,48 @@ def words(values: Any) -> FloatArray:
         return np.asarray(values, dtype=np.float64).ravel()
     columns = [values[name].astype(np.float64).ravel() for name in values.dtype.names]
     return np.stack(columns, axis=1).ravel()
+
+
+#: How tightly an expression holds together; a looser one goes into parentheses.
+CHOICE, OR, AND, COMPARISON, SUM, PRODUCT, UNARY, ATOM = range(8)
+
+
+class Value(NamedTuple):
+    """An expression in the other language: its text, kind, and how tightly it holds together."""
+
+    text: str
+    kind: Kind
+    rank: int = ATOM
+    #: Its value where it is a constant.
+    known: bool | float | None = None
+
+    def within(self, rank: int) -> str:
+        """Return the text, in parentheses where something of `rank` would tear it apart."""
+        return self.text if self.rank >= rank else f"({self.text})"
+
+
+def offset(array: Array, index: Sequence[Value], stride: int = 1) -> Value:
+    """Return how many elements of `stride` lie before the one, or the row, of an index."""
+    terms: list[str] = []
+    sure, rank = 0, ATOM
+    for k, value in enumerate(index):
+        size = stride
+        for extent in array.shape[k + 1 :]:
+            size *= extent or 1
+        if k == 0 and array.pitch is not None:
+            size = array.pitch * stride
+        if value.known is not None:
+            sure += int(value.known) * size
+        else:
+            terms.append(value.text if size == 1 else f"{value.within(UNARY)} * {size}")
+            rank = min(value.rank if size == 1 else PRODUCT, rank)
+    if sure or not terms:
+        terms.append(str(sure))
+    return Value(" + ".join(terms), INT, SUM if len(terms) > 1 else rank)
+
+
+def field_kind(record: Value, name: str) -> tuple[int, Number]:
+    """Return which of a record's fields has a name, and its kind."""
+    assert isinstance(record.kind, Record)
+    place = [field for field, _ in record.kind.fields].index(name)
+    return place, record.kind.fields[place][1]

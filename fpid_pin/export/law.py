@@ -48,12 +48,7 @@ def start(controller: Controller, arm: Arm, step: float, horizon: float) -> Stat
 def stand_ins(controller: Controller, joints: str = "joints") -> Mapping[Any, Any]:
     """Return what stands in the place of calls of a law's functions by address, for `Program`.
 
-    Parameters
-    ----------
-    controller
-        The law.
-    joints
-        Which array of the controller's has the joints' whole records.
+    `joints` is the array of the controller that has the joints' whole records.
     """
     from fpid_pin.control.functions import plain_function
     from fpid_pin.kernels.call import call_law

@@ -24,14 +24,12 @@ StandIn = Callable[[Sequence[ast.expr]], tuple[Any, Sequence[ast.expr]]]
 
 @dataclass
 class Printed:
-    """A kernel printed for some kinds of arguments: what its callers want to know.
-
-    `taken` says of each argument whether the printed function has it: numbers may be calls, which
-    are made in any case, and arrays that nothing is left of are none of its arguments.
-    """
+    """A kernel printed for some kinds of arguments: what its callers want to know."""
 
     name: str
     returns: Number | None = None
+    #: Whether the printed function has each argument: numbers may be calls, which are made in any
+    #: case, and arrays that nothing is left of are none of its arguments.
     taken: list[bool] = field(default_factory=list)
     text: str = ""
 
@@ -39,13 +37,8 @@ class Printed:
 class Program:
     """Kernels in another language.
 
-    Parameters
-    ----------
-    language
-        `c99.C99` or `javascript.JavaScript`.
-    stand_ins
-        For kernels that are not printed themselves: from the arguments of a call, what is called in
-        their place, and with what. May be changed from one `add` to the next.
+    `stand_ins` are for kernels that are not printed themselves: from the arguments of a call, what
+    is called in their place, and with what. They may change from one `add` to the next.
     """
 
     def __init__(self, language: C99, stand_ins: Mapping[Any, StandIn] | None = None) -> None:
@@ -76,19 +69,8 @@ class Program:
     ) -> Printed:  # fmt: skip
         """Print a kernel and all that it calls, unless they are there.
 
-        Parameters
-        ----------
-        kernel
-            See `kernels.compiled.kernel`.
-        kinds
-            Of its arguments.
-        node, caller
-            Where it is called, in another kernel's text; None: from outside.
-
-        Raises
-        ------
-        ExportError
-            A line that has no counterpart.
+        `node` and `caller` are where it is called in another kernel's text. A line that has no
+        counterpart raises `ExportError`.
         """
         source = Source(kernel)
         node, origin = node or source.tree, caller or source

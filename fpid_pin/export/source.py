@@ -17,34 +17,11 @@ _PACKAGE = Path(__file__).parents[2]
 
 
 class Source:
-    """The syntax tree of a kernel, and where its variables live.
+    """The syntax tree of a kernel (`kernels.compiled.kernel`), and where its variables live.
 
-    Parameters
-    ----------
-    kernel
-        See `kernels.compiled.kernel`.
-
-    Attributes
-    ----------
-    parameters
-        The names of the arguments.
-    body
-        The statements, without the docstring.
-    inner
-        Which things it is closed around.
-    stored
-        How often each name is given a value.
-    declared
-        The assignment that a variable is declared by, where one comes before all other uses of it
-        in the innermost block that has them all. Python's variables are the function's, those of C
-        and JavaScript a block's.
-    hoisted
-        Variables to be declared at the top of the function: all others.
-
-    Raises
-    ------
-    ExportError
-        No Python source: it was typed in, or is no kernel at all.
+    Python's variables are the function's, those of C and JavaScript a block's. `declared` has the
+    assignment that declares a variable, where one comes before all other uses of it in the
+    innermost block that has them all; `hoisted` has the others, declared at the function's top.
     """
 
     def __init__(self, kernel: Any) -> None:

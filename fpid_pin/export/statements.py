@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 from fpid_pin.export.c99 import C99
 from fpid_pin.export.expressions import Expressions
-from fpid_pin.export.kinds import INT, REAL, Kind, Number
-from fpid_pin.export.language import SUM, Value
+from fpid_pin.export.kinds import INT, REAL, SUM, Kind, Number, Value
 from fpid_pin.export.source import Source
 
 if TYPE_CHECKING:
@@ -22,15 +21,7 @@ _ROUNDS = 8
 
 
 class Statements:
-    """The body of one kernel, printed for given kinds of arguments.
-
-    Attributes
-    ----------
-    lines
-        The function's, without head and end.
-    returns
-        The kind of its value; None: none.
-    """
+    """The body of one kernel, printed for given kinds of arguments: its lines, and its value."""
 
     def __init__(
         self, source: Source, language: C99, program: Program, kinds: Sequence[Kind]

@@ -6,12 +6,6 @@ from fpid_pin.fractional.definitions import caputo, grunwald_letnikov, riemann_l
 from fpid_pin.fractional.design import Design, Modes
 from fpid_pin.fractional.exponential_sum import ExponentialSum
 from fpid_pin.fractional.history import L1, GrunwaldLetnikov
-from fpid_pin.fractional.interop import (
-    fpid_state_space,
-    state_space,
-    to_control,
-    zeros_poles_gain,
-)
 from fpid_pin.fractional.operator_report import OperatorReport, report
 
 __all__ = [
@@ -24,11 +18,7 @@ __all__ = [
     "Modes",
     "OperatorReport",
     "caputo",
-    "fpid_state_space",
     "grunwald_letnikov",
     "report",
     "riemann_liouville",
-    "state_space",
-    "to_control",
-    "zeros_poles_gain",
 ]

@@ -20,7 +20,6 @@ from fpid_pin.fractional.design import (
     check_order,
     modes_of,
 )
-from fpid_pin.fractional.history import HistoryDesign, Past
 
 RATES = ("measured", "differenced")
 
@@ -34,8 +33,7 @@ class Bank:
     Parameters
     ----------
     design
-        How: `ExponentialSum`, `Crone`; `GrunwaldLetnikov` and `L1` keep the signal's past instead
-        of modes.
+        How: `ExponentialSum`, `Crone`, or another with modes.
     order
         Orders alpha, of any shape, for example (terms, runs, joints); it is the bank's shape.
     step
@@ -97,15 +95,9 @@ class Bank:
         size = self.order.size
         # This sample and the last, and the output, all channels in a row.
         self._f, self._f_, self._rate, self._rate_, self._output = np.zeros((5, size))
-        self._held = np.zeros(size, dtype=bool)
-        self._past: Past | None = None
-        # Only modes are fitted to a horizon.
-        self._end = -1
-        if isinstance(design, HistoryDesign):
-            self._past = Past(design, self.order.reshape(-1), self.step, self.initialisation)
-        else:
-            self._records = self._fitted()
-            self._end = round(self.horizon / self.step) + 1
+        self._moving = np.zeros(size, dtype=bool)  # no channel is held
+        self._records = self._fitted()
+        self._end = round(self.horizon / self.step) + 1
         self.reset()
 
     def _fitted(self) -> Records:
@@ -118,14 +110,12 @@ class Bank:
         """Go back to t = 0."""
         self._output[:] = 0.0
         self._tick = 0
-        self._ramp: tuple[FloatArray, FloatArray, int, int] | None = None
 
     def update(
         self,
         value: NDArray[np.float64],
         rate: NDArray[np.float64] | None = None,
         out: NDArray[np.float64] | None = None,
-        hold: NDArray[np.bool_] | None = None,
     ) -> NDArray[np.float64]:
         """Take one sample and return D^alpha f at it.
 
@@ -136,10 +126,6 @@ class Bank:
         out
             Where to write the result; the bank's own buffer, overwritten by the next call, when
             it is None.
-        hold
-            Channels whose clock stands still for this sample, broadcastable to the bank's shape:
-            their state and output stay, and the present value and rate become the previous
-            sample's, so that nothing jumps on release. Nothing is held at t = 0.
 
         Raises
         ------
@@ -160,11 +146,6 @@ class Bank:
         else:
             jumps = self.initialisation == "grunwald_letnikov"
             self._rate[:] = self._f / self.step * jumps
-        self._held[:] = False
-        if hold is not None and started:
-            self._copy("hold", hold, self._held)
-        if self._ramp is not None:
-            self._follow(*self._ramp)
         if self._tick == self._end:
             warnings.warn(
                 f"the fractional bank runs past its horizon of {self.horizon:g} s, beyond which "
@@ -172,16 +153,12 @@ class Bank:
                 FpidWarning,
                 stacklevel=2,
             )
-        f, f_, df, held = self._f, self._f_, self._rate, self._held
-        if self._past is None:
-            # A differenced rate is constant over the step: the same at both its ends.
-            last = self._rate_ if measured else df
-            self._kernels.sample(
-                started, *self._records, f, f_, df, last, held, self._output, self.step
-            )
-        else:
-            self._past.sample(started, f, f_, df, held, self._output)
-            f_[:] = f
+        # A differenced rate is constant over the step: the same at both its ends.
+        last = self._rate_ if measured else self._rate
+        self._kernels.sample(
+            started, *self._records, self._f, self._f_, self._rate, last, self._moving,
+            self._output, self.step,
+        )  # fmt: skip
         self._tick += 1
         result = self._output.reshape(self.shape)
         if out is None:
@@ -214,22 +191,18 @@ class Bank:
         else:
             df = np.ascontiguousarray(rate, dtype=np.float64).reshape(samples, -1)
             last = np.concatenate([df[:1], df[:-1]])
-        if self._past is not None:
-            out = self._past.recorded(f, df)
-        else:
-            out = np.empty_like(f)
-            self._kernels.record(*self._fitted(), f, df, last, out, self.step)
+        out = np.empty_like(f)
+        self._kernels.record(*self._fitted(), f, df, last, out, self.step)
         return out.reshape(samples, *self.shape)
 
-    def _copy(self, name: str, given: ArrayLike, to: NDArray[np.generic]) -> None:
+    def _copy(self, name: str, given: ArrayLike, to: FloatArray) -> None:
         try:
             np.copyto(to.reshape(self.shape), given)
         except (TypeError, ValueError):
-            kind = "booleans" if name == "hold" else "numbers"
             got = f"shape {np.shape(given)}"
-            raise ArgumentError(name, f"{kind} of shape {self.shape}", got) from None
+            raise ArgumentError(name, f"numbers of shape {self.shape}", got) from None
 
-    def set_order(self, order: ArrayLike, ramp: float = 0.0) -> None:
+    def set_order(self, order: ArrayLike) -> None:
         """Change the orders, from the next sample on.
 
         With shared poles (`ExponentialSum`) the output from then on equals that of a bank which
@@ -240,40 +213,17 @@ class Bank:
         ----------
         order
             New orders in [0, 1], broadcastable to the bank's shape.
-        ramp
-            Time [s] over which the orders move there linearly, one set of coefficients a sample.
-            An order that ends at exactly 0 jumps from f - f(0) to f there.
 
         Raises
         ------
         ArgumentError
-            An order outside [0, 1] or of the wrong shape, a negative ramp.
+            An order outside [0, 1] or of the wrong shape.
         """
         new = check_order(order)
-        ramp = checks.number("ramp", ramp, low=0.0)
         try:
-            new = checks.read_only(np.broadcast_to(new, self.shape))
+            self.order = checks.read_only(np.broadcast_to(new, self.shape))
         except ValueError:
             raise ArgumentError("order", f"shape {self.shape}", f"shape {new.shape}") from None
-        steps = round(ramp / self.step)
-        self._ramp = (self.order, new, self._tick, steps) if steps > 0 else None
-        if self._ramp is None:
-            self._use(new)
-
-    def _follow(self, first: FloatArray, last: FloatArray, since: int, steps: int) -> None:
-        """Move the orders to where the ramp is at this sample."""
-        fraction = (self._tick - since + 1) / steps
-        if fraction >= 1.0:
-            self._ramp = None
-            self._use(last)
-        else:
-            self._use(checks.read_only(first + fraction * (last - first)))
-
-    def _use(self, order: FloatArray) -> None:
-        self.order = order
-        if self._past is not None:
-            self._past.use(order.reshape(-1))
-        else:
-            values = self._records.modes["x"]
-            self._records = self._fitted()
-            self._records.modes["x"] = values
+        values = self._records.modes["x"]
+        self._records = self._fitted()
+        self._records.modes["x"] = values

@@ -12,12 +12,13 @@ coefficients, in s or in z, whose roots leave the unit circle already at N = 5.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray, read_only
+from fpid_pin.checks import FloatArray, Number, Whole, read_only
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional.design import Design, Modes, check_grid, check_order, integrate_step
@@ -46,19 +47,15 @@ class Crone(Design):
         A band that is reversed or not positive, ``n < 1``, ``widening < 0``.
     """
 
-    low: float = 1e-2
-    high: float = 1e3
-    n: int = 5
-    widening: float = 0.0
+    low: Annotated[float, Number("rad/s", above=0.0)] = 1e-2
+    high: Annotated[float, Number("rad/s", above=0.0)] = 1e3
+    n: Annotated[int, Whole(low=1, high=60)] = 5
+    widening: Annotated[float, Number("decades", low=0.0, high=10.0)] = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("low", "high"):
-            object.__setattr__(self, name, checks.number(name, getattr(self, name), above=0.0))
+        super().__post_init__()
         if not self.low < self.high:
             raise ArgumentError("band", "low < high", f"low = {self.low:g}, high = {self.high:g}")
-        object.__setattr__(self, "n", checks.integer("n", self.n, low=1, high=60))
-        widening = checks.number("widening", self.widening, low=0.0, high=10.0)
-        object.__setattr__(self, "widening", widening)
 
     def zpk(self, order: float) -> tuple[FloatArray, FloatArray, float]:
         """Return zeros, poles [rad/s, negative real] and gain of H(s) for one order."""

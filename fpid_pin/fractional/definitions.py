@@ -9,8 +9,7 @@ first one:
 
 The sum is the definition of (1) for the given step. (2) and (4) are integrals of the rate: where it
 is not known, the whole record being there, it is that of a quintic spline through the samples.
-All give what a `Bank` gives sample by sample: modes by the same kernel, the rules that keep the
-past by a fast Fourier transform.
+Designs with modes give what a `Bank` gives sample by sample, the sums over the past by FFT.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional.bank import Bank
 from fpid_pin.fractional.design import Design, check_order
 from fpid_pin.fractional.exponential_sum import ExponentialSum
-from fpid_pin.fractional.history import GrunwaldLetnikov
+from fpid_pin.fractional.history import GrunwaldLetnikov, HistorySum
 
 _KERNEL_TOLERANCE = 1e-10
 _SPLINE_DEGREE = 5
@@ -87,7 +86,7 @@ def caputo(
     """
     step = checks.number("step", step, above=0.0)
     value = _time_first("signal", signal, axis)
-    slope = None if rate is None else _time_first("rate", rate, axis)
+    known_rate = None if rate is None else _time_first("rate", rate, axis)
     alpha = check_order(order)
     try:
         alpha = read_only(np.broadcast_to(alpha, value.shape[1:]))
@@ -96,14 +95,17 @@ def caputo(
         raise ArgumentError("order", expected, f"shape {alpha.shape}") from None
     if design is None:
         design = ExponentialSum(tolerance=_KERNEL_TOLERANCE)
-        if slope is None:
+        if known_rate is None:
             at = np.arange(float(len(value)))
             degree = min(_SPLINE_DEGREE, len(value) - 1)
             spline = scipy.interpolate.make_interp_spline(at, value, k=degree)
-            slope = np.asarray(spline.derivative()(at)) / step
+            known_rate = np.asarray(spline.derivative()(at)) / step
+    if isinstance(design, HistorySum):
+        out = design.recorded(value, known_rate, alpha, step, initialisation)
+        return np.moveaxis(out, 0, axis)
     horizon = max(len(value) - 1, 2) * step
     bank = Bank(design, alpha, step=step, horizon=horizon, initialisation=initialisation)
-    return np.moveaxis(bank.recorded(value, slope), 0, axis)
+    return np.moveaxis(bank.recorded(value, known_rate), 0, axis)
 
 
 def riemann_liouville(

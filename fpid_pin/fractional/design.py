@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.kernels.records import MODE, OPERATOR, POLE
 
@@ -93,21 +94,12 @@ class Records(NamedTuple):
 
 
 class Recursion(NamedTuple):
-    """One operator as a difference equation with inputs u = [f, f'] (or [f], rate differenced).
+    """One operator as a difference equation with inputs u = [f, f'].
 
         y_k = now u_k + before u_(k-1) + weights x_(k-1)
         x_k = decay x_(k-1) + drive_now u_k + drive_before u_(k-1)
 
     The mode with p = 0 is f - f(0): it is part of `before` and no state. Orders 0 and 1 have none.
-
-    Attributes
-    ----------
-    now, before
-        (inputs,).
-    weights, decay
-        (modes,).
-    drive_now, drive_before
-        (modes, inputs).
     """
 
     now: FloatArray
@@ -213,14 +205,8 @@ class Modes:
             *(np.asarray(weight)[index] for weight in newest),
         )  # fmt: skip
 
-    def recursion(self, *, measured: bool = True) -> Recursion:
-        """Return the difference equation of a single order.
-
-        Parameters
-        ----------
-        measured
-            Whether the rate is an input; else it is taken constant between samples.
-        """
+    def recursion(self) -> Recursion:
+        """Return the difference equation of a single order."""
         h, one = self.step, integrate_step(self.poles, self.step)
         order, c1, c0, c2 = float(self.order), self.now, self.before, self.mean
         decay, b1, b0, b2 = (one[name] for name in ("decay", "b1", "b0", "b2"))
@@ -233,22 +219,12 @@ class Modes:
         kept = slice(1, None)
         if order in (0.0, 1.0):
             now, before, kept = np.array([1.0 - order, order]), np.zeros(2), slice(0)
-        if not measured:
-            # f' = f'_ = (f - f_)/h.
-            now, before = _differenced(now, before, h)
-            drive_now, drive_before = _differenced(drive_now, drive_before, h)
         return Recursion(
             now, before, weights[kept], decay[kept], drive_now[kept], drive_before[kept]
         )
 
 
-def _differenced(now: FloatArray, before: FloatArray, h: float) -> tuple[FloatArray, FloatArray]:
-    """Turn weights on [f, f'], now and before, into those on [f] alone."""
-    change = (now[..., 1:] + before[..., 1:]) / h
-    return now[..., :1] + change, before[..., :1] - change
-
-
-class Design(ABC):
+class Design(Description, ABC):
     """How a fractional derivative is realised; a frozen description, equal where its fields are."""
 
     @abstractmethod

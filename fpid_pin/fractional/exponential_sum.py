@@ -22,13 +22,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray, read_only
+from fpid_pin.checks import FloatArray, Number, Whole, read_only
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.fractional.design import Design, Modes, check_grid, check_order
@@ -67,19 +67,15 @@ class ExponentialSum(Design):
         which is met, and with how many modes.
     """
 
-    modes: int | None = None
-    tolerance: float | None = None
+    modes: Annotated[int | None, Whole(low=1, high=_MAX_MODES)] = None
+    tolerance: Annotated[float | None, Number(above=0.0, high=1.0)] = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.modes is not None and self.tolerance is not None:
             raise ArgumentError("modes", "either modes or tolerance", "both")
-        if self.tolerance is not None:
-            tolerance = checks.number("tolerance", self.tolerance, above=0.0, high=1.0)
-            object.__setattr__(self, "tolerance", tolerance)
-        else:
-            modes = _DEFAULT_MODES if self.modes is None else self.modes
-            modes = checks.integer("modes", modes, low=1, high=_MAX_MODES)
-            object.__setattr__(self, "modes", modes)
+        if self.modes is None and self.tolerance is None:
+            self._set(modes=_DEFAULT_MODES)
 
     def coefficients(self, order: ArrayLike, *, step: float, horizon: float) -> Modes:
         """Return the modes' coefficients for every order in `order`, all with the same poles."""

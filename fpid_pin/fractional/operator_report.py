@@ -29,8 +29,6 @@ from fpid_pin.fractional.design import (
     check_order,
     modes_of,
 )
-from fpid_pin.fractional.exponential_sum import ExponentialSum
-from fpid_pin.fractional.history import GrunwaldLetnikov, HistoryDesign
 from fpid_pin.shown import Shown
 
 TRUSTED_WITHIN = 0.01
@@ -57,7 +55,7 @@ class OperatorReport(Shown):
     Parameters
     ----------
     design
-        Any design.
+        One with modes.
     order
         Orders alpha in [0, 1]; arrays are flattened.
     step, horizon
@@ -68,7 +66,7 @@ class OperatorReport(Shown):
     design, step, horizon, order
         What was measured. All arrays are (orders,) unless another shape is given.
     states
-        Numbers kept for each signal: modes and newest samples, or the past that is kept.
+        Numbers kept for each signal: modes and newest samples.
     band
         The band [rad/s] of the next two: a CRONE design's own, as far as half of the Nyquist
         frequency; otherwise ten periods within the horizon to a fifth of the Nyquist frequency.
@@ -100,7 +98,7 @@ class OperatorReport(Shown):
     Raises
     ------
     ArgumentError
-        An order outside [0, 1], step <= 0, horizon <= step.
+        An order outside [0, 1], step <= 0, horizon <= step, a design without modes.
     DesignError
         A tolerance that cannot be met.
     """
@@ -139,16 +137,10 @@ class OperatorReport(Shown):
         reach = np.cumprod(np.abs(self.lag_error) <= TRUSTED_WITHIN, axis=0).sum(axis=0)
         self.longest_horizon = np.where(reach > 0, self.lag[reach - 1], np.nan)
         self.noise_from_value, self.noise_from_rate = noise_gains(design, self.order, **grid)
-        if isinstance(design, HistoryDesign):
-            # These rules do not look at the rate, but for order 1, where it is the output.
-            self.states = design.lag_count(**grid)
-            self.nyquist_gain = np.where(self.order == 1.0, 1.0, 0.0)
-        else:
-            each = [modes_of(design, a, **grid) for a in self.order]
-            self.states = len(each[0].poles) + 3
-            back = np.array([-1.0 + 0.0j])
-            answers = [modes.recursion().response(back)[0, 1] for modes in each]
-            self.nyquist_gain = np.abs(answers)
+        each = [modes_of(design, a, **grid) for a in self.order]
+        self.states = len(each[0].poles) + 3
+        back = np.array([-1.0 + 0.0j])
+        self.nyquist_gain = np.abs([modes.recursion().response(back)[0, 1] for modes in each])
         self.cost = (self._time(1), self._time(240))
 
     def _deviation(self) -> tuple[FloatArray, FloatArray]:
@@ -174,9 +166,8 @@ class OperatorReport(Shown):
 
     def _time(self, signals: int) -> float:
         """Time `Bank.update`, in seconds a call: the least of some short runs."""
-        # A short horizon: the past that a reference rule keeps does not grow while it is timed.
-        order, step = np.resize(self.order, signals), self.step
-        bank = Bank(self.design, order, step=step, horizon=1000.0 * step)
+        order = np.resize(self.order, signals)
+        bank = Bank(self.design, order, step=self.step, horizon=self.horizon)
         value, rate = np.sin(np.arange(signals)), np.cos(np.arange(signals))
         call = partial(bank.update, value, rate, np.empty(signals))
         timeit(call, number=20)
@@ -270,20 +261,8 @@ def frequency_response(
     inputs = np.stack([np.ones_like(back), 1j * omega])
     out = np.empty((omega.size, order.size), dtype=np.complex128)
     for k, a in enumerate(order):
-        if not isinstance(design, HistoryDesign):
-            recursion = modes_of(design, a, step=step, horizon=horizon).recursion()
-            out[:, k] = (recursion.response(back).T * inputs).sum(axis=0)
-        elif a in (0.0, 1.0):
-            out[:, k] = inputs[int(a)]
-        elif design.memory is not None:
-            weights = design.coefficients(a, step=step, horizon=horizon)
-            out[:, k] = np.polynomial.polynomial.polyval(back, weights)
-        elif isinstance(design, GrunwaldLetnikov):
-            out[:, k] = ((1.0 - back) / step) ** a  # the binomial series, summed
-        else:
-            # L1 over all of the past is what modes do with a rate that is not known.
-            modes = modes_of(ExponentialSum(48), a, step=step, horizon=1e3 * horizon)
-            out[:, k] = modes.recursion(measured=False).response(back)[:, 0]
+        recursion = modes_of(design, a, step=step, horizon=horizon).recursion()
+        out[:, k] = (recursion.response(back).T * inputs).sum(axis=0)
     return out
 
 
@@ -293,25 +272,12 @@ def kernel_error(
     """Return the relative error of the design's kernel at lags (k,) [s], (k, orders).
 
     The kernel stands for ``t^-alpha/Gamma(1 - alpha)``; it is the response to a unit step of the
-    signal. That of the sum (1) is known at whole steps: its lags are rounded to them. Orders 0 and
-    1 are exact.
+    signal. Orders 0 and 1 are exact.
     """
     inner = (order > 0.0) & (order < 1.0)
     alpha, t = np.where(inner, order, 0.5), lag[:, None]
-    if isinstance(design, GrunwaldLetnikov):
-        # The sum of the weights up to a lag, h^-alpha (-1)^j binom(alpha - 1, j).
-        index = np.round(t / step)
-        if design.memory is not None:
-            index = np.minimum(index, design.lag_count(step, design.memory) - 1)
-        found = step**-alpha * scipy.special.poch(index + 1.0, -alpha)
-        found *= scipy.special.rgamma(1.0 - alpha)
-    elif isinstance(design, HistoryDesign):
-        # L1 integrates the kernel itself, as far as its memory reaches.
-        found = t**-alpha * scipy.special.rgamma(1.0 - alpha)
-        found[lag > (design.memory or np.inf)] = 0.0
-    else:
-        modes = modes_of(design, alpha, step=step, horizon=horizon)
-        found = sum(w * np.exp(-t * p) for w, p in zip(modes.weights, modes.poles, strict=True))
+    modes = modes_of(design, alpha, step=step, horizon=horizon)
+    found = sum(w * np.exp(-t * p) for w, p in zip(modes.weights, modes.poles, strict=True))
     return np.where(inner, found * t**alpha * scipy.special.gamma(1.0 - alpha) - 1.0, 0.0)
 
 
@@ -328,20 +294,14 @@ def noise_gains(
     """
     gains = np.zeros((2, order.size))
     for k, a in enumerate(order):
-        if not isinstance(design, HistoryDesign):
-            modes = modes_of(design, a, step=step, horizon=horizon)
-            r = modes.recursion()
-            second = r.before + r.weights @ r.drive_now
-            # From then on each mode decays by exp(-p h) a sample: the sum of (sum_i c_i E_i^n)^2.
-            later = r.weights[:, None] * (r.decay[:, None] * r.drive_now + r.drive_before)
-            p = modes.poles[1 : 1 + r.decay.size] * step
-            both = p[:, None] + p
-            series = np.expm1(-(round(horizon / step) - 1) * both) / np.expm1(-both)
-            tail = np.maximum((later * (series @ later)).sum(axis=0), 0.0)
-            gains[:, k] = np.sqrt(r.now**2 + second**2 + tail)
-        elif a in (0.0, 1.0):
-            gains[int(a), k] = 1.0
-        else:
-            weights = design.coefficients(a, step=step, horizon=horizon)
-            gains[0, k] = np.sqrt((weights**2).sum())
+        modes = modes_of(design, a, step=step, horizon=horizon)
+        r = modes.recursion()
+        second = r.before + r.weights @ r.drive_now
+        # From then on each mode decays by exp(-p h) a sample: the sum of (sum_i c_i E_i^n)^2.
+        later = r.weights[:, None] * (r.decay[:, None] * r.drive_now + r.drive_before)
+        p = modes.poles[1 : 1 + r.decay.size] * step
+        both = p[:, None] + p
+        series = np.expm1(-(round(horizon / step) - 1) * both) / np.expm1(-both)
+        tail = np.maximum((later * (series @ later)).sum(axis=0), 0.0)
+        gains[:, k] = np.sqrt(r.now**2 + second**2 + tail)
     return gains[0], gains[1]

@@ -140,7 +140,8 @@ def compile_plain(function: F, *, cache: bool = True, inline: bool = False) -> F
     rebuilt.__qualname__, rebuilt.__module__ = plain.__qualname__, plain.__module__
     if cache:
         return cast("F", _compile(rebuilt, inline=inline))
-    return cast("F", _numba.njit(rebuilt, error_model="numpy", nogil=True, forceinline=inline))
+    options = {"error_model": "numpy", "nogil": True, "forceinline": inline}
+    return cast("F", _without_vectorising(_numba.njit(rebuilt, **options)))
 
 
 def globals_of(function: Any) -> dict[str, Any]:
@@ -171,18 +172,44 @@ def _compile(function: F, *, inline: bool) -> F:
         "no_cfunc_wrapper": True,
     }  # fmt: skip
     if CACHE is None:
-        return cast("F", _numba.njit(function, **options))
+        return cast("F", _without_vectorising(_numba.njit(function, **options)))
     before = _numba.config.CACHE_DIR
     _numba.config.CACHE_DIR = str(CACHE)
     try:
         compiled = _numba.njit(function, cache=True, **options)
     except RuntimeError:
         # A function that was typed in stands in no file whose changes could be seen.
-        return cast("F", _numba.njit(function, **options))
+        compiled = _numba.njit(function, **options)
     finally:
         _numba.config.CACHE_DIR = before
     _forgive(getattr(compiled, "_cache", None))
-    return cast("F", compiled)
+    return cast("F", _without_vectorising(compiled))
+
+
+def _without_vectorising(compiled: Any) -> Any:
+    """Let numba compile a function without turning its loops into vector loops.
+
+    Loops over joints are short. A vector loop first checks that its arrays do not overlap, which
+    takes longer than the loop itself: a tenth to a fifth of a step. numba knows this as a setting
+    of a process, which is put back, as a user's own functions may want it.
+    """
+    compile_one = getattr(compiled, "compile", None)
+    if compile_one is None:  # NUMBA_DISABLE_JIT: nothing is compiled
+        return compiled
+
+    def compile_scalar(signature: Any) -> Any:
+        from numba.core.compiler_lock import global_compiler_lock
+
+        with global_compiler_lock:
+            before = _numba.config.LOOP_VECTORIZE
+            _numba.config.LOOP_VECTORIZE = 0
+            try:
+                return compile_one(signature)
+            finally:
+                _numba.config.LOOP_VECTORIZE = before
+
+    compiled.compile = compile_scalar
+    return compiled
 
 
 def _forgive(cache: Any) -> None:

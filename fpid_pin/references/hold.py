@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import FloatArray, PerJoint
+from fpid_pin.descriptions import Description, described
 from fpid_pin.references.reference import Motion
 
 
 @described("hold", "Reference")
 @dataclass(frozen=True, eq=False)
-class Hold:
+class Hold(Description):
     """Stay at a position (regulation).
 
     Parameters
@@ -24,11 +24,7 @@ class Hold:
         Scalar or (n,) [rad].
     """
 
-    position: ArrayLike = 0.0
-
-    def __post_init__(self) -> None:
-        array = checks.floats("reference.position", self.position, max_ndim=1)
-        object.__setattr__(self, "position", array)
+    position: Annotated[ArrayLike, PerJoint("rad")] = 0.0
 
     def sample(self, t: FloatArray) -> Motion:
         """See `Reference.sample`."""

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
-from fpid_pin.exceptions import ArgumentError
+from fpid_pin.checks import FloatArray, Number, PerJoint
+from fpid_pin.descriptions import Description, described
 from fpid_pin.references.reference import Motion
 
 
 @described("quintic", "Reference")
 @dataclass(frozen=True, eq=False)
-class Quintic:
+class Quintic(Description):
     """From one pose to another, at rest at both ends: the minimum-jerk move.
 
     ``q = start + (end - start) (10 x^3 - 15 x^4 + 6 x^5)``, x = (t - begin)/duration, which is at
@@ -33,22 +32,10 @@ class Quintic:
         When it starts [s].
     """
 
-    start: ArrayLike
-    end: ArrayLike
-    duration: float
-    begin: float = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("start", "end"):
-            array = checks.floats(f"reference.{name}", getattr(self, name), max_ndim=1)
-            object.__setattr__(self, name, array)
-        lengths = {len(a) for a in (self.start, self.end) if np.ndim(a)}  # type: ignore[arg-type]
-        if len(lengths) > 1:
-            shapes = f"shapes {np.shape(self.start)} and {np.shape(self.end)}"
-            raise ArgumentError("reference.start, end", "one length", shapes)
-        duration = checks.number("reference.duration", self.duration, above=0.0)
-        object.__setattr__(self, "duration", duration)
-        object.__setattr__(self, "begin", checks.number("reference.begin", self.begin))
+    start: Annotated[ArrayLike, PerJoint("rad")]
+    end: Annotated[ArrayLike, PerJoint("rad")]
+    duration: Annotated[float, Number("s", above=0.0)]
+    begin: Annotated[float, Number("s")] = 0.0
 
     def sample(self, t: FloatArray) -> Motion:
         """See `Reference.sample`."""

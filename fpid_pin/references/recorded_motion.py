@@ -5,19 +5,20 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import Array, FloatArray
+from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references.reference import Motion
-from fpid_pin.references.splines import Splines, check_points, held, with_derivatives
+from fpid_pin.references.splines import Rows, Splines, check_points, held, with_derivatives
 
 #: Characters of a file's path in a message that goes on with the line.
 _PATH = 40
@@ -28,7 +29,7 @@ GAP = 10.0
 
 @described("recorded", "Reference")
 @dataclass(frozen=True, eq=False)
-class RecordedMotion:
+class RecordedMotion(Description):
     """A recorded motion of the joints, repeated through a cubic spline.
 
     In a configuration ``path`` names a CSV file, as for `from_csv`. A saved run holds the motion
@@ -47,12 +48,13 @@ class RecordedMotion:
         Times that do not increase; a step more than ten times the median (a gap).
     """
 
-    times: ArrayLike
-    positions: ArrayLike
-    _splines: Splines = field(init=False, repr=False)
+    times: Annotated[ArrayLike, Array("s", shape=(None,))]
+    positions: Annotated[ArrayLike, Rows("rad")]
 
     def __post_init__(self) -> None:
-        times, positions = check_points(self.times, self.positions)
+        super().__post_init__()
+        times = np.asarray(self.times)
+        check_points(times, np.asarray(self.positions))
         steps = np.diff(times)
         widest = int(np.argmax(steps))
         if steps[widest] > GAP * np.median(steps):
@@ -61,13 +63,12 @@ class RecordedMotion:
                 f"a step like the others ({np.median(steps):.3g} s)",
                 f"a gap of {steps[widest]:.3g} s after t = {times[widest]:g} s",
             )
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "positions", positions)
+
+    @cached_property
+    def _splines(self) -> Splines:
         from scipy.interpolate import CubicSpline
 
-        object.__setattr__(
-            self, "_splines", with_derivatives(CubicSpline(times, positions, axis=0))
-        )
+        return with_derivatives(CubicSpline(self.times, self.positions, axis=0))
 
     @classmethod
     def from_csv(cls, path: str | Path) -> RecordedMotion:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import FloatArray, PerJoint
+from fpid_pin.descriptions import Description, described
 from fpid_pin.references.reference import Motion
 
 
 @described("sinusoid", "Reference")
 @dataclass(frozen=True, eq=False)
-class Sinusoid:
+class Sinusoid(Description):
     """``q_d = offset + amplitude sin(frequency t + phase)``, each a scalar or (n,).
 
     Parameters
@@ -30,15 +30,10 @@ class Sinusoid:
         [rad].
     """
 
-    amplitude: ArrayLike = 1.0
-    frequency: ArrayLike = 1.0
-    phase: ArrayLike = 0.0
-    offset: ArrayLike = 0.0
-
-    def __post_init__(self) -> None:
-        for name in ("amplitude", "frequency", "phase", "offset"):
-            array = checks.floats(f"reference.{name}", getattr(self, name), max_ndim=1)
-            object.__setattr__(self, name, array)
+    amplitude: Annotated[ArrayLike, PerJoint("rad")] = 1.0
+    frequency: Annotated[ArrayLike, PerJoint("rad/s")] = 1.0
+    phase: Annotated[ArrayLike, PerJoint("rad")] = 0.0
+    offset: Annotated[ArrayLike, PerJoint("rad")] = 0.0
 
     def sample(self, t: FloatArray) -> Motion:
         """See `Reference.sample`."""

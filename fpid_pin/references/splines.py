@@ -16,23 +16,27 @@ from fpid_pin.references.reference import Motion
 Splines = tuple[Any, Any, Any]
 
 
-def check_points(times: ArrayLike, positions: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Check times, (K,), that increase, and positions, (K, n), one row for each."""
-    t = checks.floats("reference.times", times, max_ndim=1)
-    try:
-        q = checks.floats("reference.positions", positions, max_ndim=2)
-    except ArgumentError as error:
-        if isinstance(positions, (list, tuple)) and len({np.size(row) for row in positions}) > 1:
-            sizes = [int(np.size(row)) for row in positions]
-            odd = next(k for k, size in enumerate(sizes) if size != sizes[0])
-            raise ArgumentError(
-                f"reference.positions.{odd}", f"{sizes[0]} angles, as in the first row",
-                f"{sizes[odd]}",
-            ) from None  # fmt: skip
-        raise error
-    if t.ndim != 1 or len(t) < 2:
+def check_rows(name: str, value: ArrayLike) -> FloatArray:
+    """Check positions, (K, n); an error names the first row of another length."""
+    if isinstance(value, (list, tuple)) and len({np.size(row) for row in value}) > 1:
+        sizes = [int(np.size(row)) for row in value]
+        odd = next(k for k, size in enumerate(sizes) if size != sizes[0])
+        raise ArgumentError(
+            f"{name}.{odd}", f"{sizes[0]} angles, as in the first row", f"{sizes[odd]}"
+        )
+    return checks.floats(name, value, shape=(None, None))
+
+
+def Rows(unit: str) -> checks.Check:
+    """Declare positions, (K, n)."""
+    return checks.Check(check_rows, unit)
+
+
+def check_points(t: FloatArray, q: FloatArray) -> None:
+    """Check that times, (K,), increase, and that positions, (K, n), have a row for each."""
+    if len(t) < 2:
         raise ArgumentError("reference.times", "at least two times", f"shape {t.shape}")
-    if q.ndim != 2 or len(q) != len(t):
+    if len(q) != len(t):
         raise ArgumentError(
             "reference.positions", f"shape ({len(t)}, n), a row for each time", f"shape {q.shape}"
         )
@@ -42,7 +46,6 @@ def check_points(times: ArrayLike, positions: ArrayLike) -> tuple[FloatArray, Fl
         raise ArgumentError(
             f"reference.times.{k}", f"a time after the one before ({t[k - 1]:g} s)", f"{t[k]:g} s"
         )
-    return t, q
 
 
 def with_derivatives(spline: Any) -> Splines:

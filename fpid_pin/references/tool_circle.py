@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import Array, Flag, FloatArray, Number
+from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references.reference import Motion
 from fpid_pin.references.splines import Splines, with_derivatives
@@ -24,7 +25,7 @@ _MOST_STEPS = 300
 
 @described("tool_circle", "Reference")
 @dataclass(frozen=True, eq=False)
-class ToolCircle:
+class ToolCircle(Description):
     """The tool moves on a circle, once in `period`; it starts where the tool is at home.
 
     Solved in advance, by Newton steps with Pinocchio's Jacobian, at 180 points joined by a
@@ -56,26 +57,22 @@ class ToolCircle:
     """
 
     arm: Arm
-    radius: float
-    period: float
-    normal: ArrayLike = (0.0, 1.0, 0.0)
-    centre: ArrayLike | None = None
-    orientation: bool = False
-    ramp: float = 0.0
-    _splines: Splines = field(init=False, repr=False)
+    radius: Annotated[float, Number("m", above=0.0)]
+    period: Annotated[float, Number("s", above=0.0)]
+    normal: Annotated[ArrayLike, Array(shape=(3,))] = (0.0, 1.0, 0.0)
+    centre: Annotated[ArrayLike | None, Array("m", shape=(3,))] = None
+    orientation: Annotated[bool, Flag] = False
+    ramp: Annotated[float, Number("s", low=0.0)] = 0.0
 
     def __post_init__(self) -> None:
-        checks.instance("reference.arm", self.arm, Arm, "an Arm")
-        checks.instance("reference.orientation", self.orientation, bool, "true or false")
-        for name in ("radius", "period"):
-            value = checks.number(f"reference.{name}", getattr(self, name), above=0.0)
-            object.__setattr__(self, name, value)
-        object.__setattr__(self, "ramp", checks.number("reference.ramp", self.ramp, low=0.0))
-        object.__setattr__(self, "normal", _point("reference.normal", self.normal))
-        if self.centre is not None:
-            object.__setattr__(self, "centre", _point("reference.centre", self.centre))
+        super().__post_init__()
         if not np.any(self.normal):
             raise ArgumentError("reference.normal", "a direction", "a zero vector")
+        # Solved at once, so that what is out of reach is refused here.
+        _ = self._splines
+
+    @cached_property
+    def _splines(self) -> Splines:
         angles = np.linspace(0.0, 2.0 * np.pi, POINTS + 1)
         path = _solve(self.arm, self._points(angles), angles, self.orientation)
         # Imported here: scipy.interpolate would be a third of the package's import time.
@@ -83,7 +80,7 @@ class ToolCircle:
 
         path[-1] = path[0]
         spline = CubicSpline(angles, path, axis=0, bc_type="periodic")
-        object.__setattr__(self, "_splines", with_derivatives(spline))
+        return with_derivatives(spline)
 
     def _points(self, angles: FloatArray) -> FloatArray:
         """Return points of the circle [m], (K, 3)."""
@@ -116,13 +113,6 @@ class ToolCircle:
         q, slope, curve = (np.asarray(spline(around)) for spline in self._splines)
         rate, bend = rate[:, np.newaxis], bend[:, np.newaxis]
         return q, slope * rate, curve * rate**2 + slope * bend
-
-
-def _point(name: str, value: ArrayLike) -> FloatArray:
-    array = checks.floats(name, value)
-    if array.shape != (3,):
-        raise ArgumentError(name, "shape (3,)", f"shape {array.shape}")
-    return array
 
 
 def _solve(arm: Arm, points: FloatArray, angles: FloatArray, orientation: bool) -> FloatArray:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import Array, FloatArray, OneOf
+from fpid_pin.descriptions import Description, described
 from fpid_pin.references.reference import Motion
-from fpid_pin.references.splines import Splines, check_points, held, with_derivatives
-
-METHODS = ("cubic", "quintic")
+from fpid_pin.references.splines import Rows, Splines, check_points, held, with_derivatives
 
 
 @described("waypoints", "Reference")
 @dataclass(frozen=True, eq=False)
-class Waypoints:
+class Waypoints(Description):
     """Through poses at given times, at rest at both ends, by a spline of scipy.
 
     Parameters
@@ -37,16 +36,17 @@ class Waypoints:
         Times that do not increase, fewer than two points, rows of other lengths.
     """
 
-    times: ArrayLike
-    positions: ArrayLike
-    method: str = "cubic"
-    _splines: Splines = field(init=False, repr=False)
+    times: Annotated[ArrayLike, Array("s", shape=(None,))]
+    positions: Annotated[ArrayLike, Rows("rad")]
+    method: Annotated[str, OneOf("cubic", "quintic")] = "cubic"
 
     def __post_init__(self) -> None:
-        checks.choice("reference.method", self.method, METHODS)
-        times, positions = check_points(self.times, self.positions)
-        object.__setattr__(self, "times", times)
-        object.__setattr__(self, "positions", positions)
+        super().__post_init__()
+        check_points(np.asarray(self.times), np.asarray(self.positions))
+
+    @cached_property
+    def _splines(self) -> Splines:
+        times, positions = np.asarray(self.times), np.asarray(self.positions)
         # Imported here: scipy.interpolate would be a third of the package's import time.
         from scipy.interpolate import CubicSpline, make_interp_spline
 
@@ -56,7 +56,7 @@ class Waypoints:
             still = np.zeros(positions.shape[1])
             rest = [(1, still), (2, still)]
             spline = make_interp_spline(times, positions, k=5, bc_type=(rest, rest))
-        object.__setattr__(self, "_splines", with_derivatives(spline))
+        return with_derivatives(spline)
 
     def sample(self, t: FloatArray) -> Motion:
         """See `Reference.sample`."""

@@ -13,10 +13,11 @@ from fpid_pin.control.start import start_all
 from fpid_pin.costs import Cost, Metrics, Rows
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.blocks import BLOCK_ROWS, MOTION, Outcome
-from fpid_pin.simulation.engine import Robot, Samples, horizon_of
+from fpid_pin.simulation.engine import Block, Robot, horizon_of
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.metrics import RowCosts, metrics_from
-from fpid_pin.simulation.run import Run, describe_run
+from fpid_pin.simulation.run import Run
+from fpid_pin.simulation.run_meta import describe_run
 
 
 def start_robots(
@@ -36,7 +37,7 @@ def start_robots(
     dynamics
         Of experiments that do not say.
     keep
-        Signals that blocks hold; None: all that the law shows.
+        Signals that are recorded; None: all that the law shows.
     measures
         Whether figures of merit are wanted.
     """
@@ -45,8 +46,7 @@ def start_robots(
         groups.setdefault((id(e.arm), e.step, horizon_of(e.duration)), []).append(i)
     states: dict[int, Any] = {}
     for (_, step, horizon), members in groups.items():
-        arm = experiments[members[0]].arm
-        laws = [controllers[i] for i in members]
+        arm, laws = experiments[members[0]].arm, [controllers[i] for i in members]
         states |= zip(members, start_all(laws, arm, step=step, horizon=horizon), strict=True)
     robots = []
     for i, e in enumerate(experiments):
@@ -64,36 +64,34 @@ def advance_all(
 ) -> list[Outcome]:
     """Take robots to their ends, a block of rows after another, and return how they ended.
 
-    What experiments are given from outside is sampled once for all robots of one experiment. Each
-    robot's rows, views of arrays that are used again, go to `take` with its number.
+    Each robot's rows, views of arrays that are used again, go to `take` with its number.
     """
-    rows = [robot.experiment.rows for robot in robots]
-    buffers: dict[Any, Any] = {}
+    longest = max(robot.experiment.rows for robot in robots)
     with np.errstate(all="ignore"):
-        for first in range(0, max(rows), BLOCK_ROWS):
-            samples: dict[int, Samples] = {}
+        for first in range(0, longest, BLOCK_ROWS):
+            blocks: dict[Any, Block] = {}
             for i, robot in enumerate(robots):
-                count = min(BLOCK_ROWS, rows[i] - first)
+                e, signals = robot.experiment, len(robot.keep)
+                count = min(BLOCK_ROWS, e.rows - first)
                 if robot.outcome is not None or count <= 0:
                     continue
-                e = robot.experiment
-                if id(e) not in samples:
-                    samples[id(e)] = Samples(e, robot.plant, first, count)
-                key = (len(robot.q), len(robot._keep))
-                if key not in buffers:
-                    buffers[key] = robot.buffer()
-                found = robot.advance(samples[id(e)], buffers[key], count)
+                key = (id(e), signals)
+                if key not in blocks:
+                    blocks[key] = Block(e, first, count, signals)
+                rows = robot.advance(blocks[key])
                 if take is not None:
-                    take(i, found)
+                    take(i, rows)
             if progress is not None:
-                progress(Progress(min(first + BLOCK_ROWS, max(rows)) / max(rows)))
-    ends = []
-    for robot in robots:
-        e, end = robot.experiment, robot.outcome
-        done = Outcome(completed=True, time=(e.rows - 1) * e.step)
-        # A run may be lost by the step after its last row, which is no part of it.
-        ends.append(end if end is not None and round(end.time / e.step) < e.rows else done)
-    return ends
+                progress(Progress(min(first + BLOCK_ROWS, longest) / longest))
+    return [_end(robot) for robot in robots]
+
+
+def _end(robot: Robot) -> Outcome:
+    e, end = robot.experiment, robot.outcome
+    # A run may be lost by the step after its last row, which is no part of it.
+    if end is not None and round(end.time / e.step) < e.rows:
+        return end
+    return Outcome(completed=True, time=(e.rows - 1) * e.step)
 
 
 def record_runs(
@@ -112,23 +110,18 @@ def record_runs(
                 records[i][name] = np.zeros((experiments[i].rows, *values.shape[1:]))
             records[i][name][rows.first : rows.first + len(values)] = values
 
-    outcomes = advance_all(robots, take, progress)
-    return list(map(_run, experiments, controllers, records, outcomes))
-
-
-def _run(
-    e: Experiment, controller: Controller, arrays: dict[str, FloatArray], outcome: Outcome
-) -> Run:
-    """Return a run, cut where it ended."""
-    rows = e.rows if outcome.completed else round(outcome.time / e.step)
-    arrays = {name: values[:rows] for name, values in arrays.items()}
-    motion = {name: arrays.pop(name) for name in MOTION}
-    name, dynamics = getattr(controller, "name", ""), e.dynamics or "pinocchio"
-    return Run(
-        np.arange(rows, dtype=np.float64) * e.step, **motion, signals=arrays, outcome=outcome,
-        step=e.step, planned_rows=e.rows,
-        meta=describe_run(e, controller, name, dynamics),
-    )  # fmt: skip
+    runs = []
+    for i, outcome in enumerate(advance_all(robots, take, progress)):
+        e = experiments[i]
+        rows = e.rows if outcome.completed else round(outcome.time / e.step)
+        arrays = {name: values[:rows] for name, values in records[i].items()}
+        motion = {name: arrays.pop(name) for name in MOTION}
+        t = np.arange(rows, dtype=np.float64) * e.step
+        name, dynamics = getattr(controllers[i], "name", ""), e.dynamics or "pinocchio"
+        meta = describe_run(e, controllers[i], name, dynamics)
+        runs.append(Run(t, **motion, signals=arrays, outcome=outcome, step=e.step,
+                        planned_rows=e.rows, meta=meta))  # fmt: skip
+    return runs
 
 
 def measure(

@@ -7,7 +7,6 @@ Robots do not see each other: a run has the same bits whatever runs beside it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ from fpid_pin.kernels.sensors import measure
 from fpid_pin.simulation.blocks import BLOCK_ROWS, Outcome
 from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.simulation.pinocchio_dynamics import PinocchioDynamics
-from fpid_pin.simulation.plant import ResolvedPlant, refuse_stiff
+from fpid_pin.simulation.plant import refuse_stiff
 from fpid_pin.simulation.sensors import SensorState
 
 #: Fractional operators are fitted to the first of these that a run fits in [s]: runs of different
@@ -41,26 +40,35 @@ def horizon_of(duration: float) -> float:
     return next((horizon for horizon in HORIZONS if duration <= horizon), duration)
 
 
-class Samples:
-    """What is given from outside in some consecutive rows: reference, and disturbance.
+class Block:
+    """Some consecutive rows: what is given from outside, and room for what robots make of it.
 
-    Attributes
+    Robots of one experiment share a block, one after another.
+
+    Parameters
     ----------
-    reference
-        q_d, its rate and acceleration, (3, K, n).
-    forces
-        d(t) at the parts of each step that the integrator looks at, (parts, K, n).
+    experiment
+        Whose reference and disturbance are sampled.
+    first, count
+        Number of the first row in the run, and how many there are.
+    signals
+        How many of a law's signals are kept.
     """
 
-    def __init__(self, experiment: Experiment, plant: ResolvedPlant, first: int, rows: int) -> None:
+    def __init__(self, experiment: Experiment, first: int, count: int, signals: int = 0) -> None:
         step, n = experiment.step, experiment.arm.n
-        t: FloatArray = np.arange(first, first + rows, dtype=np.float64) * step
+        t: FloatArray = np.arange(first, first + count, dtype=np.float64) * step
+        self.first, self.count, self.t = first, count, t
         self.reference: FloatArray = np.array(experiment.motion(t))
+        # The parts of a step that the integrator looks at.
         parts = (0.0, 0.5, 1.0) if experiment.integrator == "rk4" else (0.0,)
-        self.forces: FloatArray = np.zeros((len(parts), rows, n))
-        if plant.disturbance is not None:
+        self.forces: FloatArray = np.zeros((len(parts), count, n))
+        disturbance = plant_of(experiment).disturbance
+        if disturbance is not None:
             for k, part in enumerate(parts):
-                self.forces[k] = plant.disturbance.sample(t + part * step)
+                self.forces[k] = disturbance.sample(t + part * step)
+        self.motion: FloatArray = np.empty((3, count, n))
+        self.kept: FloatArray = np.empty((signals, count, n))
 
 
 class Robot:
@@ -68,14 +76,12 @@ class Robot:
 
     Parameters
     ----------
-    experiment
-        What it is.
-    state
-        Of its controller: see `control.state.start_all`.
+    experiment, state
+        What it is, and the state of its controller: see `control.start.start_all`.
     dynamics
         ``"pinocchio"`` or ``"compiled"``.
     keep
-        Names of the controller's signals that blocks hold.
+        Names of the controller's signals that are recorded.
     limit
         Of the torque [N m], (n,), to measure figures of merit against; None: they are not wanted.
 
@@ -83,8 +89,8 @@ class Robot:
     ----------
     row : int
         Number of the next row: ticks made.
-    q, v, torque : ndarray, (n,)
-        Joint angles [rad] and rates [rad/s] now, and the torque of the last tick [N m]; live.
+    arrays : kernels.records.Plant
+        Of the true arm; `q`, `v` and `torque`, (n,), are those of now and of the last tick, live.
     outcome : Outcome or None
         How and when it ended early; None while it goes on.
     sums
@@ -101,127 +107,101 @@ class Robot:
         limit: FloatArray | None = None,
     ) -> None:
         n, h = experiment.arm.n, experiment.step
-        self.experiment, self.state = experiment, state
-        self.row = 0
+        self.experiment, self.state, self.row = experiment, state, 0
         self.outcome: Outcome | None = None
         plant = self.plant = plant_of(experiment)
-        euler = experiment.integrator != "rk4"
-        if not euler:
-            refuse_stiff(plant, h)
-        joints = np.zeros(n, PLANT)
+        joints, bodies = np.zeros(n, PLANT), bodies_of(plant.arm).copy()
         joints["limit"], joints["viscous"] = plant.effort_limit, plant.viscous_friction
         joints["runaway"], joints["dry"] = experiment.runaway_speed, plant.dry_friction
-        bodies = bodies_of(plant.arm).copy()
-        if euler:
+        stages = 0
+        if experiment.integrator == "rk4":
+            refuse_stiff(plant, h)
+            stages = 11
+        else:
             bodies["armature"] += h * plant.viscous_friction
         zero = np.zeros
-        self._arrays = records.Plant(
+        self.arrays = records.Plant(
             joints=joints, q=np.array(experiment.q0), v=np.array(experiment.v0), a=zero(n),
             tau=zero(n), bodies=bodies, frames=zero(n + 1, FRAME),
             gravity=np.array(plant.arm.model.gravity.linear), mass=zero((n, n)),
-            room=zero((records.ROOM + 2 * n + (0 if euler else 11), n)),
+            room=zero((records.ROOM + 2 * n + stages, n)),
         )  # fmt: skip
-        self.q, self.v, self.torque = self._arrays.q, self._arrays.v, state.torque
+        self.q, self.v, self.torque = self.arrays.q, self.arrays.v, state.torque
         self._rubs = bool(plant.dry_friction.any())
         self._sensors = SensorState(experiment.sensors, experiment.seed, n, h)
-        self._keep = [name for name in keep if name in state.shown_names()]
+        self.keep = [name for name in keep if name in state.shown_names()]
         self._own = [name for name in keep if name in state.shown]
-        self._columns = state.columns(self._keep)
+        self._columns = state.columns(self.keep)
         self.sums = np.zeros(n if limit is not None else 0, MEASURE)
         if limit is not None:
             self.sums["limit"], self.sums["band"] = limit, SETTLING_BAND
         self._limit = experiment.torque_limit if limit is None else limit
         self._pinocchio = PinocchioDynamics(plant, experiment) if dynamics == "pinocchio" else None
-        self._push_ends = np.zeros(n, dtype=np.int64)
 
-    def buffer(self, rows: int = BLOCK_ROWS) -> tuple[FloatArray, FloatArray]:
-        """Return room for the rows of a block, of motion and of kept signals."""
-        n, kept = len(self.q), len(self._keep)
-        return np.zeros((3, rows, n)), np.zeros((kept, rows, n))
-
-    def advance(
-        self, samples: Samples, buffer: tuple[FloatArray, FloatArray], count: int, start: int = 0
-    ) -> Rows:
-        """Make ticks, `count` of them at most, and return their rows: views of `buffer`.
+    def advance(self, block: Block, count: int | None = None) -> Rows:
+        """Make the next ticks within a block, and return their rows: views of its arrays.
 
         The last row of a completed run has a torque that is not applied.
 
         Parameters
         ----------
-        samples
-            Of these rows, the first being row `start` of them.
-        buffer
-            See `buffer`.
+        block
+            Has the robot's next row.
+        count
+            How many ticks, at most; None: to the block's end.
         """
-        first, motion, kept = self.row, *buffer
-        self._arrays.joints["push"][self._push_ends <= first] = 0.0
+        e, first, start = self.experiment, self.row, self.row - block.first
+        count = block.count - start if count is None else count
         rows = records.Rows(
-            samples.reference, samples.forces, motion, self._columns, kept, self.sums
+            block.reference, block.forces, block.motion, self._columns, block.kept, self.sums
         )
         own: dict[str, list[FloatArray]] = {name: [] for name in self._own}
         sensing = self._sensors.records(first, count)
-        last = self.experiment.rows - 1
         if self._pinocchio is None and not self.state.in_python:
-            counts = np.array([first, count, start, last, self._rubs], dtype=np.int64)
-            state = self.state
-            ended = int(
-                rollout(
-                    state.c, self._arrays, sensing, rows, state.inputs, state.torque, counts
-                )
-            )  # fmt: skip
-            made = count if ended < 0 else min(ended - first + 1, count)
+            counts = np.array([first, count, start, e.rows - 1, self._rubs], dtype=np.int64)
+            c, inputs, torque = self.state.c, self.state.inputs, self.state.torque
+            ended = int(rollout(c, self.arrays, sensing, rows, inputs, torque, counts))
         else:
-            ended, made, fault = self._tick_by_tick(rows, sensing, count, start, last, own)
-            if fault:
-                self.outcome = Outcome(False, (first + made) * self.experiment.step, cause=fault)
-        self.row += made
-        if ended >= 0:
-            self._end(ended)
-        valid = made if ended < 0 else ended - first
-        part = slice(start, start + min(valid, made))
-        q, v, torque = motion[:, part]
-        q_ref, v_ref = samples.reference[:2, part]
-        signals = {name: kept[k, part] for k, name in enumerate(self._keep)}
+            ended = self._tick_by_tick(rows, sensing, count, start, own)
+        self.row += count if ended < 0 else min(ended - first + 1, count)
+        if ended >= 0 and self.outcome is None:
+            self.outcome = self._lost(ended)
+        valid = count if ended < 0 else min(ended - first, count)
+        part = slice(start, start + valid)
+        q, v, torque = block.motion[:, part]
+        q_ref, v_ref = block.reference[:2, part]
+        signals = {name: block.kept[k, part] for k, name in enumerate(self.keep)}
         if "lyapunov" in signals:
             signals["lyapunov"] = signals["lyapunov"][:, 0]
-        signals |= {name: np.array(values[: len(q)]) for name, values in own.items()}
-        e = self.experiment
-        t = e.step * np.arange(first, first + len(q), dtype=np.float64)
+        signals |= {name: np.array(values[:valid]) for name, values in own.items()}
         return Rows(
-            first, e.step, t, q, v, q_ref, v_ref, torque, signals, self._limit, e.arm
+            first, e.step, block.t[part], q, v, q_ref, v_ref, torque, signals, self._limit, e.arm
         )  # fmt: skip
 
     def _tick_by_tick(
-        self,
-        rows: records.Rows,
-        sensing: records.Sensing,
-        count: int,
-        start: int,
-        last: int,
-        own: Any,
-    ) -> tuple[int, int, str]:
-        """Make ticks from Python: for Pinocchio's dynamics, and for laws in Python.
-
-        Returns the row from which on nothing counts, or -1; the ticks made; what the law did wrong.
-        """
-        state, plant, h = self.state, self._arrays, self.experiment.step
-        pinocchio = self._pinocchio
+        self, rows: records.Rows, sensing: records.Sensing, count: int, start: int,
+        own: dict[str, list[FloatArray]],
+    ) -> int:  # fmt: skip
+        """Make ticks from Python, for Pinocchio's dynamics and laws in Python: see `rollout`."""
+        state, plant, h = self.state, self.arrays, self.experiment.step
+        pinocchio, last = self._pinocchio, self.experiment.rows - 1
         # Estimates need not be those of a body, which Pinocchio's would have to be.
         estimates = state.controller.estimates_model
         model = None if pinocchio is None or estimates else pinocchio.write_terms
-        for k in range(count):
-            number, row = self.row + k, start + k
+        for row in range(start, start + count):
+            number = self.row + row - start
             measure(*sensing, plant.q, plant.v, number, state.inputs)
             load_reference(rows.reference, row, state.inputs)
             try:
                 state.tick(model)
             except SimulationError as error:
-                return -1, k, str(error)
+                self.outcome = Outcome(False, number * h, cause=str(error))
+                return number
             if apply_actuators(
                 plant.joints, plant.q, plant.v, state.torque, rows.forces, rows.motion, row,
                 plant.tau,
             ):  # fmt: skip
-                return number, k + 1, ""
+                return number
             keep_signals(state.c.numbers, rows.columns, rows.kept, row)
             if number < last:
                 measure_joints(rows.sums, rows.reference, rows.motion, row, number, last // 2, h)
@@ -232,35 +212,25 @@ class Robot:
             else:
                 pinocchio.move(plant, self._rubs, rows.forces, row)
             if has_diverged(plant.joints, plant.q, plant.v):
-                return number + 1, k + 1, ""
-        return -1, count, ""
+                return number + 1
+        return -1
 
-    def push(self, joint: int, torque: float, ticks: int) -> None:
-        """Disturb a joint by `torque` [N m] for so many ticks from now; see `Simulation.push`."""
-        self._arrays.joints["push"][joint] = torque
-        self._push_ends[joint] = self.row + ticks
-
-    def _end(self, row: int) -> None:
-        """Note which joint ended the run, and why."""
-        torque, limit = self.state.torque, self._arrays.joints["runaway"]
+    def _lost(self, row: int) -> Outcome:
+        """Return which joint ended the run, and why."""
+        torque, limit = self.torque, self.arrays.joints["runaway"]
         slow = np.abs(self.v) <= limit
-        sound = slow & np.isfinite(self.q) & np.isfinite(torque)
-        j = int(np.argmin(sound))
-        speed = self.v[j]
-        if not np.isfinite(speed):
+        j = int(np.argmin(slow & np.isfinite(self.q) & np.isfinite(torque)))
+        if not np.isfinite(self.v[j]):
             cause = "speed is not finite"
         elif not slow[j]:
-            cause = f"speed {abs(speed):.3g} rad/s is beyond {limit[j]:g} rad/s"
-        elif not np.isfinite(torque[j]):
-            cause = "torque is not finite"
+            cause = f"speed {abs(self.v[j]):.3g} rad/s is beyond {limit[j]:g} rad/s"
         else:
-            cause = "angle is not finite"
-        joint = self.experiment.arm.joint_names[j]
-        self.outcome = Outcome(False, row * self.experiment.step, joint, cause)
+            cause = f"{'angle' if np.isfinite(torque[j]) else 'torque'} is not finite"
+        return Outcome(False, row * self.experiment.step, self.experiment.arm.joint_names[j], cause)
 
 
 class Simulation:
-    """One robot that is advanced a few ticks at a time, by whoever shows it or pushes it.
+    """One robot that is advanced tick by tick, by whoever shows it or pushes it.
 
     Parameters
     ----------
@@ -283,8 +253,8 @@ class Simulation:
         longest = horizon_of(experiment.duration if horizon is None else horizon)
         state = start_all([controller], experiment.arm, step=experiment.step, horizon=longest)[0]
         self.robot = Robot(experiment, state, dynamics=experiment.dynamics or "compiled")
-        self._buffer = self.robot.buffer()
-        self._samples: Samples | None = None
+        self._block = Block(experiment, 0, BLOCK_ROWS)
+        self._push_ends = np.zeros(experiment.arm.n, dtype=np.int64)
         self.q_ref: FloatArray = np.array(experiment.q0)
 
     @property
@@ -296,7 +266,9 @@ class Simulation:
         """Disturb a joint by `torque` [N m] for `duration` [s] from now."""
         e = self.robot.experiment
         ticks = max(round(checks.number("duration", duration, above=0.0) / e.step), 1)
-        self.robot.push(e.arm.joint_index(joint), checks.number("torque", torque), ticks)
+        j = e.arm.joint_index(joint)
+        self.robot.arrays.joints["push"][j] = checks.number("torque", torque)
+        self._push_ends[j] = self.robot.row + ticks
 
     def tick(self) -> None:
         """Make one tick.
@@ -307,11 +279,11 @@ class Simulation:
             A law of one's own that raised, or returned something of another shape.
         """
         robot = self.robot
-        place = robot.row % BLOCK_ROWS
-        if place == 0 or self._samples is None:
-            first = robot.row - place
-            self._samples = Samples(robot.experiment, robot.plant, first, BLOCK_ROWS)
-        robot.advance(self._samples, self._buffer, 1, place)
-        self.q_ref = self._samples.reference[0, place]
+        place = robot.row - self._block.first
+        if place == BLOCK_ROWS:
+            self._block, place = Block(robot.experiment, robot.row, BLOCK_ROWS), 0
+        robot.arrays.joints["push"][self._push_ends <= robot.row] = 0.0
+        robot.advance(self._block, 1)
+        self.q_ref = self._block.reference[0, place]
         if robot.outcome is not None and not robot.outcome.joint:
             raise SimulationError(robot.outcome.cause)

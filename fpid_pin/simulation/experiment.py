@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import Array, FloatArray, Number, OneOf, Whole
+from fpid_pin.descriptions import Description, described
 from fpid_pin.references import Motion, Reference
 from fpid_pin.simulation.plant import Plant, ResolvedPlant
 from fpid_pin.simulation.sensors import Sensors
 
-INTEGRATORS = ("semi_implicit_euler", "rk4")
 DYNAMICS = ("pinocchio", "compiled")
 
 
 @described("experiment")
 @dataclass(frozen=True, eq=False)
-class Experiment:
+class Experiment(Description):
     """One robot and what it is asked to do; a difference between runs is another Experiment.
 
     Parameters
@@ -56,45 +56,27 @@ class Experiment:
 
     arm: Arm
     reference: Reference
-    q0: ArrayLike | None = None
-    v0: ArrayLike | None = None
+    q0: Annotated[ArrayLike | None, Array("rad", max_ndim=1)] = None
+    v0: Annotated[ArrayLike | None, Array("rad/s", max_ndim=1)] = None
     plant: Plant | None = None
     sensors: Sensors | None = None
-    step: float = 1e-3
-    duration: float = 20.0
-    integrator: str = "semi_implicit_euler"
-    dynamics: str | None = None
-    seed: int = 0
-    runaway_speed: float = 1e3
+    step: Annotated[float, Number("s", above=0.0)] = 1e-3
+    duration: Annotated[float, Number("s", above=0.0)] = 20.0
+    integrator: Annotated[str, OneOf("semi_implicit_euler", "rk4")] = "semi_implicit_euler"
+    dynamics: Annotated[str | None, OneOf(*DYNAMICS)] = None
+    seed: Annotated[int, Whole(low=0)] = 0
+    runaway_speed: Annotated[float, Number("rad/s", above=0.0)] = 1e3
 
     def __post_init__(self) -> None:
-        checks.instance("arm", self.arm, Arm, "an Arm")
-        checks.instance("reference", self.reference, Reference, "an object with sample(t)")
-        checks.number("step", self.step, above=0.0)
-        low, high = checks.STEPS
-        object.__setattr__(self, "step", checks.number("step", self.step, low=low, high=high))
-        object.__setattr__(self, "duration", checks.number("duration", self.duration))
+        super().__post_init__()
         checks.sample_count(self.duration, self.step)
-        if self.plant is not None:
-            checks.instance("plant", self.plant, Plant, "a Plant or None")
-        if self.sensors is not None:
-            checks.instance("sensors", self.sensors, Sensors, "Sensors or None")
         n = self.arm.n
         start = self.motion(np.zeros(1))[0][0]
-        if self.q0 is None:
-            object.__setattr__(self, "q0", checks.read_only(start))
-        else:
-            object.__setattr__(self, "q0", checks.per_joint("q0", self.q0, n))
-        speed = checks.number("runaway_speed", self.runaway_speed, above=0.0)
-        object.__setattr__(self, "runaway_speed", speed)
         v0 = checks.per_joint("v0", 0.0 if self.v0 is None else self.v0, n)
-        if (np.abs(v0) > speed).any():
-            raise checks.ArgumentError("v0", f"at most runaway_speed ({speed:g} rad/s)", v0)
-        object.__setattr__(self, "v0", v0)
-        checks.choice("integrator", self.integrator, INTEGRATORS)
-        if self.dynamics is not None:
-            checks.choice("dynamics", self.dynamics, DYNAMICS)
-        object.__setattr__(self, "seed", checks.integer("seed", self.seed, low=0))
+        if (np.abs(v0) > self.runaway_speed).any():
+            expected = f"at most runaway_speed ({self.runaway_speed:g} rad/s)"
+            raise checks.ArgumentError("v0", expected, v0)
+        self._set(q0=checks.per_joint("q0", start if self.q0 is None else self.q0, n), v0=v0)
         disturbance = plant_of(self).disturbance
         if disturbance is not None:
             shape = np.shape(disturbance.sample(np.zeros(1)))

@@ -61,27 +61,23 @@ def limit_report(run: Run) -> list[Exceedance]:
     pass its limit: listed is where it sat at it.
     """
     arm = run.arm
+    speeds = [f"{unit}/s" for unit in arm.units]
+    watched = (
+        ("position", run.q, arm.lower - run.q, arm.lower, arm.units),
+        ("position", run.q, run.q - arm.upper, arm.upper, arm.units),
+        ("velocity", run.v, np.abs(run.v) - arm.velocity_limit, arm.velocity_limit, speeds),
+        ("effort", run.torque, np.abs(run.torque) - arm.effort_limit, arm.effort_limit,
+         arm.effort_units),
+    )  # fmt: skip
     found = []
     for j, joint in enumerate(arm.joint_names):
-        q, v, torque = run.q[:, j], run.v[:, j], run.torque[:, j]
-        unit = arm.units[j]
-        units = {"position": unit, "velocity": f"{unit}/s", "effort": arm.effort_units[j]}
-        watched = (
-            ("position", q, -q + arm.lower[j], float(arm.lower[j])),
-            ("position", q, q - arm.upper[j], float(arm.upper[j])),
-            ("velocity", v, np.abs(v) - arm.velocity_limit[j], float(arm.velocity_limit[j])),
-            ("effort", torque, np.abs(torque) - arm.effort_limit[j], float(arm.effort_limit[j])),
-        )
-        for quantity, values, excess, limit in watched:
-            beyond = excess >= 0.0 if quantity == "effort" else excess > 0.0
-            if np.isfinite(limit) and beyond.any():
-                first, worst = int(np.argmax(beyond)), int(np.argmax(excess))
-                found.append(
-                    Exceedance(
-                        joint, quantity, limit, float(run.t[first]), float(values[worst]),
-                        float(np.mean(beyond)), units[quantity],
-                    )
-                )  # fmt: skip
+        for quantity, values, excess, limits, units in watched:
+            beyond = excess[:, j] >= 0.0 if quantity == "effort" else excess[:, j] > 0.0
+            if np.isfinite(limits[j]) and beyond.any():
+                first, worst = int(np.argmax(beyond)), int(np.argmax(excess[:, j]))
+                time, value = float(run.t[first]), float(values[worst, j])
+                about = (float(limits[j]), time, value, float(np.mean(beyond)), units[j])
+                found.append(Exceedance(joint, quantity, *about))
     return sorted(found, key=lambda item: item.time)
 
 

@@ -15,17 +15,7 @@ from fpid_pin.simulation.blocks import BLOCK_ROWS, MOTION
 
 
 def metrics_from(sums: Any, planned: int, step: float) -> Metrics:
-    """Return the metrics that sums of `kernels.metrics` amount to.
-
-    Parameters
-    ----------
-    sums
-        MEASURE, (n,).
-    planned
-        Rows of a completed run whose torque is applied: all but its last.
-    step
-        h [s].
-    """
+    """Return the metrics of sums, `kernels.records.MEASURE`, of a run of `planned` + 1 rows."""
     h = step
     stayed = (sums["rows"] == planned) & (sums["settled"] < sums["rows"])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -74,15 +64,7 @@ def metrics_of(run: Any, band: float = SETTLING_BAND) -> Metrics:
 
 
 class RowCosts:
-    """Costs of a run's rows, which stream by; it keeps nothing but what these remember.
-
-    Parameters
-    ----------
-    costs
-        Any number of them.
-    applied
-        How many rows of a completed run have a torque that is applied: all but the last.
-    """
+    """Costs of a run's rows, which stream by: of its first `applied`, all but the last."""
 
     def __init__(self, costs: Sequence[RowCost], applied: int) -> None:
         self._costs, self._applied = costs, applied
@@ -90,19 +72,13 @@ class RowCosts:
         self._states = [cost.begin() for cost in costs]
 
     def take(self, rows: Rows) -> None:
-        """Take the next rows.
-
-        Raises
-        ------
-        ArgumentError
-            A signal that the law has not.
-        """
+        """Take the next rows."""
         missing = [name for name in self._wanted if name not in rows.signals]
         if missing:
             has = ", ".join(sorted(rows.signals)) or "none"
             raise ArgumentError("cost.signals", f"signals of the law ({has})", missing[0])
         count = max(min(len(rows.q), self._applied - rows.first), 0)
-        if not count or not self._costs:
+        if not count:
             return
         # Copies: a cost may keep them, and the engine uses its arrays again.
         own = {name: getattr(rows, name)[:count].copy() for name in ("t", *MOTION)}
@@ -113,13 +89,7 @@ class RowCosts:
         ]
 
     def results(self) -> list[float]:
-        """Return what the run costs.
-
-        Raises
-        ------
-        ArgumentError
-            A cost that is no number.
-        """
+        """Return what the run costs, by each of the costs."""
         found = []
         for cost, state in zip(self._costs, self._states, strict=True):
             value = cost.finish(state)

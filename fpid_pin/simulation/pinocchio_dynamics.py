@@ -22,15 +22,7 @@ from fpid_pin.simulation.plant import ResolvedPlant
 
 
 class PinocchioDynamics:
-    """The nominal and the true arm of one run.
-
-    Parameters
-    ----------
-    plant
-        The true arm, with its friction.
-    experiment
-        Has the nominal arm, step and integrator.
-    """
+    """The nominal arm of an experiment, and its true one with friction."""
 
     def __init__(self, plant: ResolvedPlant, experiment: Experiment) -> None:
         self.step, self.euler = experiment.step, experiment.integrator != "rk4"

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray
-from fpid_pin.descriptions import described
+from fpid_pin.checks import FloatArray, PerJoint
+from fpid_pin.descriptions import Description, described
 from fpid_pin.disturbances import Disturbance
 from fpid_pin.exceptions import SimulationError
 
@@ -20,7 +21,7 @@ _RK4_REACH = 1.4
 
 @described("plant")
 @dataclass(frozen=True, eq=False)
-class Plant:
+class Plant(Description):
     """What is simulated, (6): ``M q'' + C q' + G + F_v q' + F_d sgn(q') = U + d(t)``.
 
     Parameters
@@ -35,29 +36,13 @@ class Plant:
         Where the drives clip [N m], scalar or (n,); None: the arm's own; inf: nowhere.
     """
 
-    arm: Arm | None = None
-    viscous_friction: ArrayLike | None = None
-    dry_friction: ArrayLike | None = None
-    disturbance: Disturbance | None = None
-    effort_limit: ArrayLike | None = None
+    _path = "plant"
 
-    def __post_init__(self) -> None:
-        if self.arm is not None:
-            checks.instance("plant.arm", self.arm, Arm, "an Arm or None")
-        for name in ("viscous_friction", "dry_friction"):
-            value = getattr(self, name)
-            if value is not None:
-                array = checks.floats(f"plant.{name}", value, low=0.0, max_ndim=1)
-                object.__setattr__(self, name, array)
-        if self.effort_limit is not None:
-            limit = checks.floats(
-                "plant.effort_limit", self.effort_limit, above=0.0, finite=False, max_ndim=1
-            )
-            object.__setattr__(self, "effort_limit", limit)
-        if self.disturbance is not None:
-            checks.instance(
-                "plant.disturbance", self.disturbance, Disturbance, "an object with sample(t)"
-            )
+    arm: Arm | None = None
+    viscous_friction: Annotated[ArrayLike | None, PerJoint("N m s/rad", low=0.0)] = None
+    dry_friction: Annotated[ArrayLike | None, PerJoint("N m", low=0.0)] = None
+    disturbance: Disturbance | None = None
+    effort_limit: Annotated[ArrayLike | None, PerJoint("N m", above=0.0, finite=False)] = None
 
     def resolve(self, nominal: Arm) -> ResolvedPlant:
         """Fill what is left open from `nominal` and check every length against it."""

@@ -1,41 +1,44 @@
-"""A recorded run: its arrays, how it ended, what is known of it, and its one file."""
+"""A recorded run: its arrays, how it ended, what is known of it; as a file, as a table."""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
-import platform
+import json
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks, descriptions, npz
-from fpid_pin._version import __version__
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.control.record import Record
+from fpid_pin.control.loop import Record
 from fpid_pin.costs import Metrics, tool_distance
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.extras import needed
+from fpid_pin.files import replacing
+from fpid_pin.shown import html_table
 from fpid_pin.simulation.blocks import MOTION, Outcome
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.metrics import metrics_of
-from fpid_pin.simulation.run_tables import RunTables
+from fpid_pin.simulation.recorded import on_a_clock
+from fpid_pin.simulation.run_meta import meta_of
 from fpid_pin.text import shown
 
 KIND = "run file"
-#: Fraction of a step by which a row's time may be off the grid; it is measured as if on it.
-JITTER = 0.1
 _SIGNAL = "signal_"
+_HEAD = ("joint", "in", "RMS", "tail", "peak error", "settled after [s]", "peak torque",
+         "at its limit [%]")  # fmt: skip
 
 T = TypeVar("T")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Run(RunTables):
+class Run:
     """What one robot did; rows are samples, N of them.
 
     Attributes
@@ -218,6 +221,105 @@ class Run(RunTables):
             meta=dict(self.meta) | {"every": every * int(self.meta.get("every", 1))},
         )  # fmt: skip
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the arrays by name, signals among them, and what is known of the run.
+
+        The latter are ``joint_names``, ``name``, ``step``, ``outcome``, and ``meta`` as JSON: what
+        `scipy.io.savemat` and its like take (docs/data.md).
+        """
+        about = self._about() | {"joint_names": list(self.arm.joint_names)}
+        del about["units"]
+        return self._arrays() | about | {"meta": json.dumps(about["meta"])}
+
+    def to_dataframe(self) -> Any:
+        """Return a `pandas.DataFrame` with a column for each number of a row.
+
+        They are ``t``, ``q.<joint>`` and so on, then the law's signals; ``attrs`` has units, name,
+        step, outcome and the record's table.
+
+        Raises
+        ------
+        FpidError
+            pandas is not installed; the line says how.
+        """
+        frame = needed("pandas", "pandas").DataFrame(self.columns())
+        frame.attrs.update(self._about())
+        return frame
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write the columns of `to_dataframe` as CSV, every digit; no pandas is needed."""
+        table = self.columns()
+        rows = zip(*(column.tolist() for column in table.values()), strict=True)
+        with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as f:
+            writer = csv.writer(f, lineterminator="\n")
+            writer.writerow(table)
+            writer.writerows(rows)
+        return Path(path)
+
+    def to_parquet(self, path: str | Path) -> Path:
+        """Write the columns of `to_dataframe` as Parquet; the schema's metadata has the rest.
+
+        Raises
+        ------
+        FpidError
+            pyarrow is not installed; the line says how.
+        """
+        table = needed("pyarrow", "parquet").table(self.columns())
+        table = table.replace_schema_metadata({"fpid_pin": json.dumps(self._about())})
+        with replacing(path) as temporary:
+            needed("pyarrow.parquet", "parquet").write_table(table, temporary, compression="zstd")
+        return Path(path)
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Return every number by column: ``t``, ``q.joint1``, ..., ``kp.joint1``, ...
+
+        Raises
+        ------
+        ArgumentError
+            A signal that is called as an array of the motion.
+        """
+        found = {}
+        for name, array in self._arrays().items():
+            if array.ndim == 1:
+                found[name] = array
+            else:
+                joints = enumerate(self.arm.joint_names)
+                found |= {f"{name}.{joint}": array[:, j] for j, joint in joints}
+        return found
+
+    def _arrays(self) -> dict[str, FloatArray]:
+        own = {name: getattr(self, name) for name in ("t", *MOTION)}
+        taken = sorted(self.signals.keys() & own.keys())
+        if taken:
+            raise ArgumentError("signals", f"other names than {', '.join(own)}", taken[0])
+        return own | dict(self.signals)
+
+    def _about(self) -> dict[str, Any]:
+        """Return what goes with the columns; a signal's unit is the law's to say."""
+        arm, units = self.arm, {"t": "s"}
+        for joint, unit, effort in zip(arm.joint_names, arm.units, arm.effort_units, strict=True):
+            units |= {f"{name}.{joint}": unit for name in ("q", "q_ref")}
+            units |= {f"{name}.{joint}": f"{unit}/s" for name in ("v", "v_ref")}
+            units[f"torque.{joint}"] = effort
+        outcome, meta = str(self.outcome), dict(self.meta)
+        return {
+            "name": self.name, "step": self.step, "outcome": outcome, "units": units, "meta": meta,
+        }  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        """Return the metrics as a table, a row a joint; errors in thousandths of its unit."""
+        m, n = self.metrics, len(self.metrics.rms)
+        try:
+            arm = self.arm
+            names, pairs = arm.joint_names, zip(arm.units, arm.effort_units, strict=True)
+            inside = [f"m{unit}, {effort}" for unit, effort in pairs]
+        except FpidError:  # of another version, say
+            names, inside = tuple(f"joint {j + 1}" for j in range(n)), ["?"] * n
+        errors = 1e3 * m.rms, 1e3 * m.rms_tail, 1e3 * m.peak_error
+        columns = (*errors, m.settling_time, m.peak_torque, 100.0 * m.saturated)
+        rows = zip(names, inside, *(column.tolist() for column in columns), strict=True)
+        return html_table(f"{self.name}: {self.outcome}", _HEAD, rows)
+
     @classmethod
     def from_arrays(
         cls,
@@ -265,115 +367,19 @@ class Run(RunTables):
         checks.instance("arm", arm, Arm, "an Arm")
         if controller is not None:
             checks.instance("controller", controller, Controller, "a Controller")
-        time = _times(t)
-        rows, n = len(time), arm.n
         given = {"q": q, "q_ref": q_ref, "torque": torque, "v": v, "v_ref": v_ref}
-        arrays = {
-            key: _rows(key, value, ((rows, n),))
-            for key, value in given.items()
-            if value is not None
-        }
-        own = {
-            key: _rows(f"signals.{key}", value, ((rows, n), (rows,)))
-            for key, value in (signals or {}).items()
-        }
-        for rate, angle in (("v", "q"), ("v_ref", "q_ref")):
-            if rate not in arrays:
-                arrays[rate] = np.gradient(arrays[angle], time, axis=0)
-        if resample is None:
-            step = _uniform_step(time)
-        else:
-            step = checks.number("resample", resample, above=0.0)
-            rows = checks.sample_count(float(time[-1]), step)
-            grid = step * np.arange(rows, dtype=np.float64)
-            arrays, own = (
-                {key: _interpolated(grid, time, array) for key, array in table.items()}
-                for table in (arrays, own)
-            )
+        motion = {key: value for key, value in given.items() if value is not None}
+        step, time, arrays, own = on_a_clock(t, motion, signals or {}, arm.n, resample)
         return cls(
-            step * np.arange(rows, dtype=np.float64), **arrays, signals=own,
-            outcome=Outcome(True, step * (rows - 1)), step=step, planned_rows=rows,
-            meta=meta_of(name, arm, controller, arm.effort_limit),
+            time, **arrays, signals=own, outcome=Outcome(True, float(time[-1])), step=step,
+            planned_rows=len(time), meta=meta_of(name, arm, controller, arm.effort_limit),
         )  # fmt: skip
 
     @classmethod
     def from_record(cls, record: Record, name: str = "recorded") -> Run:
         """Make a run of what a loop has recorded (`Loop.record`)."""
-        own = record.arrays()
+        arrays: dict[str, Any] = record.arrays()
+        signals, controller = record.signals(), record.controller
         return cls.from_arrays(
-            own["t"], own["q"], own["q_ref"], own["torque"], v=own["v"], v_ref=own["v_ref"],
-            arm=record.arm, signals=record.signals(), controller=record.controller, name=name,
-        )  # fmt: skip
-
-
-def _times(t: ArrayLike) -> FloatArray:
-    """Return times that increase, from 0 on."""
-    time = checks.floats("t", t)
-    if time.ndim != 1 or len(time) < 2:
-        raise ArgumentError("t", "(N,) with at least 2 rows", f"shape {time.shape}")
-    backwards = np.flatnonzero(np.diff(time) <= 0.0)
-    if backwards.size:
-        k = int(backwards[0]) + 1
-        raise ArgumentError("t", "times that increase", f"{time[k]:g} s in row {k}")
-    return np.asarray(time - time[0])
-
-
-def _rows(name: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) -> FloatArray:
-    array = checks.floats(name, value)
-    if array.shape not in shapes:
-        expected = f"shape {shapes[0]} (rows, joints)"
-        raise ArgumentError(name, expected, f"shape {array.shape}")
-    return array.copy()
-
-
-def _uniform_step(time: FloatArray) -> float:
-    step = float(time[-1]) / (len(time) - 1)
-    checks.number("t's step", step, low=checks.STEPS[0], high=checks.STEPS[1])
-    off = np.abs(time - step * np.arange(len(time)))
-    worst = int(np.argmax(off))
-    if off[worst] > JITTER * step:
-        raise ArgumentError(
-            "t", f"a step of {step:g} s throughout (or resample={step:.3g})",
-            f"row {worst} off by {off[worst]:.3g} s",
-        )  # fmt: skip
-    return step
-
-
-def _interpolated(grid: FloatArray, time: FloatArray, array: FloatArray) -> Any:
-    columns = array.reshape(len(time), -1).T
-    found = np.stack([np.interp(grid, time, column) for column in columns], axis=1)
-    return found.reshape(len(grid), *array.shape[1:])
-
-
-def describe_run(
-    experiment: Experiment, controller: Controller, name: str, dynamics: str
-) -> dict[str, Any]:
-    """Return the `Run.meta` of a run about to be recorded, with the dynamics that made it."""
-    table = descriptions.to_dict(experiment) | {"dynamics": dynamics}
-    about = {"seed": experiment.seed, "experiment": table}
-    return meta_of(name, experiment.arm, controller, experiment.torque_limit) | about
-
-
-def meta_of(
-    name: str, arm: Arm, controller: Controller | None, effort_limit: FloatArray
-) -> dict[str, Any]:
-    """Return the `Run.meta` of a run that no experiment of ours has made."""
-    import pinocchio
-    import scipy
-
-    elsewhere = {"kind": "custom", "repr": "recorded elsewhere"}
-    return {
-        "name": name,
-        "versions": {
-            "fpid_pin": __version__,
-            "pin": pinocchio.__version__,
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-            "python": platform.python_version(),
-        },
-        "platform": platform.platform(),
-        "effort_limit": effort_limit.tolist(),
-        "experiment": elsewhere,
-        "controller": elsewhere if controller is None else descriptions.to_dict(controller),
-        "arm": descriptions.to_dict(arm),
-    }
+            **arrays, arm=record.arm, signals=signals, controller=controller, name=name
+        )

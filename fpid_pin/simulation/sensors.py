@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.descriptions import described
+from fpid_pin.checks import Number, OneOf, PerJoint, Whole
+from fpid_pin.descriptions import Description, described
 from fpid_pin.kernels.records import SENSOR, Sensing
 from fpid_pin.simulation.blocks import BLOCK_ROWS
-
-VELOCITY_SOURCES = ("measured", "differentiated")
 
 
 @described("sensors")
 @dataclass(frozen=True, eq=False)
-class Sensors:
+class Sensors(Description):
     """Imperfect measurements, in the order in which they spoil: delay, noise, bias, quantisation.
 
     Parameters
@@ -38,51 +37,37 @@ class Sensors:
         Whole samples by which everything measured is late.
     """
 
-    position_resolution: ArrayLike = 0.0
-    position_noise: ArrayLike = 0.0
-    velocity_noise: ArrayLike = 0.0
-    velocity_bias: ArrayLike = 0.0
-    velocity: str = "measured"
-    velocity_cutoff: float = 500.0
-    delay: int = 0
+    _path = "sensors"
 
-    def __post_init__(self) -> None:
-        for name in ("position_resolution", "position_noise", "velocity_noise"):
-            array = checks.floats(f"sensors.{name}", getattr(self, name), low=0.0, max_ndim=1)
-            object.__setattr__(self, name, array)
-        bias = checks.floats("sensors.velocity_bias", self.velocity_bias, max_ndim=1)
-        object.__setattr__(self, "velocity_bias", bias)
-        checks.choice("sensors.velocity", self.velocity, VELOCITY_SOURCES)
-        cutoff = checks.number("sensors.velocity_cutoff", self.velocity_cutoff, above=0.0)
-        object.__setattr__(self, "velocity_cutoff", cutoff)
-        object.__setattr__(self, "delay", checks.integer("sensors.delay", self.delay, low=0))
+    position_resolution: Annotated[ArrayLike, PerJoint("rad", low=0.0)] = 0.0
+    position_noise: Annotated[ArrayLike, PerJoint("rad", low=0.0)] = 0.0
+    velocity_noise: Annotated[ArrayLike, PerJoint("rad/s", low=0.0)] = 0.0
+    velocity_bias: Annotated[ArrayLike, PerJoint("rad/s")] = 0.0
+    velocity: Annotated[str, OneOf("measured", "differentiated")] = "measured"
+    velocity_cutoff: Annotated[float, Number("rad/s", above=0.0)] = 500.0
+    delay: Annotated[int, Whole(low=0)] = 0
 
 
 class SensorState:
-    """The sensors of one run, as records for the kernels.
-
-    Parameters
-    ----------
-    sensors
-        None: exact ones.
-    seed
-        Of the noise, which depends on nothing else.
-    n
-        Number of joints.
-    step
-        Sampling period [s].
-    """
+    """The sensors of one run, None exact, as records for the kernels; `seed` is the noise's."""
 
     def __init__(self, sensors: Sensors | None, seed: int, n: int, step: float) -> None:
         joints = np.zeros(0 if sensors is None else n, SENSOR)
+        delay, noisy = 0, False
         if sensors is not None:
-            _fill(joints, sensors, n, step)
-        noisy = bool(joints["noise_q"].any() or joints["noise_v"].any())
+            for name, field in (
+                ("noise_q", "position_noise"), ("noise_v", "velocity_noise"),
+                ("bias", "velocity_bias"), ("resolution", "position_resolution"),
+            ):  # fmt: skip
+                joints[name] = checks.per_joint(f"sensors.{field}", getattr(sensors, field), n)
+            joints["keep"] = np.exp(-sensors.velocity_cutoff * step)
+            joints["gain"] = (1.0 - joints["keep"]) / step
+            joints["delay"] = delay = sensors.delay
+            joints["derived"] = sensors.velocity == "differentiated"
+            noisy = bool(joints["noise_q"].any() or joints["noise_v"].any())
         self._generator = np.random.default_rng(seed)
-        depth = 1 + (0 if sensors is None else int(joints["delay"].max()))
-        self._records = Sensing(
-            joints, np.zeros((depth, 2, n)), np.zeros((BLOCK_ROWS if noisy else 0, 2, n))
-        )
+        noise = np.zeros((BLOCK_ROWS if noisy else 0, 2, n))
+        self._records = Sensing(joints, np.zeros((1 + delay, 2, n)), noise)
         self._drawn = 0
 
     def records(self, first: int, count: int) -> Sensing:
@@ -95,16 +80,3 @@ class SensorState:
             noise[:] = self._generator.standard_normal(noise.shape)
             self._drawn += len(noise)
         return self._records
-
-
-def _fill(joints: Any, sensors: Sensors, n: int, step: float) -> None:
-    """Write sensors into their records, (n,)."""
-    for name, value in (
-        ("noise_q", "position_noise"), ("noise_v", "velocity_noise"), ("bias", "velocity_bias"),
-        ("resolution", "position_resolution"),
-    ):  # fmt: skip
-        joints[name] = checks.per_joint(f"sensors.{value}", getattr(sensors, value), n)
-    joints["keep"] = np.exp(-sensors.velocity_cutoff * step)
-    joints["gain"] = (1.0 - joints["keep"]) / step
-    joints["delay"] = sensors.delay
-    joints["derived"] = sensors.velocity == "differentiated"

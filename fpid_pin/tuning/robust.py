@@ -7,11 +7,12 @@ import warnings
 from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, OneOf
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, Metrics, QuadraticCost, RowCost
 from fpid_pin.descriptions import described
@@ -35,14 +36,15 @@ class RobustCost(Cost):
         ``"mean"`` or ``"worst"`` over the experiments; a run that diverges makes both +inf.
     """
 
+    _path = "robust_cost"
+
     cost: Cost = field(default_factory=QuadraticCost)
-    reduce: str = "worst"
+    reduce: Annotated[str, OneOf(*REDUCTIONS)] = "worst"
 
     def __post_init__(self) -> None:
-        checks.instance("robust_cost.cost", self.cost, Cost, "a Cost")
+        super().__post_init__()
         if isinstance(self.cost, RobustCost):
             raise ArgumentError("robust_cost.cost", "the cost of one run", "a RobustCost")
-        checks.choice("robust_cost.reduce", self.reduce, REDUCTIONS)
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`: the cost of one run alone."""

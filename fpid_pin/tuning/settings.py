@@ -6,17 +6,19 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated
 
 from fpid_pin import checks
+from fpid_pin.checks import Flag, Number, Whole
 from fpid_pin.control.law import Controller
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.progress import Progress
 from fpid_pin.simulation.workers import check_workers, workers_of
 
 
 @dataclass(frozen=True)
-class SearchSettings:
+class SearchSettings(Description):
     """How to search; the defaults are the paper's (section 5.1), in this process.
 
     Parameters
@@ -47,38 +49,32 @@ class SearchSettings:
         What is out of range, or does not go together.
     """
 
-    population: int = 60
-    generations: int = 80
-    crossover: float = 0.75
-    mutation: float = 0.03
+    population: Annotated[int, Whole(low=4)] = 60
+    generations: Annotated[int, Whole(low=1)] = 80
+    crossover: Annotated[float, Number(low=0.0, high=1.0)] = 0.75
+    mutation: Annotated[float, Number(low=0.0, high=1.0)] = 0.03
     seeds: Sequence[int] = (0,)
     initial: Sequence[Controller] = ()
     workers: int | None = None
     executor: Executor | None = None
     checkpoint: str | Path | None = None
-    resume: bool = False
+    resume: Annotated[bool, Flag] = False
 
     def __post_init__(self) -> None:
-        checks.integer("population", self.population, low=4)
-        checks.integer("generations", self.generations, low=1)
-        checks.number("crossover", self.crossover, low=0.0, high=1.0)
-        checks.number("mutation", self.mutation, low=0.0, high=1.0)
-        checks.instance("resume", self.resume, bool, "True or False")
-        seeds, initial = _several(self.seeds), _several(self.initial)
+        super().__post_init__()
+        seeds = self.seeds if isinstance(self.seeds, Iterable) else (self.seeds,)
         seeds = tuple(checks.integer(f"seeds.{k}", seed, low=0) for k, seed in enumerate(seeds))
         if not seeds or len(set(seeds)) < len(seeds):
             raise ArgumentError("seeds", "at least one, each once", list(seeds) or "none")
-        for k, controller in enumerate(initial):
-            checks.instance(f"initial.{k}", controller, Controller, "a Controller")
-        if len(initial) > self.population:
-            raise ArgumentError("initial", f"at most {self.population} (population)", len(initial))
+        if len(self.initial) > self.population:
+            most = f"at most {self.population} (population)"
+            raise ArgumentError("initial", most, len(self.initial))
         check_workers(self.executor, self.workers)
         if self.checkpoint is not None:
             checks.instance("checkpoint", self.checkpoint, (str, Path), "a path")
         elif self.resume:
             raise ArgumentError("resume", "a checkpoint to resume from", "none")
-        object.__setattr__(self, "seeds", seeds)
-        object.__setattr__(self, "initial", initial)
+        self._set(seeds=seeds)
 
     @property
     def candidates(self) -> int:
@@ -89,12 +85,6 @@ class SearchSettings:
     def at_once(self) -> int:
         """How many are simulated at once, where an executor tells."""
         return self.workers or workers_of(self.executor)
-
-
-def _several(value: Any) -> tuple[Any, ...]:
-    """Return a tuple, also where one thing stands for itself."""
-    alone = isinstance(value, str) or not isinstance(value, Iterable)
-    return (value,) if alone else tuple(value)
 
 
 @dataclass(frozen=True)

@@ -6,13 +6,10 @@ Matplotlib and the web server are imported by the functions that need them, not 
 from __future__ import annotations
 
 from fpid_pin.view import plots
-from fpid_pin.view.export import export_html
 from fpid_pin.view.live_session import LiveReport, live
-from fpid_pin.view.notebook import Replay, show
-from fpid_pin.view.paper_figures import figures
-from fpid_pin.view.player import play
 from fpid_pin.view.playground_page import Playground, playground
-from fpid_pin.view.plots import plot, save_figure
+from fpid_pin.view.plots import figures, plot, save_figure
+from fpid_pin.view.replay import Replay, export_html, play, show
 from fpid_pin.view.report import report_html
 
 __all__ = [

@@ -9,8 +9,7 @@ import pinocchio as pin
 
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
-from fpid_pin.checks import BoolArray, FloatArray
-from fpid_pin.view.shapes import joint_axis
+from fpid_pin.checks import FloatArray
 
 _UP = np.array((0.0, 0.0, 1.0))
 _POSES = 120
@@ -63,63 +62,52 @@ def joint_origins(arm: Arm, poses: FloatArray) -> FloatArray:
 
 def reach_of(arm: Arm) -> float:
     """Return how far the tool can be from the first joint at most [m]."""
-    lengths = [
-        np.linalg.norm(arm.model.jointPlacements[j].translation) for j in range(2, arm.n + 1)
-    ]
-    frame = arm.model.frames[arm.model.getFrameId(arm.tool)]
+    origins = [arm.model.jointPlacements[j].translation for j in range(2, arm.n + 1)]
+    tool = arm.model.frames[arm.model.getFrameId(arm.tool)].placement.translation
+    length = float(sum(np.linalg.norm(origin) for origin in (*origins, tool)))
     # Half of what a prismatic joint travels lies beyond its middle.
-    spans = np.where(_slides(arm), 0.5 * (arm.upper - arm.lower), 0.0)
-    travel = float(spans[np.isfinite(spans)].sum())
-    return max(float(sum(lengths) + np.linalg.norm(frame.placement.translation)) + travel, 1e-3)
+    slides = np.array([kind == PRISMATIC for kind in arm.joint_kinds])
+    travel = np.where(slides, 0.5 * (arm.upper - arm.lower), 0.0)
+    return max(length + float(travel[np.isfinite(travel)].sum()), 1e-3)
 
 
-def _slides(arm: Arm) -> BoolArray:
-    return np.array([kind == PRISMATIC for kind in arm.joint_kinds])
+def _normal(arm: Arm) -> FloatArray | None:
+    """Return the normal of the plane along which all of an arm moves, else None."""
+    points = joint_origins(arm, np.sin(np.multiply.outer(np.arange(8.0), np.arange(1, arm.n + 1))))
+    moves = (points - points[0]).reshape(-1, 3)
+    if np.linalg.matrix_rank(moves, tol=1e-9) < 2:
+        # Along a line: look at it from the side.
+        moves = np.vstack([moves, _UP])
+    _, sizes, axes = np.linalg.svd(moves, full_matrices=False)
+    return np.asarray(axes[2]) if sizes[2] < 1e-9 * sizes[0] else None
 
 
-def _planar_axis(arm: Arm) -> FloatArray | None:
-    """Return the normal in the world of the plane that all joints move in, else None.
-
-    Joints that turn do so about it, and joints that slide do so across it.
-    """
-    data = arm.model.createData()
-    pin.forwardKinematics(arm.model, data, np.zeros(arm.n))
-    axes = np.array([data.oMi[j + 1].rotation @ joint_axis(arm.model, j) for j in range(arm.n)])
-    slides = _slides(arm)
-    if slides.all():
-        # Across all of them; where they share a line, level as well.
-        if np.linalg.matrix_rank(axes) == 1:
-            axes = np.vstack([axes, _UP])
-        normal = np.asarray(np.linalg.svd(axes)[2][-1])
-        axes = axes[: arm.n]
-    else:
-        normal = axes[~slides][0]
-    along = np.abs(axes @ normal)
-    planar = (along[~slides] > 1.0 - 1e-9).all() and (along[slides] < 1e-9).all()
-    return normal if planar else None
-
-
-def _side(arm: Arm, points: FloatArray) -> FloatArray:
+def _side(normal: FloatArray | None, points: FloatArray) -> FloatArray:
     """Return the unit vector towards the camera for one arm that moves through `points`."""
-    axis = _planar_axis(arm)
-    if axis is not None and abs(axis[2]) > 0.9:
+    if normal is not None and abs(normal[2]) > 0.9:
         towards = np.array((0.0, -0.35, 1.0))
     else:
-        if axis is None:
+        if normal is None:
             # Look across the direction in which the arm is spread out most.
             flat = points.reshape(-1, 3)[:, :2]
-            flat = flat - flat.mean(axis=0)
-            spread = np.linalg.eigh(flat.T @ flat)[1][:, -1]
+            spread = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)[2][0]
             across, aside, above = np.array((spread[1], -spread[0], 0.0)), 0.45, 0.45
         else:
-            across, aside, above = np.array((axis[0], axis[1], 0.0)), 0.18, 0.16
-        across /= np.linalg.norm(across)
+            across, aside, above = normal * (1.0, 1.0, 0.0), 0.18, 0.16
+        across = across / np.linalg.norm(across)
         # Of the two sides take the one from which +x (or else +y) is on the right.
         right = np.cross(_UP, across)
         if right[0] < -1e-6 or (abs(right[0]) <= 1e-6 and right[1] < 0.0):
             across, right = -across, -right
         towards = across + aside * right + above * _UP
     return np.asarray(towards / np.linalg.norm(towards))
+
+
+def view_axes(towards: FloatArray) -> FloatArray:
+    """Return the unit vectors to the right, up and towards the camera, one a row."""
+    right = np.cross(_UP, towards)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(towards, right), towards])
 
 
 def stage(arms: list[Arm], motions: list[FloatArray]) -> Stage:
@@ -137,10 +125,10 @@ def stage(arms: list[Arm], motions: list[FloatArray]) -> Stage:
         rows = np.linspace(0, len(motion) - 1, min(_POSES, len(motion))).astype(int)
         clouds.append(joint_origins(arm, motion[rows]))
     reach = max(reach_of(arm) for arm in arms)
-    towards = _side(arms[0], clouds[0])
-    right = np.cross(_UP, towards)
-    right /= np.linalg.norm(right)
-    up = np.cross(towards, right)
+    normal = _normal(arms[0])
+    towards = _side(normal, clouds[0])
+    axes = view_axes(towards)
+    right = axes[0]
     pad = 0.12 * reach
     low = np.array([(cloud @ right).min() for cloud in clouds]) - pad
     high = np.array([(cloud @ right).max() for cloud in clouds]) + pad
@@ -152,7 +140,6 @@ def stage(arms: list[Arm], motions: list[FloatArray]) -> Stage:
     everything = np.concatenate(
         [(c + o).reshape(-1, 3) for c, o in zip(clouds, offsets, strict=True)]
     )
-    axes = np.stack([right, up, towards])
     room = everything @ axes.T
     centre = (room.min(axis=0) + room.max(axis=0)) / 2.0 @ axes
     extent = (room.max(axis=0) - room.min(axis=0)) / 2.0 + pad
@@ -165,5 +152,5 @@ def stage(arms: list[Arm], motions: list[FloatArray]) -> Stage:
         extent=extent,
         floor=lowest - pad if lowest < -0.1 * reach else 0.0,
         reach=reach,
-        planar=_planar_axis(arms[0]) is not None,
+        planar=normal is not None,
     )

@@ -91,7 +91,7 @@ def document(
     return _DOCUMENT.format(
         policy=policy,
         title=as_text(cut(title)),
-        style=style,
+        style=asset("page.css") + style,
         comment=f"<!--\n{kept}\n-->\n" if kept else "",
         body=body,
         scripts="".join(f"<script>{code}</script>\n" for code in codes),

@@ -6,7 +6,6 @@ import contextlib
 import os
 import select
 import sys
-from types import TracebackType
 from typing import Any
 
 
@@ -17,11 +16,12 @@ class Keyboard:
     """
 
     def __init__(self) -> None:
-        self._descriptor: int | None = None
+        self._descriptor = -1
         self._before: Any = None
 
     def __enter__(self) -> Keyboard:
-        try:
+        # No terminal, no standard input, or a system without either.
+        with contextlib.suppress(ImportError, OSError, ValueError, AttributeError):
             import termios
             import tty
 
@@ -31,34 +31,18 @@ class Keyboard:
                 self._before = termios.tcgetattr(descriptor)
                 tty.setcbreak(descriptor)
                 self._descriptor = descriptor
-        except (ImportError, OSError, ValueError, AttributeError):
-            # No terminal, no standard input, or a system without either.
-            self._descriptor = None
         return self
-
-    @property
-    def present(self) -> bool:
-        """Whether there is a terminal to read from."""
-        return self._descriptor is not None
 
     def keys(self) -> str:
         """Return the keys pressed since last asked."""
-        if self._descriptor is None:
-            return ""
-        ready, _, _ = select.select([self._descriptor], [], [], 0.0)
-        if not ready:
+        if self._descriptor < 0 or not select.select([self._descriptor], [], [], 0.0)[0]:
             return ""
         return os.read(self._descriptor, 64).decode("utf-8", errors="ignore")
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._descriptor is not None and self._before is not None:
+    def __exit__(self, *exception: object) -> None:
+        if self._descriptor >= 0:
             import termios
 
             with contextlib.suppress(termios.error):
                 termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
-            self._descriptor = None
+            self._descriptor = -1

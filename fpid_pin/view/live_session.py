@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,17 +18,14 @@ from fpid_pin.exceptions import SimulationError
 from fpid_pin.simulation.engine import Simulation
 from fpid_pin.simulation.entry import warm
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.view.camera import stage
 from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.page import render
 from fpid_pin.view.realtime import Timing, keep_time, urgent
-from fpid_pin.view.scene import live_scene
+from fpid_pin.view.replay import render
+from fpid_pin.view.scene import experiment_scene
 
 HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"
 _PUSH_TIME = 0.2
-# Keys obeyed between two frames; a held key comes at some 30 Hz.
-_KEYS = 16
 # The reference is looked at this far ahead to place the camera, s.
 _PREVIEW = 20.0
 
@@ -42,7 +41,7 @@ class LiveReport:
     send_times
         How long each frame took to send [s]; empty without a view.
     dropped
-        Frames that the server had no room for.
+        Frames left out because the server was busy.
     pushes
         Disturbances given: (time [s], joint, torque [N m]).
     q, q_ref
@@ -67,32 +66,31 @@ def push_torques(arm: Arm) -> FloatArray:
     return np.where(np.isfinite(limit), 0.2 * limit, free)
 
 
-class _Hands:
+class KeyInput:
     """Turns keys into pushes."""
 
     def __init__(
-        self, simulation: Simulation, arm: Arm, joint: int, torque: FloatArray,
+        self, simulation: Simulation, joint: int, torque: FloatArray,
         announce: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self._simulation, self._arm, self._joint, self._torque = simulation, arm, joint, torque
-        self.say = announce
+        self._simulation, self._joint, self._torque = simulation, joint, torque
+        self._names = simulation.robot.experiment.arm.joint_names
+        self._say = announce
         self.pushes: list[tuple[float, str, float]] = []
 
     def take(self, keys: str) -> bool:
-        """Obey keys, the first few; False for the one that ends the session, wherever it is."""
-        if "q" in keys:
-            return False
-        for key in keys[:_KEYS]:
-            if key.isdecimal() and 1 <= int(key) <= self._arm.n:
+        """Obey keys; False for the one that ends the session, wherever it is."""
+        for key in keys:
+            if key.isdecimal() and 1 <= int(key) <= len(self._names):
                 self._joint = int(key) - 1
-                self.say(f"joint {self._arm.joint_names[self._joint]}")
+                self._say(f"joint {self._names[self._joint]}")
             elif key in "+=-_":
                 torque = float(self._torque[self._joint]) * (1.0 if key in "+=" else -1.0)
-                name = self._arm.joint_names[self._joint]
+                t, name = self._simulation.t, self._names[self._joint]
                 self._simulation.push(self._joint, torque, _PUSH_TIME)
-                self.pushes.append((self._simulation.t, name, torque))
-                self.say(f"t = {self._simulation.t:.2f} s: {torque:+.1f} N m on {name}")
-        return True
+                self.pushes.append((t, name, torque))
+                self._say(f"t = {t:.2f} s: {torque:+.1f} N m on {name}")
+        return "q" not in keys
 
 
 def live(
@@ -163,57 +161,46 @@ def live(
     warm([experiment], [controller])
     simulation = Simulation(experiment, controller, horizon=duration or 3600.0)
     robot, say = simulation.robot, announce or (lambda text: None)
-    hands = _Hands(simulation, arm, arm.joint_index(push_joint), torque, say)
-    last = None if duration is None else round(duration / step)
-    timing = Timing(step)
+    hands = KeyInput(simulation, arm.joint_index(push_joint), torque, say)
+    last = math.inf if duration is None else round(duration / step)
     sent: list[float] = []
-    link: LiveLink | None = None
-    if view:
-        motion = experiment.motion(np.linspace(0.0, _PREVIEW, 200))[0]
-        motion = np.concatenate([np.asarray(experiment.q0).reshape(1, -1), motion])
-        title = str(getattr(controller, "name", "") or "live")
-        scene = live_scene([arm], [title], stage([arm], [motion]))
-        link = LiveLink(render(scene, title), port=port, announce=announce)
 
     def tick() -> bool:
         try:
             simulation.tick()
         except SimulationError:
             return False  # Of a law of the user's own: the report has it.
-        return robot.outcome is None and (last is None or robot.row < last)
+        return robot.outcome is None and robot.row < last
 
-    with Keyboard() as keyboard:
+    with contextlib.ExitStack() as stack:
+        link: LiveLink | None = None
+        if view:
+            title = controller.name or "live"
+            scene = experiment_scene(experiment, title, _PREVIEW) | {"live": True}
+            page = render(scene, title)
+            link = stack.enter_context(LiveLink(page, port=port, announce=announce))
+        keyboard = stack.enter_context(Keyboard())
 
         def idle() -> bool:
+            keys = keyboard.keys()
             if link is not None:
                 start = time.perf_counter()
                 link.send(simulation.t, [(robot.q, simulation.q_ref, robot.torque)])
                 sent.append(time.perf_counter() - start)
-                if not hands.take(link.keys()):
-                    return False
-            return hands.take(keyboard.keys())
+                keys += link.keys()
+            return hands.take(keys)
 
         try:
             if link is not None:
                 link.show(open_browser)
-            with urgent(priority) as granted:
-                if priority and not granted:
-                    hands.say(
-                        "no permission for real-time priority: other programs may delay the loop"
-                    )
-                timing = keep_time(tick, step, idle=idle, every=1.0 / fps)
+            if priority and not stack.enter_context(urgent()):
+                say("no permission for real-time priority: other programs may delay the loop")
+            timing = keep_time(tick, step, idle=idle, every=1.0 / fps)
         except KeyboardInterrupt:
             # Before the first tick; later ones end `keep_time` itself.
-            pass
-        finally:
-            if link is not None:
-                link.close()
+            timing = Timing(step)
     return LiveReport(
-        timing=timing,
-        send_times=np.array(sent),
-        dropped=0 if link is None else link.dropped,
-        pushes=tuple(hands.pushes),
-        q=robot.q.copy(),
-        q_ref=simulation.q_ref.copy(),
+        timing=timing, send_times=np.array(sent), dropped=0 if link is None else link.dropped,
+        pushes=tuple(hands.pushes), q=robot.q.copy(), q_ref=simulation.q_ref.copy(),
         fault=str(robot.outcome or ""),
-    )
+    )  # fmt: skip

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.exceptions import FpidError
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.palette import PLAIN, colour
 from fpid_pin.view.style import lettering, new_figure, thinned
@@ -20,13 +20,9 @@ if TYPE_CHECKING:
 WIDTH = 7.0
 # Beside a curve in a cycle colour the reference must be told apart in grey, too: dashed.
 REFERENCE: dict[str, Any] = {"color": "#262626", "linestyle": (0, (4, 2)), "linewidth": 1.0}
+LIMIT: dict[str, Any] = {"color": "#D55E00", "linestyle": ":"}
 GAINS = (("kp", "$K_P$"), ("ki", "$K_I$"), ("kd", "$K_D$"))
 ORDERS = (("integral_order", r"$\lambda$"), ("derivative_order", r"$\mu$"))
-# Of the gains over rad, and over rad and the scale's kg m^2.
-GAIN_UNITS = {
-    "none": ("N m/rad", r"N m/(rad s$^\lambda$)", r"N m s$^\mu$/rad"),
-    "scaled": ("s$^{-2}$", r"s$^{-2-\lambda}$", r"s$^{\mu-2}$"),
-}
 #: Dashes, each leaving more open than the last.
 DASHES: tuple[Any, ...] = ("-", (0, (6, 3)), (0, (2, 4)))
 # Part of a panel's height within which two curves are taken for one.
@@ -37,31 +33,42 @@ _CAPTION_BASE, _CAPTION_LETTER, _LEGEND_ROW = 0.45, 0.066, 0.18
 _TALL = 4
 
 
-def names_of(run: Run) -> list[str]:
-    """Return the joints' names, or numbers where the arm cannot be rebuilt."""
+class Joints(NamedTuple):
+    """What figures say of a run's joints: names, units of coordinate and effort, effort limits."""
+
+    names: Sequence[str]
+    units: Sequence[str]
+    efforts: Sequence[str]
+    limits: FloatArray
+
+    def coordinate(self, j: int | None = None) -> str:
+        """Return the label of an axis of one joint's angles or positions, or of all."""
+        unit = self.units[j] if j is not None else ", ".join(dict.fromkeys(self.units))
+        return f"{'angle' if unit == 'rad' else 'position'}, {unit}"
+
+    def error(self, j: int | None = None) -> str:
+        """Return the label of an axis of errors."""
+        return f"$q_d - q$, {self.coordinate(j).partition(', ')[2]}"
+
+    def effort(self, j: int | None = None) -> str:
+        """Return the label of an axis of torques, forces or both."""
+        unit = self.efforts[j] if j is not None else ", ".join(dict.fromkeys(self.efforts))
+        return f"{'force' if unit == 'N' else 'torque'}, {unit}"
+
+    def lettered(self) -> list[str]:
+        """Return the names as figures show them."""
+        return [lettering(name) for name in self.names]
+
+
+def joints_of(run: Run) -> Joints:
+    """Return the joints of a run; where its arm cannot be rebuilt they have numbers."""
     try:
-        return list(run.arm.joint_names)
+        arm = run.arm
     except (KeyError, FpidError):
-        return [f"joint {j + 1}" for j in range(run.q.shape[1])]
-
-
-def joint_units(run: Run) -> list[tuple[str, str]]:
-    """Return the units of each joint's coordinate and effort; see `Arm.units`."""
-    try:
-        return list(zip(run.arm.units, run.arm.effort_units, strict=True))
-    except (KeyError, FpidError):
-        return [("rad", "N m")] * run.q.shape[1]
-
-
-def shared_units(run: Run) -> tuple[str, str]:
-    """Return the units of a panel that all joints share: ``rad``, ``m`` or ``rad, m``."""
-    coordinates, efforts = zip(*joint_units(run), strict=True)
-    return ", ".join(dict.fromkeys(coordinates)), ", ".join(dict.fromkeys(efforts))
-
-
-def lettered_names(run: Run) -> list[str]:
-    """Return the joints' names as figures show them."""
-    return [lettering(name) for name in names_of(run)]
+        n = run.q.shape[1]
+        names = [f"joint {j + 1}" for j in range(n)]
+        return Joints(names, ["rad"] * n, ["N m"] * n, np.full(n, np.inf))
+    return Joints(list(arm.joint_names), arm.units, arm.effort_units, arm.effort_limit)
 
 
 def line(axes: Axes, t: FloatArray, y: FloatArray, label: str = "", **look: Any) -> None:
@@ -86,8 +93,7 @@ def looks_of(runs: Sequence[Run]) -> list[dict[str, Any]]:
     looks = []
     for k, run in enumerate(runs):
         dash = max(k // PLAIN, sum(_hides(run, earlier) for earlier in runs[:k]))
-        look = {"color": colour(k), "linestyle": DASHES[min(dash, len(DASHES) - 1)]}
-        looks.append(look)
+        looks.append({"color": colour(k), "linestyle": DASHES[min(dash, len(DASHES) - 1)]})
     return looks
 
 
@@ -110,88 +116,33 @@ def shared_legend(figure: Figure, captions: Sequence[str]) -> None:
     width = figure.get_size_inches()[0]
     most = max(int(width / (_CAPTION_BASE + _CAPTION_LETTER * longest)), 1)
     rows = -(-len(captions) // most)
-    columns = -(-len(captions) // rows)
     handles = figure.axes[0].get_lines()[: len(captions)]
-    figure.legend(handles, captions, loc="outside lower center", ncols=columns,
+    figure.legend(handles, captions, loc="outside lower center", ncols=-(-len(captions) // rows),
                   handlelength=1.8, columnspacing=1.2)  # fmt: skip
     figure.set_figheight(figure.get_figheight() + _LEGEND_ROW * rows)
 
 
 def grid(run: Run, height: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure with one panel a joint, in one column or two."""
-    n = run.q.shape[1]
-    columns = 1 if n <= _TALL else 2
-    rows = -(-n // columns)
+    """Return a figure with one panel a joint under its name, in one column or two."""
+    names = joints_of(run).lettered()
+    columns = 1 if len(names) <= _TALL else 2
+    rows = -(-len(names) // columns)
     width = WIDTH if columns == 1 else 1.35 * WIDTH
-    figure, axes = new_figure(rows, columns, width, 0.5 + height * rows)
-    flat = [a for row in axes for a in row]
-    for spare in flat[n:]:
-        spare.set_visible(False)
-    for bottom in flat[n - columns : n]:
+    figure, panels = new_figure(rows, columns, width, 0.5 + height * rows, count=len(names))
+    for panel, name in zip(panels, names, strict=True):
+        panel.set_title(name)
+    for bottom in panels[-columns:]:
         bottom.set_xlabel("time, s")
         bottom.tick_params(labelbottom=True)
-    return figure, flat[:n]
+    return figure, panels
 
 
-def draw_tracking(panel: Axes, run: Run, joint: int) -> None:
-    """Draw one joint's angle over its reference."""
-    line(panel, run.t, run.q[:, joint], "actual")
-    line(panel, run.t, run.q_ref[:, joint], "desired", **REFERENCE)
-
-
-def limits_of(run: Run) -> FloatArray:
-    """Return the effort limits of the nominal arm, inf where they are not known."""
-    try:
-        return run.arm.effort_limit
-    except (KeyError, FpidError):
-        return np.full(run.q.shape[1], np.inf)
-
-
-def draw_torque(panel: Axes, run: Run, joint: int, limit: float) -> None:
-    """Draw one joint's torque; its limits are drawn where they are near."""
-    values = run.torque[:, joint]
-    line(panel, run.t, values, "applied")
-    peak = float(np.nanmax(np.abs(values), initial=0.0))
-    if np.isfinite(limit) and peak > 0.25 * limit:
-        for k, sign in enumerate((1.0, -1.0)):
-            panel.axhline(sign * limit, label="_" if k else "limit", color="#D55E00", linestyle=":")
-    elif np.isfinite(limit):
-        text = f"limit $\\pm${limit:g} {joint_units(run)[joint][1]}"
-        panel.annotate(
-            text, (1.0, 1.02), xycoords="axes fraction", ha="right", va="bottom", fontsize=8
-        )
-
-
-def has_gains(run: Run) -> bool:
-    """Whether a run recorded kp, ki and kd."""
-    return all(name in run.signals for name, _ in GAINS)
-
-
-def has_orders(run: Run) -> bool:
-    """Whether a run recorded orders: they moved."""
-    return all(name in run.signals for name, _ in ORDERS)
+def has_all(run: Run, signals: Sequence[tuple[str, str]]) -> bool:
+    """Whether a run recorded all of these: `GAINS`, or `ORDERS`, which are those that moved."""
+    return all(name in run.signals for name, _ in signals)
 
 
 def has_supervisor(run: Run) -> bool:
     """Whether a run's controller had a supervisor."""
     given = run.meta["controller"].get("supervisor") is not None
     return given and {"lyapunov", "u_s"} <= set(run.signals)
-
-
-def threshold_of(run: Run) -> float | None:
-    """Return V_M of the run's supervisor, eq. (16); None where it cannot be rebuilt."""
-    try:
-        supervisor = getattr(run.controller, "supervisor", None)
-        value = getattr(supervisor, "threshold", None)
-        return float(value(run.q.shape[1]) if callable(value) else value)  # type: ignore[arg-type]
-    except (TypeError, ValueError, KeyError):
-        return None
-
-
-def require_same_joints(runs: Sequence[Run]) -> None:
-    """Refuse runs that cannot share panels: none, or of different numbers of joints."""
-    if not runs:
-        raise ArgumentError("runs", "at least one run", "none")
-    counts = [run.q.shape[1] for run in runs]
-    if len(set(counts)) > 1:
-        raise ArgumentError("runs", "one number of joints", ", ".join(map(str, counts)))

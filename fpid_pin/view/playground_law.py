@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -91,6 +91,11 @@ class Law:
         self.settings: dict[str, Any] = {}
         self.moves: dict[str, list[Any]] = {}
         self._find_settings()
+
+    @property
+    def operators(self) -> Mapping[str, Any]:
+        """The law's operators, by their outputs."""
+        return self.state.controller.operators
 
     @property
     def functions(self) -> tuple[Any, ...]:
@@ -207,6 +212,8 @@ class Law:
         """Return what the page needs of it."""
         law, s = self.controller, supervisor_of(e, self.controller)
         names = list(self.state.record.names)
+        constants = dataclasses.replace(s, lookahead=None).constants(self._step)
+        constants = {name: float(x) for name, x in constants.items() if np.isfinite(x)}
         operators = [
             {
                 "order": names.index(x.order) if isinstance(x.order, str) else -1,
@@ -224,12 +231,9 @@ class Law:
             "kick": getattr(law, "initialisation", "") == "grunwald_letnikov",
             "observer": law.observer,
             "supervisor": {
-                "kind": s.kind, "p11": s.p[0, 0], "p12": s.p[0, 1], "p22": s.p[1, 1],
-                "k0": s.k0, "k1": s.k1, "reference_bound": s.reference_bound,
-                "half_smallest": 0.5 * float(np.linalg.eigvalsh(s.p)[0]),
-                "layer": s.boundary_layer, "own_gravity": int(s.gravity_bound is None),
-                "lookahead": s.lookahead or 0.0, "target": s.target, "trigger": s.trigger,
-                "observer": s.observer, "bound": s.bound(e.arm.n).tolist(),
+                "kind": s.kind, "m_x": s.m_x, "reference_bound": s.reference_bound,
+                "lookahead": s.lookahead or 0.0, "observer": s.observer,
+                "bound": s.bound(e.arm.n).tolist(), "constants": constants,
             },
         }  # fmt: skip
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from html import escape
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -18,15 +17,14 @@ from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
-from fpid_pin.simulation.experiment import Experiment, plant_of
+from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.view import playground_settings as settings
-from fpid_pin.view.camera import stage
 from fpid_pin.view.document import as_text, asset, closed, document
-from fpid_pin.view.page import licences, meshcat_file
 from fpid_pin.view.playground_engine import Engine
 from fpid_pin.view.playground_law import Law, supervisor_of
 from fpid_pin.view.playground_presets import presets
-from fpid_pin.view.scene import still_scene, to_script_json
+from fpid_pin.view.replay import framed, licences, meshcat_file
+from fpid_pin.view.scene import experiment_scene, to_script_json
 
 #: Points of a curve: two for each of so many spans of time.
 SHOWN = 1200
@@ -37,8 +35,8 @@ _SIGNALS = {
     "u_s": "torque of the supervisor [N m]",
 }  # fmt: skip
 _SCRIPTS = (
-    "playground_settings", "playground_plots", "playground_scene", "bodies", "playground_controls",
-    "playground",
+    "bodies", "stage", "playground_settings", "playground_plots", "playground_scene",
+    "playground_controls", "playground",
 )  # fmt: skip
 
 
@@ -57,11 +55,9 @@ class Playground:
 
     def _repr_html_(self) -> str:
         """Return the page in a frame of its own, shut off from the notebook around it."""
-        return (
-            '<iframe title="playground" sandbox="allow-scripts allow-downloads allow-modals" '
-            'style="width: 100%; height: 820px; border: 1px solid #8884; border-radius: 8px" '
-            f'srcdoc="{escape(self.text)}"></iframe>'
-        )
+        style = "width: 100%; height: 820px; border: 1px solid #8884; border-radius: 8px"
+        rights = "allow-scripts allow-downloads allow-modals"
+        return framed(self.text, f'title="playground" style="{style}"', rights)
 
 
 def playground(
@@ -119,22 +115,25 @@ def playground_html(
         raise ArgumentError("integrator", "semi_implicit_euler in a page", experiment.integrator)
     steps = settings.steps_of(experiment, laws)
     engine = Engine(experiment, laws, steps)
-    shown = engine.table() | settings.outside(experiment) | {"shown": SHOWN}
+    shown = engine.table | settings.outside(experiment) | {"shown": SHOWN}
     names = _names(laws)
     what = names[0] if len(names) == 1 else f"{len(names)} controllers"
     title = title or f"{experiment.arm.name}, {what}"
-    outside = to_script_json({key: shown[key] for key in ("duration", "shown", "disturbance")})
-    page = to_script_json(_page(experiment, laws, steps, title))
-    body = Template(asset("playground.html"))
+    tables = {
+        "SCENE": experiment_scene(experiment, experiment.arm.name, experiment.duration),
+        "ENGINE": {key: shown[key] for key in ("duration", "shown", "disturbance")},
+        "PAGE": _page(experiment, laws, names, steps) | {"title": title},
+    }
     return document(
         title,
         style=asset("uPlot.min.css") + asset("playground.css"),
-        body=body.substitute(title=as_text(title), engine=_worker(engine, shown)),
+        body=Template(asset("playground.html")).substitute(
+            title=as_text(title), engine=_worker(engine, shown)
+        ),
         scripts=[
             meshcat_file("dist/main.min.js"),
             asset("uPlot.iife.min.js"),
-            f"const SCENE = {to_script_json(_scene(experiment))}, ENGINE = {outside}, "
-            f"PAGE = {page};",
+            *(f"const {name} = {to_script_json(table)};" for name, table in tables.items()),
             *(asset(f"{name}.js") for name in _SCRIPTS),
         ],
         comment=licences([experiment.arm.credit] if experiment.arm.credit else [])
@@ -152,13 +151,6 @@ def _worker(engine: Engine, table: dict[str, Any]) -> str:
     return closed("".join(parts))
 
 
-def _scene(e: Experiment) -> dict[str, Any]:
-    """Return the table of the arm alone, looked at from where its reference fits in."""
-    t = np.linspace(0.0, e.duration, 240)
-    motion = np.concatenate([e.motion(t)[0], [np.asarray(e.q0)]])
-    return still_scene([e.arm], [e.arm.name], stage([e.arm], [motion]))
-
-
 def _names(laws: Sequence[Law]) -> list[str]:
     """Return what the page calls the laws: by name, or by kind and number."""
     found: list[str] = []
@@ -169,35 +161,31 @@ def _names(laws: Sequence[Law]) -> list[str]:
     return found
 
 
-def _page(e: Experiment, laws: Sequence[Law], steps: list[float], title: str) -> dict[str, Any]:
-    alone = replace(laws[0].controller, supervisor=None)
+def _page(
+    e: Experiment, laws: Sequence[Law], names: Sequence[str], steps: list[float]
+) -> dict[str, Any]:
+    """Return what the page has to know beside its engine."""
     with warnings.catch_warnings():
         # What the description has to say about limits it said when it was made.
         warnings.simplefilter("ignore", FpidWarning)
+        alone = replace(laws[0].controller, supervisor=None)
         run = simulate(replace(e, dynamics="compiled"), alone)
-    need = np.abs(plant_of(e).arm.gravity_vector(np.asarray(e.q0)))
-    peak = np.maximum(np.abs(run.torque).max(axis=0) if len(run.t) else need, 0.1)
-    start, names = settings.start_settings(e, laws), _names(laws)
+    peak = np.abs(run.torque).max(axis=0, initial=0.1)
+    start = settings.start_settings(e, laws)
+    about = [
+        {
+            "name": name,
+            "fpid": isinstance(law.controller, AdaptiveFpid),
+            "groups": settings.law_groups(e, law),
+            "orders": [x.order for x in law.operators.values() if isinstance(x.order, str)],
+            "bound": settings.rounded(supervisor_of(e, law.controller).reference_bound * 1.0001),
+            "signals": [[signal, _SIGNALS.get(signal, signal)] for signal in law.signals],
+        }
+        for law, name in zip(laws, names, strict=True)
+    ]
     return {
-        "title": title,
-        "joints": list(e.arm.joint_names),
-        "start": start,
-        "steps": steps,
-        "laws": [_law(e, law, name) for law, name in zip(laws, names, strict=True)],
+        "joints": list(e.arm.joint_names), "start": start, "steps": steps, "laws": about,
         "groups": settings.shared_groups(e, start),
         "presets": presets(e, laws, steps, peak.tolist()),
         "toml": settings.toml_tables(e, laws, names),
-    }
-
-
-def _law(e: Experiment, law: Law, name: str) -> dict[str, Any]:
-    """Return what the page has to know of a law beside its engine."""
-    operators = law.state.controller.operators.values()
-    return {
-        "name": name,
-        "fpid": isinstance(law.controller, AdaptiveFpid),
-        "groups": settings.law_groups(e, law),
-        "orders": [x.order for x in operators if isinstance(x.order, str)],
-        "bound": settings.tidy(supervisor_of(e, law.controller).reference_bound * 1.0001),
-        "signals": [[signal, _SIGNALS.get(signal, signal)] for signal in law.signals],
-    }
+    }  # fmt: skip

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,7 +11,12 @@ import numpy as np
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS, of_paper
+from fpid_pin.view.document import asset
 from fpid_pin.view.playground_law import Law, supervisor_of
+from fpid_pin.view.playground_settings import rounded
+
+#: Settings, and those of the run that is pinned beside it; None: nothing is pinned.
+Pair = tuple[dict[str, Any], dict[str, Any] | None]
 
 
 def presets(
@@ -18,7 +24,8 @@ def presets(
 ) -> list[dict[str, Any]]:
     """Return the presets of a page: name, text, settings now and pinned.
 
-    Those about a law are about the first adaptive FPID; without one they are left out.
+    Those about a law are about the first adaptive FPID; without one they are left out. Texts are
+    in ``assets/playground_presets.csv``.
 
     Parameters
     ----------
@@ -28,126 +35,72 @@ def presets(
         Largest torque of the described run, (n,) [N m]: loads and limits are sized by it.
     """
     n = e.arm.n
-    fpid = next((k for k, x in enumerate(laws) if isinstance(x.controller, AdaptiveFpid)), None)
-    index = fpid or 0
+    fpids = [k for k, x in enumerate(laws) if isinstance(x.controller, AdaptiveFpid)]
+    index = fpids[0] if fpids else 0
     supervisor = supervisor_of(e, laws[index].controller)
 
     def part(factor: float) -> list[float]:
-        return [_round(factor * u) for u in peak]
+        return [rounded(factor * u, 2) for u in peak]
+
+    tight, none = {"effort_limit": part(0.6)}, [0.0] * n
+    weight = float(np.abs(e.arm.gravity_vector(np.asarray(e.q0))).max())
+    push = {"disturbance": part(0.8), "disturbance_frequency": 3.0}
+    close = rounded(supervisor.reference_bound * 1.3 + 0.3, 2)
+    paper = supervisor.kind == "paper"
+    found: dict[str, Pair] = {
+        "As described": ({}, None),
+        "Saturation and wind-up": (tight | {"knows_limit": False}, tight | {"knows_limit": True}),
+        "Payload": ({"payload": rounded(max(weight / 9.8 * 0.25, 0.5), 2)}, {}),
+        "Stiff friction": (
+            {"viscous_friction": part(0.5), "dry_friction": part(0.15)},
+            {"viscous_friction": none, "dry_friction": none},
+        ),
+        "The supervisor" if paper else "The supervisor for sampled loops": (
+            push | {"supervised": True, "m_x": close}, push | {"supervised": False},
+        ),
+    }  # fmt: skip
+    if len(laws) > 1:
+        others = [k for k in range(len(laws)) if k != index]
+        found["All laws side by side"] = ({"beside": others}, None)
+    if max(steps) > e.step:
+        found["Too long a step"] = ({"step": max(steps)}, {})
+    if fpids:
+        found |= _of_fpid(of_paper(e.arm), n)
+    own = {*laws[index].settings, "supervised", "m_x"}
+
+    def settings(some: dict[str, Any] | None) -> dict[str, Any] | None:
+        if some is None:
+            return None
+        prefixed = {f"{index}.{key}" if key in own else key: x for key, x in some.items()}
+        return {"controller": index, **prefixed}
+
+    rows = csv.DictReader(asset("playground_presets.csv").splitlines())
+    return [
+        row | {"now": settings(found[row["name"]][0]), "pinned": settings(found[row["name"]][1])}
+        for row in rows
+        if row["name"] in found
+    ]
+
+
+def _of_fpid(ours: bool, n: int) -> dict[str, Pair]:
+    """Return what teaches about an adaptive FPID; `ours`: on the paper's arm."""
 
     def orders(pair: Sequence[Sequence[float]]) -> dict[str, Any]:
         return {"integral_order": list(pair[0]), "derivative_order": list(pair[1])}
 
-    found: list[dict[str, Any]] = []
-
-    def preset(
-        name: str, text: str, now: dict[str, Any], pinned: dict[str, Any] | None = None
-    ) -> None:
-        own = {*laws[index].settings, "supervised", "m_x"}
-
-        def settings(some: dict[str, Any]) -> dict[str, Any]:
-            prefixed = {f"{index}.{key}" if key in own else key: x for key, x in some.items()}
-            return {"controller": index, **prefixed}
-
-        pins = None if pinned is None else settings(pinned)
-        found.append({"name": name, "text": text, "now": settings(now), "pinned": pins})
-
     # The paper's orders, and those tuned for it, mean something on its arm alone.
-    ours = of_paper(e.arm)
     printed = orders(PUBLISHED_ORDERS["symbol"]) if ours else {}
-    preset("As described", "The run as it was described.", {})
-    if len(laws) > 1:
-        preset(
-            "All laws side by side",
-            "Each law as it was described, in a colour of its own. Move the robot, the noise or "
-            "the disturbance: they all meet the same.",
-            {"beside": [k for k in range(len(laws)) if k != index]},
-        )
-    if fpid is not None:
-        preset(
-            "Integer against fractional",
-            "Dashed: the same law with orders 1, an adaptive PID. The table says what the "
-            "fractional orders cost or gain; move λ and μ from there.",
-            printed, printed | orders([[1.0] * n] * 2),
-        )  # fmt: skip
-    if fpid is not None and ours:
-        preset(
-            "The published orders, read twice",
-            "The paper prints a minus sign before μ: read by symbol, and (dashed) by sign, "
-            "which swaps the two.",
-            printed, orders(PUBLISHED_ORDERS["sign"]),
-        )  # fmt: skip
-        preset(
-            "Tuned orders",
-            "The orders that a search finds for the paper's gains: joint 2 does without an "
-            "integral. Dashed: the published ones.",
-            orders(TUNED_ORDERS), printed,
-        )  # fmt: skip
     noisy = {"velocity_noise": 0.05}
-    if fpid is not None:
-        preset(
-            "Derivative order and noise",
-            "The rates are noisy. Dashed: μ = 1, which passes all of it on. A smaller μ makes "
-            "calmer torques; see what it costs in error.",
+    drift = noisy | {"learning_rate": 4.0}
+    found: dict[str, Pair] = {
+        "Integer against fractional": (printed, printed | orders([[1.0] * n] * 2)),
+        "Derivative order and noise": (
             noisy | {"derivative_order": [0.7] * n}, noisy | {"derivative_order": [1.0] * n},
-        )  # fmt: skip
-    tight = {"effort_limit": part(0.6)}
-    preset(
-        "Saturation and wind-up",
-        "The drives give six tenths of the torque that was needed, and the law is not told: "
-        "what integrates winds up. Dashed: the law knows, and holds it.",
-        tight | {"knows_limit": False}, tight | {"knows_limit": True},
-    )  # fmt: skip
-    weight = float(np.abs(e.arm.gravity_vector(np.asarray(e.q0))).max())
-    preset(
-        "Payload",
-        "The tool holds a mass that the law knows nothing of; watch what the law makes of it. "
-        "Dashed: without it.",
-        {"payload": _round(max(weight / 9.8 * 0.25, 0.5))}, {},
-    )  # fmt: skip
-    if fpid is not None:
-        drift = noisy | {"learning_rate": 4.0}
-        preset(
-            "Drift and safeguards",
-            "Noise and fast learning: Kp, Ki and Kd drift upwards for ever (dashed). Leakage σ "
-            "pulls them back to where they began.",
-            drift | {"sigma": 0.2}, drift,
-        )  # fmt: skip
-    preset(
-        "Stiff friction",
-        "Viscous friction far too stiff for an explicit rule, and dry friction that sticks at "
-        "each turn: both are solved implicitly. Dashed: without friction.",
-        {"viscous_friction": part(0.5), "dry_friction": part(0.15)},
-        {"viscous_friction": [0.0] * n, "dry_friction": [0.0] * n},
-    )
-    if fpid is not None:
-        preset(
-            "Orders that learn",
-            "λ and μ move along the same gradient as the gains: choose λ or μ in the third plot. "
-            "Dashed: they stay.",
-            {"order_learning_rate": 0.01 if n == 2 else 0.001}, {},
-        )  # fmt: skip
-    late = next((h for h in steps if h >= 10.0 * e.step), max(steps))
-    if late > e.step:
-        preset(
-            "Too long a step",
-            "The loop runs ten times slower and more. Dashed: as described. Halve the step until "
-            "it holds.",
-            {"step": max(steps)}, {},
-        )  # fmt: skip
-    push = {"disturbance": part(0.8), "disturbance_frequency": 3.0}
-    close = _round(supervisor.reference_bound * 1.3 + 0.3)
-    preset(
-        "The supervisor",
-        "The paper's supervisor under a hard load: its sign, held for a whole step, makes the "
-        "torque chatter, and gains stand still while it acts. Dashed: without it. Raise Mₓ."
-        if supervisor.kind == "paper"
-        else "A hard load. The supervisor steps in where the error would leave its set: Mₓ says "
-        "how large that is. Dashed: without it.",
-        {**push, "supervised": True, "m_x": close}, {**push, "supervised": False},
-    )  # fmt: skip
+        ),
+        "Drift and safeguards": (drift | {"sigma": 0.2}, drift),
+        "Orders that learn": ({"order_learning_rate": 0.01 if n == 2 else 0.001}, {}),
+    }  # fmt: skip
+    if ours:
+        found["The published orders, read twice"] = (printed, orders(PUBLISHED_ORDERS["sign"]))
+        found["Tuned orders"] = (orders(TUNED_ORDERS), printed)
     return found
-
-
-def _round(x: float) -> float:
-    return float(f"{x:.2g}")

@@ -5,8 +5,9 @@ A setting of a law has its number before its name, ``"0.kp"``; all laws share th
 
 from __future__ import annotations
 
+import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,8 @@ from fpid_pin.disturbances import Cosine, Pulse, Sum
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment, plant_of
-from fpid_pin.view.playground_engine import MOST_DELAY, encoded
+from fpid_pin.view.document import asset
+from fpid_pin.view.playground_engine import encoded
 from fpid_pin.view.playground_law import Law, supervisor_of
 
 #: Steps that a page offers [s].
@@ -38,39 +40,35 @@ def steps_of(experiment: Experiment, laws: Sequence[Law]) -> list[float]:
 
 def start_settings(e: Experiment, laws: Sequence[Law]) -> dict[str, Any]:
     """Return the settings that stand for a description."""
-    plant, sensors, n = plant_of(e), e.sensors, e.arm.n
-    main, _, _ = _disturbance(e)
-
-    def noise(name: str) -> float:
-        value = np.asarray(0.0 if sensors is None else getattr(sensors, name))
+    plant, main = plant_of(e), _disturbance(e)[0]
+    sensors = {} if e.sensors is None else to_dict(e.sensors)
+    noise = {}
+    for name in ("position_noise", "velocity_noise", "position_resolution"):
+        value = np.asarray(sensors.get(name, 0.0))
         if np.ptp(value) > 0.0:
             raise ArgumentError(f"sensors.{name}", "one number for a page's slider", value.tolist())
-        return float(value.max())
-
-    settings: dict[str, Any] = {"controller": 0, "beside": []}
-    for k, law in enumerate(laws):
-        guard = {
+        noise[name] = float(value.max())
+    own = {
+        f"{k}.{key}": value
+        for k, law in enumerate(laws)
+        for key, value in {
+            **law.settings,
             "supervised": law.controller.supervisor is not None,
             "m_x": supervisor_of(e, law.controller).m_x,
-        }
-        settings |= {f"{k}.{key}": value for key, value in (law.settings | guard).items()}
-    return _sayable(settings | {
-        "payload": 0.0,
+        }.items()
+    }
+    return _sayable({
+        "controller": 0, "beside": [], **own, **noise, "payload": 0.0,
         "viscous_friction": plant.viscous_friction.tolist(),
         "dry_friction": plant.dry_friction.tolist(),
         "effort_limit": plant.effort_limit.tolist(),
         "knows_limit": bool(np.array_equal(plant.effort_limit, e.arm.effort_limit)),
-        "disturbance": (np.zeros(n) + np.asarray(main.amplitude)).tolist(),
+        "disturbance": (np.zeros(e.arm.n) + np.asarray(main.amplitude)).tolist(),
         "disturbance_frequency": float(np.max(main.frequency)),
-        "reference_size": 1.0,
-        "reference_speed": 1.0,
-        "position_noise": noise("position_noise"),
-        "velocity_noise": noise("velocity_noise"),
-        "position_resolution": noise("position_resolution"),
-        "differentiated": sensors is not None and sensors.velocity == "differentiated",
-        "delay": 0 if sensors is None else sensors.delay,
-        "q0": np.asarray(e.q0).tolist(),
-        "step": e.step,
+        "reference_size": 1.0, "reference_speed": 1.0,
+        "differentiated": sensors.get("velocity") == "differentiated",
+        "delay": sensors.get("delay", 0),
+        "q0": np.asarray(e.q0).tolist(), "step": e.step,
     })  # fmt: skip
 
 
@@ -94,34 +92,35 @@ def outside(e: Experiment) -> dict[str, Any]:
     else:
         rows = e.motion(np.arange(e.rows, dtype=np.float64) * e.step)
         reference = {"kind": "rows", "rows": encoded(np.concatenate([x.ravel() for x in rows]))}
-    table: dict[str, Any] = {
+    return _sayable({
         "reference": reference,
         "disturbance": {"phase": np.asarray(main.phase).tolist(), "others": others},
-        "v0": np.asarray(e.v0).tolist(),
-        "duration": e.duration,
-        "runaway": e.runaway_speed,
+        "v0": np.asarray(e.v0).tolist(), "duration": e.duration, "runaway": e.runaway_speed,
         "joints": list(e.arm.joint_names),
         "cutoff": 500.0 if e.sensors is None else e.sensors.velocity_cutoff,
-    }
-    return _sayable(table)
+    })  # fmt: skip
 
 
 def toml_tables(e: Experiment, laws: Sequence[Law], names: Sequence[str]) -> dict[str, Any]:
     """Return the configuration that the page's settings change, as plain tables."""
     whole = to_dict(e)
     _, movable, others = _disturbance(e)
-    controllers = []
-    for law, name in zip(laws, names, strict=True):
-        supervisor = to_dict(supervisor_of(e, law.controller))
-        own = {"supervisor": supervisor, "scale": law.controller.scale_on(e.arm).tolist()}
-        controllers.append(to_dict(law.controller) | own | {"name": name})
+    controllers = [
+        to_dict(law.controller) | {
+            "supervisor": to_dict(supervisor_of(e, law.controller)),
+            "scale": law.controller.scale_on(e.arm).tolist(), "name": name,
+        }
+        for law, name in zip(laws, names, strict=True)
+    ]  # fmt: skip
+
+    def without(table: str, *keys: str) -> dict[str, Any]:
+        return {key: x for key, x in whole.get(table, {}).items() if key not in keys}
+
     kept = ("q0", "v0", "step", "duration", "integrator", "seed", "runaway_speed")
-    plant = {key: x for key, x in whole.get("plant", {}).items() if key != "disturbance"}
-    sensors = {key: x for key, x in whole.get("sensors", {}).items() if key != "kind"}
     return _sayable({
         "arm": whole["arm"], "reference": whole["reference"],
         "simulation": {key: whole[key] for key in kept} | {"dynamics": "compiled"},
-        "plant": {key: x for key, x in plant.items() if key != "kind"}, "sensors": sensors,
+        "plant": without("plant", "disturbance", "kind"), "sensors": without("sensors", "kind"),
         "others": others, "movable": movable, "controllers": controllers,
     })  # fmt: skip
 
@@ -141,127 +140,74 @@ def _said(value: Any) -> Any:
     return value
 
 
-def tidy(x: float) -> float:
-    """Return a number of three digits."""
-    return float(f"{x:.3g}")
+def rounded(x: float, digits: int = 3) -> float:
+    """Return a number of so many digits."""
+    return float(f"{x:.{digits}g}")
 
 
-def control(
-    key: str, label: str, low: float, high: float, unit: str = "", scale: str = "linear",
-    joints: str = "same", note: str = "", least: float = 0.0, step: float = 0.0,
-) -> dict[str, Any]:  # fmt: skip
-    """Return a slider: its setting, words, bounds, and how it moves.
+def _sliders(
+    of: Sequence[str], described: Mapping[str, Any], sizes: Mapping[str, float]
+) -> list[dict[str, Any]]:
+    """Return the groups of sliders of these kinds, as `assets/playground_sliders.csv` has them.
 
-    Parameters
-    ----------
-    scale
-        ``"linear"``, in steps of `step`; ``"log"`` (from `low`); ``"log0"``: 0 at the left end,
-        then from `least`; ``"limit"``: log, and none at the right end; ``"gain"``: a tenth to ten
-        times the described value; ``"stops"``: the steps on offer; ``"switch"``.
-    joints
-        What the slider above those of the joints does: ``"same"`` sets all alike, ``"factor"``
-        multiplies what each has.
+    Its columns: setting, words, bounds, and how a slider moves (`scale`): ``linear``, in steps of
+    `step`; ``log`` (from `low`); ``log0``: 0 at the left end, then from `least`; ``limit``: log,
+    and none at the right end; ``gain``: a tenth to ten times the described value; ``stops``: the
+    steps on offer; ``switch``. The slider above those of the joints sets all alike (``same``) or
+    multiplies what each has (``factor``). A bound is a number or one of `sizes`, ``most`` of it and
+    four times the described value.
     """
-    return {
-        "key": key, "label": label, "low": low, "high": high, "unit": unit, "scale": scale,
-        "joints": joints, "note": note, "least": least, "step": step,
-    }  # fmt: skip
+
+    def bound(text: str, key: str) -> float:
+        word, _, floor = text.rpartition(" ")
+        least = sizes[floor] if floor in sizes else float(floor)
+        values = np.ravel(described[key]) if word else ()
+        return max([least, *(4.0 * float(x) for x in values if x < NONE)])
+
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for row in csv.DictReader(asset("playground_sliders.csv").splitlines()):
+        if row.pop("of") in of:
+            numbers = {name: bound(row[name], row["key"]) for name in ("low", "high")}
+            numbers |= {name: float(row[name]) for name in ("least", "step")}
+            groups.setdefault(row.pop("group"), []).append(row | numbers)
+    return [{"name": name, "controls": controls} for name, controls in groups.items()]
 
 
 def law_groups(e: Experiment, law: Law) -> list[dict[str, Any]]:
     """Return the sliders of a law, grouped; an own law has one for each of its fields."""
     bound = supervisor_of(e, law.controller).reference_bound
-    watch = [
-        control("supervised", "supervisor", 0, 1, "", "switch",
-                note="keeps the error inside a set, with the nominal model's help"),
-        control("m_x", "Mₓ", tidy(bound + 0.05), tidy(4.0 * bound + 5.0), "", "log",
-                note="radius that no joint's [q, q′] may leave"),
-    ]  # fmt: skip
-    if not isinstance(law.controller, AdaptiveFpid):
-        orders = {x.order for x in law.state.controller.operators.values()}
-        fields = []
-        for key, value in law.settings.items():
-            label = key.replace("_", " ")
-            if key in orders:
-                fields.append(control(key, label, 0, 1, step=0.001, note="order of an operator"))
-            elif np.min(value) > 0.0:
-                fields.append(control(key, label, 0, 0, "", "gain", "factor"))
-            else:
-                fields.append(control(key, label, 0, 100, "", "log0", least=1e-3))
-        own = [{"name": "Parameters", "controls": fields}] if fields else []
-        return [*own, {"name": "Supervisor", "controls": watch}]
-
-    def most(key: str) -> float:
-        return max([10.0, *(4.0 * float(x) for x in law.settings[key])])
-
-    orders_ = [
-        control("integral_order", "λ", 0, 1, step=0.001, note="order of the integral"),
-        control("derivative_order", "μ", 0, 1, step=0.001, note="order of the derivative"),
-        control("order_learning_rate", "γₒ", 0, 1, "", "log0", least=1e-5,
-                note="learning rate of the orders"),
-    ]  # fmt: skip
-    gains = [
-        control(f"k{letter}", f"K{letter}", 0, 0, "", "gain", "factor", f"{word} gain at the start")
-        for letter, word in (("p", "proportional"), ("i", "integral"), ("d", "derivative"))
-    ]
-    learning = [
-        control("learning_rate", "γ", 0, 100, "× described", "log0", least=0.01,
-                note="learning rate of the gains"),
-        control("k0", "k₀", 0, most("k0"), "1/s²", step=0.05, note="sliding surface, weight of ∫e"),
-        control("k1", "k₁", 0, most("k1"), "1/s", step=0.05, note="sliding surface, weight of e"),
-        control("sigma", "σ", 0, 10, "1/s", "log0", least=1e-3,
-                note="leakage of the gains to where they began"),
-        control("dead_zone", "|S|₀", 0, 1, "", "log0", least=1e-4,
-                note="no learning while |S| is below"),
-    ]  # fmt: skip
-    names = ("Orders", "Gains at the start", "Learning", "Supervisor")
-    parts = (orders_, gains, learning, watch)
-    return [{"name": name, "controls": x} for name, x in zip(names, parts, strict=True)]
+    sizes = {"radius": rounded(bound + 0.05), "widest": rounded(4.0 * bound + 5.0)}
+    if isinstance(law.controller, AdaptiveFpid):
+        return _sliders(("fpid", "any"), law.settings, sizes)
+    orders = {x.order for x in law.operators.values()}
+    fields = []
+    for key, value in law.settings.items():
+        slider: dict[str, Any] = {
+            "key": key, "label": key.replace("_", " "), "low": 0, "high": 100, "unit": "",
+            "scale": "log0", "joints": "same", "least": 1e-3, "step": 0, "note": "",
+        }  # fmt: skip
+        if key in orders:
+            slider |= {"high": 1, "scale": "linear", "step": 0.001, "note": "order of an operator"}
+        elif np.min(value) > 0.0:
+            slider |= {"scale": "gain", "joints": "factor"}
+        fields.append(slider)
+    own = [{"name": "Parameters", "controls": fields}] if fields else []
+    return [*own, *_sliders(("any",), law.settings, sizes)]
 
 
-def shared_groups(e: Experiment, start: dict[str, Any]) -> list[dict[str, Any]]:
+def shared_groups(e: Experiment, start: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the sliders that all laws share, grouped; bounds come from the description."""
-
-    def most(key: str, floor: float) -> float:
-        return max([floor, *(4.0 * float(x) for x in start[key] if x < NONE)])
-
     # Torques of the size that the arm needs.
     torque = max(float(np.abs(e.arm.gravity_vector(np.asarray(e.q0))).max()), 1.0)
-    top = most("effort_limit", 0.0) or 40.0 * torque
-    limited = min(start["effort_limit"]) < NONE
-    robot = [
-        control("payload", "payload", 0, max(round(2.0 * torque / 9.8), 2), "kg", step=0.05,
-                note="held by the tool; the law does not know"),
-        control("viscous_friction", "viscous friction", 0, most("viscous_friction", 50.0),
-                "N m s/rad", "log0", least=1e-2),
-        control("dry_friction", "dry friction", 0, most("dry_friction", torque), "N m", "log0",
-                least=1e-2),
-        control("effort_limit", "effort limit", 0.02 * top, top, "N m", "limit",
-                "factor" if limited else "same", "where the drives clip"),
-        control("knows_limit", "the law knows its limit", 0, 1, "", "switch",
-                note="off: its integrals wind up"),
-    ]  # fmt: skip
-    outside_ = [
-        control("disturbance", "disturbance", 0, most("disturbance", 2.0 * torque), "N m", "log0",
-                least=0.01, note="amplitude"),
-        control("disturbance_frequency", "its frequency", 0.1, 200, "rad/s", "log"),
-    ]  # fmt: skip
-    if isinstance(e.reference, Sinusoid):
-        outside_ += [
-            control("reference_size", "motion, size", 0, 2, "× described", step=0.01),
-            control("reference_speed", "motion, speed", 0.1, 5, "× described", "log"),
-        ]
-    sensors = [
-        control("velocity_noise", "rate noise", 0, 1, "rad/s", "log0", least=1e-4,
-                note="standard deviation"),
-        control("position_noise", "angle noise", 0, 0.1, "rad", "log0", least=1e-6,
-                note="standard deviation"),
-        control("position_resolution", "encoder step", 0, 0.1, "rad", "log0", least=1e-6),
-        control("differentiated", "rates from the encoder", 0, 1, "", "switch",
-                note="a filtered difference of the angle"),
-        control("delay", "delay", 0, min(MOST_DELAY, 60), "samples", step=1),
-        control("step", "step", 0, 0, "s", "stops", note="sampling and integration"),
-    ]  # fmt: skip
-    names = ("Robot", "Motion and disturbance", "Sensors and clock")
-    parts = (robot, outside_, sensors)
-    return [{"name": name, "controls": x} for name, x in zip(names, parts, strict=True)]
+    limits = [x for x in start["effort_limit"] if x < NONE]
+    top = 4.0 * max(limits) if limits else 40.0 * torque
+    sizes = {
+        "torque": torque, "push": 2.0 * torque, "mass": max(round(2.0 * torque / 9.8), 2),
+        "slack": 0.02 * top, "top": top,
+    }  # fmt: skip
+    kinds = ("all", "sinusoid") if isinstance(e.reference, Sinusoid) else ("all",)
+    groups = _sliders(kinds, start, sizes)
+    for slider in groups[0]["controls"]:
+        if slider["key"] == "effort_limit" and limits:
+            slider["joints"] = "factor"
+    return groups

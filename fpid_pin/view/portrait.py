@@ -12,7 +12,7 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
-from fpid_pin.view.camera import stage
+from fpid_pin.view.camera import stage, view_axes
 from fpid_pin.view.palette import colour
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of
 from fpid_pin.view.style import new_figure, styled
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Corners around a round solid.
-_AROUND = 20
 #: Where the light is, beside the camera: right, up, towards.
 _LIGHT = np.array((0.35, 0.6, 0.72))
 #: More triangles than this are not told apart in print.
@@ -40,10 +38,8 @@ def portrait(arm: Arm, q: ArrayLike | None = None) -> Figure:
 
     pose = checks.vector("q", arm.home if q is None else q, arm.n)
     place = stage([arm], [pose[np.newaxis]])
-    right = np.cross((0.0, 0.0, 1.0), place.towards)
-    right /= np.linalg.norm(right)
-    view = np.stack([right, np.cross(place.towards, right), place.towards])
-    figure, [[axes]] = new_figure(1, 1, 5.0, 5.0)
+    view = view_axes(place.towards)
+    figure, (axes,) = new_figure(1, 1, 5.0, 5.0)
     data = arm.model.createData()
     pin.forwardKinematics(arm.model, data, pose)
     corners, colours = _seen(shapes_of(arm), data, view)
@@ -71,10 +67,10 @@ def _seen(shapes: list[Shape], data: Any, view: FloatArray) -> tuple[FloatArray,
     for shape in shapes:
         world = np.eye(4) if shape.joint < 0 else data.oMi[shape.joint + 1].homogeneous
         pose = world @ shape.placement
-        own = triangles_of(shape)
+        own = shape.vertices[shape.triangles]
         faces = (own @ pose[:3, :3].T + pose[:3, 3]) @ view.T
-        if shape.kind != "mesh":
-            # Convex, around its own origin: of its far side, long triangles would shine through.
+        if shape.convex:
+            # Of its far side, long triangles would shine through.
             outwards = (_normals(own) * own.mean(axis=1)).sum(axis=1)
             faces = faces[_normals(faces)[:, 2] * outwards >= 0.0]
         corners.append(faces[:: 1 + len(faces) // _MOST])
@@ -91,52 +87,6 @@ def _normals(faces: FloatArray) -> FloatArray:
     """Return the unit normals of triangles (T, 3, 3); 0 of those without area."""
     normal = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
     return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30))
-
-
-def triangles_of(shape: Shape) -> FloatArray:
-    """Return the surface of a shape in its own frame, (T, 3, 3)."""
-    if shape.vertices is not None and shape.triangles is not None:
-        return np.asarray(shape.vertices[shape.triangles])
-    if shape.kind == "box":
-        # Two triangles a side, of a cube from -1/2 to 1/2.
-        square = np.array(((0, 1, 3), (0, 3, 2)))
-        sides = [np.insert(_SQUARE, k, s, axis=1) for k in range(3) for s in (-0.5, 0.5)]
-        return np.concatenate([side[square] for side in sides]) * shape.size
-    if shape.kind == "ellipsoid":
-        return _turned(_arc(1.0, 0.0)) * shape.size
-    radius, length = (*shape.size, 0.0)[:2]
-    outlines = {
-        "sphere": _arc(radius, 0.0),
-        "capsule": _arc(radius, length),
-        "cylinder": np.array([(0, -0.5), (1, -0.5), (1, 0.5), (0, 0.5)]) * (radius, length),
-        "cone": np.array([(0, -0.5), (1, -0.5), (0, 0.5)]) * (radius, length),
-    }
-    return _turned(outlines[shape.kind])
-
-
-_SQUARE = np.array([(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)])
-
-
-def _arc(radius: float, length: float) -> FloatArray:
-    """Return (radius, height) of half a circle whose two quarters are `length` apart, (K, 2)."""
-    angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, _AROUND)
-    height = radius * np.sin(angle) + np.where(angle < 0.0, -0.5, 0.5) * length
-    return np.stack([radius * np.cos(angle), height], axis=1)
-
-
-def _turned(outline: FloatArray) -> FloatArray:
-    """Turn (radius, height), (K, 2), about z into triangles, (T, 3, 3)."""
-    angle = np.linspace(0.0, 2.0 * np.pi, _AROUND + 1)
-    grid = np.stack(
-        [
-            np.multiply.outer(np.cos(angle), outline[:, 0]),
-            np.multiply.outer(np.sin(angle), outline[:, 0]),
-            np.broadcast_to(outline[:, 1], (len(angle), len(outline))),
-        ],
-        axis=-1,
-    )
-    a, b, c, d = grid[:-1, :-1], grid[1:, :-1], grid[1:, 1:], grid[:-1, 1:]
-    return np.concatenate([np.stack(x, axis=2).reshape(-1, 3, 3) for x in ((a, b, c), (a, c, d))])
 
 
 def _mark(axes: Axes, arm: Arm, joint: int, place: Any, view: FloatArray, size: float) -> None:

@@ -7,58 +7,52 @@ import gc
 import math
 import os
 import time
+from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 # Sleep until this much before a tick, then spin: the scheduler wakes us some 0.1 ms late.
 _SPIN = 2.5e-4
 # Further behind than this (a suspended laptop) the schedule starts anew.
 _GIVE_UP = 0.1
-_BIN = 1e-6
-_BINS = 100_000
 
 
 @dataclass(eq=False)
 class Timing:
-    """How a period was kept; memory does not grow with the number of ticks.
+    """How a period was kept.
 
     Attributes
     ----------
     step
         The period [s].
-    ticks
-        Ticks made.
+    late
+        How late each tick began [s].
     missed
         Ticks whose work was done later than one step after they were due.
     restarts
         How often the schedule was given up and begun anew.
-    worst
-        Largest lateness [s].
     """
 
     step: float
-    ticks: int = 0
+    late: array[float] = field(default_factory=lambda: array("f"))
     missed: int = 0
     restarts: int = 0
-    worst: float = 0.0
-    _counts: NDArray[np.int64] = field(default_factory=lambda: np.zeros(_BINS + 1, dtype=np.int64))
 
-    def note(self, late: float) -> None:
-        """Count a tick that began `late` [s] after it was due."""
-        self.ticks += 1
-        self.worst = max(self.worst, late)
-        self._counts[min(max(int(late / _BIN), 0), _BINS)] += 1
+    @property
+    def ticks(self) -> int:
+        """How many there were."""
+        return len(self.late)
+
+    @property
+    def worst(self) -> float:
+        """Largest lateness [s]."""
+        return max(self.late, default=0.0)
 
     def lateness(self, percentile: float) -> float:
-        """Return a percentile of how late ticks began [s], to a microsecond; NaN before any."""
-        if not self.ticks:
-            return math.nan
-        rank = math.ceil(percentile / 100.0 * self.ticks)
-        index = int(np.searchsorted(np.cumsum(self._counts), max(rank, 1)))
-        return self.worst if index == _BINS else min((index + 1) * _BIN, self.worst)
+        """Return a percentile of how late ticks began [s]; NaN before any."""
+        return float(np.percentile(self.late, percentile)) if self.late else math.nan
 
     def __str__(self) -> str:
         part = 100.0 * self.missed / self.ticks if self.ticks else 0.0
@@ -106,7 +100,7 @@ def keep_time(
                 time.sleep(left)
             while (now := time.perf_counter()) < due:
                 pass
-            timing.note(now - due)
+            timing.late.append(now - due)
             going = tick()
             end = time.perf_counter()
             if end > due + step:
@@ -130,20 +124,19 @@ def keep_time(
 
 
 @contextlib.contextmanager
-def urgent(wanted: bool) -> Iterator[bool]:
+def urgent() -> Iterator[bool]:
     """Ask the system to run this process before others while the block lasts.
 
     Yields whether it does: that takes a system with real-time scheduling, and its permission.
     """
-    granted = False
-    if wanted:
-        with contextlib.suppress(OSError, AttributeError):
-            # Processes that we start meanwhile stay ordinary.
-            policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
-            os.sched_setscheduler(0, policy, os.sched_param(10))
-            granted = True
     try:
-        yield granted
+        # Processes that we start meanwhile stay ordinary.
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(10))
+    except (OSError, AttributeError):
+        yield False
+        return
+    try:
+        yield True
     finally:
-        if granted:
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))

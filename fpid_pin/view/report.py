@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,11 +14,11 @@ from fpid_pin.costs import Metrics
 from fpid_pin.files import put_text
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.document import Link, as_text, asset, document
-from fpid_pin.view.export import as_runs, replay_html
 from fpid_pin.view.palette import colour
-from fpid_pin.view.panels import names_of
-from fpid_pin.view.paper_figures import figures as standard_figures
-from fpid_pin.view.scene import captions_of
+from fpid_pin.view.panels import joints_of
+from fpid_pin.view.plots import figures as standard_figures
+from fpid_pin.view.replay import framed, replay_html
+from fpid_pin.view.scene import as_runs, captions_of
 from fpid_pin.view.style import INK, figure_bytes
 
 if TYPE_CHECKING:
@@ -31,6 +30,8 @@ Table = Sequence[Sequence[object]] | Sequence[Mapping[str, object]]
 
 #: The last column of a table may say which rows are the best, and is called so itself.
 _BEST = "best"
+#: Columns beyond which a table is set in small type, and cells beyond which it is folded.
+_MANY, _LONG = 9, 100
 # What a configuration's text is laid out by.
 _LINES = "\n\t"
 #: More arms than these side by side cannot be told apart on a screen.
@@ -107,20 +108,19 @@ def report_html(
     """
     several = as_runs(runs)
     names = captions_of(several, captions)
-    drawn: Mapping[str, Figure | bytes]
-    drawn = standard_figures(several) if figures is None else figures
+    drawn: Mapping[str, Figure | bytes] = standard_figures(several) if figures is None else figures
     shown = {"Figures of merit": metrics_table(several, names)} if tables is None else tables
-    parts, replay = [answer_html(answer) + _outcomes(several, names)], ""
+    marks = {run.name: colour(k) for k, run in reversed(list(enumerate(several)))}
     cells = {name: figure_html(name, figure) for name, figure in drawn.items()}
+    replay, parts = "", [answer_html(answer) + _outcomes(several, names)]
     if "ranking" in cells:
         parts.append(section("Ranking", f'<div class="figures">{cells.pop("ranking")}</div>'))
     if embed_replay:
-        replay, framed = _replay(several, names, title, groups or {"": range(len(several))})
-        parts.append(framed)
-    marks = {run.name: colour(k) for k, run in reversed(list(enumerate(several)))}
-    parts += [section(heading, table_html(rows, marks)) for heading, rows in shown.items() if rows]
+        replay, frame = _replay(several, names, title, groups or {"": range(len(several))})
+        parts.append(frame)
     if cells:
         parts.append(section("Figures", f'<div class="figures">{"".join(cells.values())}</div>'))
+    parts += [section(heading, table_html(rows, marks)) for heading, rows in shown.items() if rows]
     if config_text:
         parts.append(section("Configuration", f"<pre>{as_text(config_text, keep=_LINES)}</pre>"))
     parts.append(section("Versions", table_html(_versions(several, names))))
@@ -153,8 +153,7 @@ def _replay(
             f'<option value="{k}">{as_text(name)}</option>' for k, name in enumerate(groups)
         )
         menu = f'<p><label>Condition <select id="group">{options}</select></label></p>'
-    frame = f'<iframe title="replay" sandbox="allow-scripts" srcdoc="{escape(page)}"></iframe>'
-    return page, section(heading, menu + frame)
+    return page, section(heading, menu + framed(page, 'title="replay"'))
 
 
 def metrics_table(runs: Sequence[Run], captions: Sequence[str]) -> Table:
@@ -163,20 +162,17 @@ def metrics_table(runs: Sequence[Run], captions: Sequence[str]) -> Table:
     head = ["run", "joint", *(f"{name.replace('_', ' ')}, {_UNITS[name]}" for name in names)]
     rows: list[list[object]] = [list(head)]
     for run, caption in zip(runs, captions, strict=True):
-        for j, joint in enumerate(names_of(run)):
+        for j, joint in enumerate(joints_of(run).names):
             rows.append([caption, joint, *(getattr(run.metrics, name)[j] for name in names)])
     return rows
 
 
 def _versions(runs: Sequence[Run], captions: Sequence[str]) -> Table:
-    keys = sorted({key for run in runs for key in run.meta.get("versions", {})})
-    head: list[object] = ["run", *keys, "seed", "platform"]
-    rows = [
-        [caption, *(run.meta.get("versions", {}).get(key, "") for key in keys),
-         str(run.meta.get("seed", "")), run.meta.get("platform", "")]
+    return [
+        {"run": caption, **run.meta.get("versions", {}), "seed": str(run.meta.get("seed", "")),
+         "platform": run.meta.get("platform", "")}
         for run, caption in zip(runs, captions, strict=True)
     ]  # fmt: skip
-    return [head, *rows]
 
 
 def _cell(value: object) -> str:
@@ -189,46 +185,45 @@ def _cell(value: object) -> str:
     return as_text(str(value))
 
 
-def _rows(table: Table) -> list[list[object]]:
-    """Return a table as its heading row and its rows."""
-    heads: dict[str, None] = {}
-    for row in table:
-        if isinstance(row, Mapping):
-            heads |= dict.fromkeys(row)
-    if not heads:
-        return [list(row) for row in table]
-    filled = [[row.get(head, "") for head in heads] for row in table if isinstance(row, Mapping)]
-    return [list(heads), *filled]
-
-
 def table_html(table: Table, marks: Mapping[str, str] | None = None) -> str:
-    """Return a table; cells that are a key of `marks` have its colour before them."""
-    rows = _rows(table)
-    if not rows:
-        return ""
+    """Return a table; cells that are a key of `marks` have its colour before them.
+
+    A long one is folded.
+    """
+    if isinstance(table[0], Mapping):
+        named = [row for row in table if isinstance(row, Mapping)]
+        heads: list[object] = list(dict.fromkeys(head for row in named for head in row))
+        rows = [[row.get(str(head), "") for head in heads] for row in named]
+    else:
+        heads, *rows = (list(row) for row in table)
     # A row's weight says that it is the best; the column that does is for files.
-    heads = [_cell(cell) for cell in rows[0] if cell != _BEST]
+    if heads[-1] == _BEST:
+        heads.pop()
     words = [
-        ' class="text"' if all(isinstance(row[k], str) for row in rows[1:]) else ""
+        ' class="text"' if all(isinstance(row[k], str) for row in rows) else ""
         for k in range(len(heads))
     ]
-    head = "".join(
-        f'<th scope="col"{kind}>{text}</th>' for text, kind in zip(heads, words, strict=True)
-    )
 
-    def write(text: str, kind: str, cell: object) -> str:
+    def write(head: object, kind: str, cell: object) -> str:
         mark = (marks or {}).get(cell) if isinstance(cell, str) else None
-        shown = _cell(cell)
+        text = _cell(cell)
         if mark:
-            shown = f'<span><i class="swatch" style="background: {mark}"></i>{shown}</span>'
-        return f'<td{kind} data-head="{text}">{shown}</td>'
+            text = f'<span><i class="swatch" style="background: {mark}"></i>{text}</span>'
+        return f'<td{kind} data-head="{_cell(head)}">{text}</td>'
 
+    head = "".join(
+        f'<th scope="col"{kind}>{_cell(text)}</th>' for text, kind in zip(heads, words, strict=True)
+    )
     body = ""
-    for row in rows[1:]:
+    for row in rows:
         cells = "".join(write(*parts) for parts in zip(heads, words, row, strict=False))
-        body += f'<tr class="best">{cells}</tr>' if row[-1:] == [_BEST] else f"<tr>{cells}</tr>"
-    element = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-    return f'<div class="wide" tabindex="0">{element}</div>'
+        body += f'<tr class="best">{cells}</tr>' if row[-1] == _BEST else f"<tr>{cells}</tr>"
+    kind = ' class="many"' if len(heads) > _MANY else ""
+    element = f"<table{kind}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    element = f'<div class="wide" tabindex="0">{element}</div>'
+    if len(rows) * len(heads) <= _LONG:
+        return element
+    return f"<details><summary>{len(rows)} rows</summary>{element}</details>"
 
 
 def figure_html(name: str, figure: Figure | bytes) -> str:
@@ -260,19 +255,16 @@ def inline_svg(figure: Figure | bytes, name: str) -> str:
 
 def _outcomes(runs: Sequence[Run], captions: Sequence[str]) -> str:
     return "".join(
-        f'<p class="ended">{as_text(caption)}: {as_text(str(run.outcome))}</p>'
+        f'<p class="bad">{as_text(caption)}: {as_text(str(run.outcome))}</p>'
         for run, caption in zip(runs, captions, strict=True)
         if not run.outcome.completed
     )
 
 
-def _anchor(heading: str) -> str:
-    return re.sub(r"[^a-z0-9]+", "-", heading.lower()).strip("-") or "section"
-
-
 def section(heading: str, content: str) -> str:
     """Return a part of a page, of HTML, which `page_html` gives a link to."""
-    return f'<section id="{_anchor(heading)}"><h2>{as_text(heading)}</h2>{content}</section>'
+    anchor = re.sub(r"[^a-z0-9]+", "-", heading.lower()).strip("-") or "section"
+    return f'<section id="{anchor}"><h2>{as_text(heading)}</h2>{content}</section>'
 
 
 def page_html(title: str, parts: Sequence[str], replay: str = "") -> str:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
-from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, visible
 from fpid_pin.view.camera import Stage, stage
@@ -21,12 +20,11 @@ from fpid_pin.view.palette import colour
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of, tool_placement
 
 if TYPE_CHECKING:
+    from fpid_pin.simulation.experiment import Experiment
     from fpid_pin.simulation.run import Run
 
 _CODES = {"float32": "f4", "uint16": "u2", "uint32": "u4"}
 _STEPS = 65535
-#: Of a replay: a run of nine hours at 30 a second, some ten megabytes a joint.
-MOST_FRAMES = 1_000_000
 #: Characters of a caption or a joint's name: what a picture has room for.
 _CAPTION = 80
 
@@ -45,29 +43,15 @@ class Buffers:
         return len(self.table) - 1
 
 
-def sample_run(run: Run, fps: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return t (K,), q, q_ref and torque (K, n) of a run at `fps` frames a second.
+def frames_of(run: Run, fps: float) -> NDArray[np.int64]:
+    """Return which samples of a run make about `fps` frames a second, the last one among them."""
+    last, stride = len(run.t) - 1, max(round(1.0 / (fps * run.step)), 1)
+    return np.append(np.arange(0, last, stride), last)
 
-    Angles are interpolated; the torque is the one that was held at that time. The run's last
-    sample is always there.
-    """
-    last = len(run.t) - 1
-    end = last * run.step
-    if end * fps > MOST_FRAMES:
-        raise ArgumentError(
-            "fps", f"at most {MOST_FRAMES:g} frames", f"{end * fps:.3g}, a run of {end:g} s"
-        )
-    times = np.append(np.arange(0.0, end, 1.0 / fps), end)
-    if len(times) > 2 and times[-1] - times[-2] < 0.1 / fps:
-        times = np.delete(times, -2)
-    rows = np.clip(times / run.step, 0.0, last)
-    low = np.minimum(rows.astype(int), max(last - 1, 0))
-    high = np.minimum(low + 1, last)
-    part = (rows - low)[:, np.newaxis]
-    q = run.q[low] + part * (run.q[high] - run.q[low])
-    q_ref = run.q_ref[low] + part * (run.q_ref[high] - run.q_ref[low])
-    held = np.minimum(np.floor(rows + 1e-9).astype(int), last)
-    return times, q, q_ref, run.torque[held]
+
+def as_runs(runs: Run | Sequence[Run]) -> list[Run]:
+    """Return a list whether one run or several are given."""
+    return list(runs) if isinstance(runs, Sequence) else [runs]
 
 
 def captions_of(runs: Sequence[Run], captions: Sequence[str] | None) -> list[str]:
@@ -108,8 +92,7 @@ def replay_scene(
     Raises
     ------
     ArgumentError
-        No runs, a run without samples, not one caption a run, `fps` out of range, or more than
-        `MOST_FRAMES` frames.
+        No runs, a run without samples, not one caption a run, or `fps` out of range.
     """
     fps = checks.number("fps", fps, low=1.0, high=240.0)
     if not runs:
@@ -121,37 +104,37 @@ def replay_scene(
         if not (np.isfinite(run.q).all() and np.isfinite(run.q_ref).all()):
             # A file may say so; the engine ends a run before.
             raise ArgumentError("run", "finite angles", f"NaN or inf in {text!r}")
-    samples = [sample_run(run, fps) for run in runs]
+    frames = [frames_of(run, fps) for run in runs]
     arms = [run.arm for run in runs]
-    cast = _Cast(arms)
+    cast = SceneArms(arms)
     table = []
     for name, members in (groups or {"": range(len(runs))}).items():
-        chosen = [samples[k] for k in members]
-        room = [np.concatenate([q, q_ref]) for _, q, q_ref, _ in chosen]
-        place = stage([arms[k] for k in members], room)
+        motions = [
+            np.concatenate([runs[k].q[frames[k]], runs[k].q_ref[frames[k]]]) for k in members
+        ]
+        place = stage([arms[k] for k in members], motions)
         group = cast.group([arms[k] for k in members], [texts[k] for k in members], place)
-        for entry, k, (t, q, q_ref, torque) in zip(group["runs"], members, chosen, strict=True):
-            for key, array in (("t", t), ("q", q), ("q_ref", q_ref), ("torque", torque)):
-                entry[key] = cast.buffers.add(array.astype(np.float32))
+        for entry, k in zip(group["runs"], members, strict=True):
+            for key in ("t", "q", "q_ref", "torque"):
+                values = getattr(runs[k], key)[frames[k]].astype(np.float32)
+                entry[key] = cast.buffers.add(values)
             if not runs[k].outcome.completed:
                 entry["outcome"] = visible(str(runs[k].outcome))
-        group["duration"] = max(float(t[-1]) for t, *_ in chosen)
+        group["duration"] = max(float(runs[k].t[-1]) for k in members)
         table.append({"name": _short(name), **group})
     return {"shown": 0, "groups": table, "live": False, **cast.table()}
 
 
-def live_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
-    """Return the table of a scene whose motion arrives frame by frame."""
-    return {"live": True, **still_scene(arms, captions, place)}
+def experiment_scene(experiment: Experiment, caption: str, span: float) -> dict[str, Any]:
+    """Return a scene without motion: an experiment's arm, with room for `span` [s] of it."""
+    arm = experiment.arm
+    motion = experiment.motion(np.linspace(0.0, span, 240))[0]
+    motion = np.concatenate([np.asarray(experiment.q0).reshape(1, -1), motion])
+    arms = SceneArms([arm])
+    return arms.group([arm], [caption], stage([arm], [motion])) | arms.table()
 
 
-def still_scene(arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
-    """Return everything but the motion."""
-    cast = _Cast(arms)
-    return cast.group(arms, captions, place) | cast.table()
-
-
-class _Cast:
+class SceneArms:
     """The arms of a scene; those that are equal are described once."""
 
     def __init__(self, arms: Sequence[Arm]) -> None:
@@ -217,26 +200,21 @@ def _arm_table(arm: Arm, buffers: Buffers) -> dict[str, Any]:
 
 
 def _shape_table(shape: Shape, buffers: Buffers) -> dict[str, Any]:
-    table: dict[str, Any] = {
+    # 16 bits over the shape's own box: 8 um on a link of half a metre, at half the size.
+    low = shape.vertices.min(axis=0)
+    scale = np.maximum(shape.vertices.max(axis=0) - low, 1e-9) / _STEPS
+    grid = np.rint((shape.vertices - low) / scale).astype(np.uint16)
+    return {
         "joint": shape.joint,
         "placement": _column_major(shape.placement),
-        "kind": shape.kind,
-        "size": list(shape.size),
         "colour": list(shape.colour),
+        "low": low.tolist(),
+        "scale": scale.tolist(),
+        "vertices": buffers.add(grid),
+        "triangles": buffers.add(
+            shape.triangles.astype(np.uint16 if len(grid) <= _STEPS else np.uint32)
+        ),
     }
-    if shape.vertices is not None and shape.triangles is not None:
-        # 16 bits over the mesh's own box: 8 um on a link of half a metre, at half the size.
-        low = shape.vertices.min(axis=0)
-        scale = np.maximum(shape.vertices.max(axis=0) - low, 1e-9) / _STEPS
-        grid = np.rint((shape.vertices - low) / scale).astype(np.uint16)
-        index = np.uint16 if len(grid) <= _STEPS else np.uint32
-        table |= {
-            "low": low.tolist(),
-            "scale": scale.tolist(),
-            "vertices": buffers.add(grid),
-            "triangles": buffers.add(shape.triangles.astype(index)),
-        }
-    return table
 
 
 def _column_major(matrix: NDArray[Any]) -> list[float]:

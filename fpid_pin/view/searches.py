@@ -53,8 +53,7 @@ def cost_map(
     if not sound.any():
         raise ArgumentError("costs", "at least one finite positive cost", "none")
     rows = (len(marks or {}) + 1) // 2
-    figure, axes = new_figure(1, 1, 5.2, 4.2 + 0.25 * rows)
-    panel = axes[0][0]
+    figure, (panel,) = new_figure(1, 1, 5.2, 4.2 + 0.25 * rows)
     low, high = float(z[sound].min()), float(z[sound].max())
     norm = LogNorm(low, max(high, low * 1.01))
     shown = np.ma.masked_where(~sound, z)
@@ -97,8 +96,8 @@ def convergence(history: ArrayLike | Mapping[str, ArrayLike]) -> Figure:
     curves = history if isinstance(history, Mapping) else {"best": history}
     if not curves:
         raise ArgumentError("history", "at least one curve", "none")
-    figure, axes = new_figure(1, 1, 5.6, 3.2)
-    panel, positive = axes[0][0], True
+    figure, (panel,) = new_figure(1, 1, 5.6, 3.2)
+    positive = True
     for (name, values), dash in zip(curves.items(), ("-", "--", ":", "-.") * 8, strict=False):
         costs = np.atleast_1d(np.asarray(values, dtype=np.float64))
         if costs.ndim != 1 or not np.isfinite(costs).any():
@@ -133,18 +132,16 @@ def profile(labels: Sequence[str], values: FloatArray, costs: FloatArray, best: 
     """
     columns = min(len(labels), 4)
     rows = -(-len(labels) // columns)
-    figure, axes = new_figure(rows, columns, 1.9 * columns + 0.8, 1.6 * rows + 0.5, share_x=False)
-    flat = [panel for row in axes for panel in row]
+    size = 1.9 * columns + 0.8, 1.6 * rows + 0.5
+    figure, panels = new_figure(rows, columns, *size, count=len(labels), share_x=False)
     finite = costs[np.isfinite(costs)]
     top = min(max(float(finite.max(initial=best)), 1.1 * best), 10.0 * best)
-    for panel, label, x, y in zip(flat, labels, values, costs, strict=False):
+    for k, (panel, label, x, y) in enumerate(zip(panels, labels, values, costs, strict=True)):
         panel.plot(x, np.where(y <= top, y, np.nan), ".-")
         panel.axhline(best, color="#D55E00", linestyle=":")
         panel.set(ylim=(0.0, 1.05 * top), title=lettering(label))
-    for spare in flat[len(labels) :]:
-        spare.set_visible(False)
-    for row in axes:
-        row[0].set_ylabel("cost")
-        for panel in row[1:]:
+        if k % columns:
             panel.tick_params(labelleft=False)
+        else:
+            panel.set_ylabel("cost")
     return figure

@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC, axis_of
-from fpid_pin.arms.solids import solid_of
+from fpid_pin.arms.shapes import solid_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import FpidError, FpidWarning
 
 # Links take turns, so that the eye can tell one from the next where a file gives no colours.
 _LINK_COLOURS = ((0.80, 0.82, 0.85), (0.36, 0.43, 0.52))
 _JOINT_COLOUR = (0.25, 0.27, 0.30)
+#: Corners around a round solid.
+_AROUND = 28
 # The loader's own grey: the file gave no colour that it could read.
 _NO_COLOUR = (0.9, 0.9, 0.9)
 
@@ -32,22 +34,20 @@ class Shape:
         Index of the joint that carries it, -1 for the base.
     placement
         Pose in the joint's frame [m], (4, 4).
-    kind
-        ``"box"``, ``"sphere"``, ``"cylinder"``, ``"capsule"``, ``"cone"``, ``"ellipsoid"``, with
-        `size` [m] (side lengths; radius; radius and length along z; radii), or ``"mesh"``.
     colour
         Red, green, blue and opacity, in [0, 1].
     vertices, triangles
-        Of a mesh: (V, 3) [m], and (T, 3).
+        Its surface: (V, 3) [m], and (T, 3).
+    convex
+        Whether it is, around the origin of its frame.
     """
 
     joint: int
     placement: FloatArray
-    kind: str
-    size: tuple[float, ...]
     colour: tuple[float, float, float, float]
-    vertices: FloatArray | None = None
-    triangles: NDArray[np.uint32] | None = None
+    vertices: FloatArray
+    triangles: NDArray[np.uint32]
+    convex: bool = False
 
 
 def shapes_of(arm: Arm) -> list[Shape]:
@@ -84,13 +84,13 @@ def _shape(thing: Any) -> Shape | None:
     solid = thing.geometry
     found = solid_of(solid)
     if found is not None:
-        return Shape(joint, placement, *found, rgba)
+        return Shape(joint, placement, rgba, *solid_surface(*found), convex=True)
     if isinstance(solid, coal.BVHModelBase) and solid.num_tris:
         triangle = solid.tri_indices
         corners = (triangle(k) for k in range(solid.num_tris))
         flat = np.fromiter((t[i] for t in corners for i in (0, 1, 2)), dtype=np.uint32)
         vertices = np.array(solid.vertices(), dtype=np.float64)
-        return Shape(joint, placement, "mesh", (), rgba, vertices, flat.reshape(-1, 3))
+        return Shape(joint, placement, rgba, vertices, flat.reshape(-1, 3))
     # Planes and height fields are scenery, not parts of an arm.
     return None
 
@@ -110,15 +110,59 @@ def _primitives(arm: Arm, joints: list[int]) -> list[Shape]:
         kind, size = "cylinder", tuple[float, ...]((1.6 * thick, 4.0 * thick))
         if arm.joint_kinds[joint] == PRISMATIC:
             kind, size = "box", (2.4 * thick, 2.4 * thick, 4.0 * thick)
-        shapes.append(Shape(joint, hub, kind, size, (*_JOINT_COLOUR, 1.0)))
+        surface = solid_surface(kind, size)
+        shapes.append(Shape(joint, hub, (*_JOINT_COLOUR, 1.0), *surface, convex=True))
         if lengths[joint] < 2.0 * thick:
             continue
         link = np.eye(4)
         link[:3, :3] = _frame_along(tips[joint])
         link[:3, 3] = tips[joint] / 2.0
         colour = (*_LINK_COLOURS[(joint + 1) % 2], 1.0)
-        shapes.append(Shape(joint, link, "cylinder", (thick, lengths[joint]), colour))
+        surface = solid_surface("cylinder", (thick, lengths[joint]))
+        shapes.append(Shape(joint, link, colour, *surface, convex=True))
     return shapes
+
+
+def solid_surface(kind: str, size: tuple[float, ...]) -> tuple[FloatArray, NDArray[np.uint32]]:
+    """Return vertices [m] and triangles of a solid; for its kind and size see `solid_of`."""
+    if kind == "box":
+        corners = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3, indexing="ij")).reshape(3, 8).T
+        return corners * size, _BOX
+    if kind == "ellipsoid":
+        vertices, triangles = _turned(_arc(1.0, 0.0))
+        return vertices * size, triangles
+    radius, length = (*size, 0.0)[:2]
+    if kind in ("sphere", "capsule"):
+        return _turned(_arc(radius, length))
+    top = 0.0 if kind == "cone" else radius
+    half = 0.5 * length
+    return _turned(np.array([(0.0, -half), (radius, -half), (top, half), (0.0, half)]))
+
+
+_BOX = np.array(
+    [(0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
+     (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3)], dtype=np.uint32,
+)  # fmt: skip
+
+
+def _arc(radius: float, length: float) -> FloatArray:
+    """Return (radius, height) of half a circle whose two quarters are `length` apart, (K, 2)."""
+    angle = np.linspace(-np.pi / 2.0, np.pi / 2.0, _AROUND // 2)
+    height = radius * np.sin(angle) + np.where(angle < 0.0, -0.5, 0.5) * length
+    return np.stack([radius * np.cos(angle), height], axis=1)
+
+
+def _turned(outline: FloatArray) -> tuple[FloatArray, NDArray[np.uint32]]:
+    """Turn (radius, height), (K, 2), about z into a surface."""
+    angle = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
+    radius, height = outline.T
+    rings = [np.outer(np.cos(angle), radius), np.outer(np.sin(angle), radius),
+             np.broadcast_to(height, (_AROUND, len(outline)))]  # fmt: skip
+    number = np.arange(_AROUND * len(outline), dtype=np.uint32).reshape(_AROUND, -1)
+    following = np.roll(number, -1, axis=0)
+    a, b, c, d = number[:, :-1], following[:, :-1], following[:, 1:], number[:, 1:]
+    triangles = [np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))]
+    return np.stack(rings, axis=-1).reshape(-1, 3), np.concatenate(triangles)
 
 
 def _next_origins(arm: Arm) -> list[FloatArray]:

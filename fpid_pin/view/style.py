@@ -70,12 +70,15 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(
-    rows: int, columns: int, width: float, height: float, *, share_x: bool = True
-) -> tuple[Figure, list[list[Axes]]]:
-    """Return a figure (in inches) that a notebook shows by itself, and its axes."""
+    rows: int, columns: int, width: float, height: float, *, count: int = 0, share_x: bool = True
+) -> tuple[Figure, list[Axes]]:
+    """Return a figure (in inches) and its first `count` panels, row by row; 0: all of them."""
     figure = _figure_class()(figsize=(width, height), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharex="all" if share_x else "none")
-    return figure, [list(row) for row in axes]
+    axes = figure.subplots(rows, columns, squeeze=False, sharex="all" if share_x else "none").flat
+    count = count or rows * columns
+    for spare in axes[count:]:
+        spare.set_visible(False)
+    return figure, list(axes[:count])
 
 
 @functools.cache

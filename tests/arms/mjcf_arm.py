@@ -1,4 +1,4 @@
-"""An MJCF arm, and what MuJoCo itself makes of it."""
+"""An MJCF arm as people write it."""
 
 #: A hinge, a slide along an oblique axis, a hinge with an inertia at an angle; angles in degrees.
 TEXT = """<mujoco model="lifter">
@@ -6,7 +6,7 @@ TEXT = """<mujoco model="lifter">
   <default>
     <joint damping="0.4"/>
     <default class="strong"><motor ctrlrange="-4 4" gear="10"/></default>
-    <general forcerange="-7 5"/>
+    <general forcerange="-7 7"/>
   </default>
   <worldbody>
     <geom type="plane" size="2 2 0.1"/>
@@ -33,6 +33,7 @@ TEXT = """<mujoco model="lifter">
   <actuator>
     <motor name="m1" class="strong" joint="shoulder"/>
     <general name="m2" joint="slide"/>
+    <motor name="m3" joint="wrist"/>
   </actuator>
   <keyframe><key name="home" qpos="-0.5 0.1 0.2"/></keyframe>
 </mujoco>

@@ -4,23 +4,22 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from mjcf_arm import TEXT as MJCF
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
-from fpid_pin.arms.two_link import two_link_urdf
 from fpid_pin.exceptions import ArgumentError, ArmError
 
-SDF = (
-    '<sdf version="1.9"><model name="m"><link name="a"/></model>'
-    "<world name='w'><gravity>0 0 -3.7</gravity></world></sdf>"
-)
 XACRO = (
     '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r">'
     '<xacro:property name="m" value="1"/><link name="a"/></robot>'
 )
+
+
+TWO_LINK = (Path(__file__).parents[2] / "urdf" / "two_link.urdf").read_text(encoding="utf-8")
+# Of limits that are 0 a warning tells.
+TWO_LINK = TWO_LINK.replace('effort="0" velocity="0"', "")
 
 
 def write(tmp_path, text, name):
@@ -31,13 +30,13 @@ def write(tmp_path, text, name):
 
 @pytest.mark.parametrize("name", ["arm.urdf", "arm"])
 def test_the_root_element_says_what_a_file_is(tmp_path, name):
-    path = write(tmp_path, two_link_urdf(), name)
+    path = write(tmp_path, TWO_LINK, name)
     assert Arm.from_file(path, gravity=9.8) == Arm.from_urdf(path, gravity=9.8)
     path.write_text(MJCF, encoding="utf-8")
     assert Arm.from_file(path, lock={"slide": 0.1}) == Arm.from_mjcf(path, {"slide": 0.1})
 
 
-@pytest.mark.parametrize("read", [Arm.from_file, Arm.from_urdf, Arm.from_mjcf, Arm.from_sdf])
+@pytest.mark.parametrize("read", [Arm.from_file, Arm.from_urdf, Arm.from_mjcf])
 def test_macros_are_refused_with_the_command_that_writes_them_out(tmp_path, read):
     path = write(tmp_path, XACRO, "my arm.urdf.xacro")
     with pytest.raises(ArmError, match=r"run: xacro '.*/my arm.urdf.xacro' > robot.urdf") as caught:
@@ -46,7 +45,7 @@ def test_macros_are_refused_with_the_command_that_writes_them_out(tmp_path, read
 
 
 def test_a_urdf_that_xacro_has_written_is_read(tmp_path):
-    text = two_link_urdf().replace("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ')
+    text = TWO_LINK.replace("<robot ", '<robot xmlns:xacro="http://ros.org/wiki/xacro" ')
     assert Arm.from_file(write(tmp_path, text, "a.urdf")).n == 2
 
 
@@ -54,7 +53,7 @@ def test_a_urdf_that_xacro_has_written_is_read(tmp_path):
     ("read", "text", "message"),
     [
         (Arm.from_urdf, MJCF, r"expected a <robot> element, got <mujoco> \(Arm.from_mjcf reads it"),
-        (Arm.from_file, "<html/>", "expected one of <robot>, <mujoco>, <sdf>, got <html>"),
+        (Arm.from_file, "<html/>", "expected <robot> or <mujoco>, got <html>"),
         (Arm.from_file, "links", "expected well-formed XML"),
         (Arm.from_file, "<a>" * 200 + "</a>" * 200, "expected at most 100 elements within one"),
     ],
@@ -65,33 +64,8 @@ def test_other_files_are_refused(tmp_path, read, text, message):
 
 
 def test_no_file_is_one_line(tmp_path):
-    with pytest.raises(ArmError, match="expected a URDF, MJCF or SDF file, got none"):
+    with pytest.raises(ArmError, match="expected a URDF or MJCF file, got none"):
         Arm.from_file(tmp_path / "none.urdf")
-
-
-@pytest.mark.skipif(pin.WITH_SDFORMAT, reason="this Pinocchio reads SDF")
-def test_sdf_is_refused_where_pinocchio_has_no_parser(tmp_path):
-    path = write(tmp_path, SDF, "a.sdf")
-    with pytest.raises(ArmError, match="that reads SDF, got one built without sdformat"):
-        Arm.from_sdf(path)
-    with pytest.raises(ArmError, match="expected a Pinocchio that reads SDF"):
-        descriptions.from_dict({"kind": "sdf", "path": str(path)}, Arm)
-
-
-def test_sdf_is_read_by_pinocchios_parser_where_it_has_one(tmp_path, monkeypatch):
-    """Its answer is played here: model, constraints, visual geometry."""
-    given = Arm.from_example("ur5")
-    answer = (given.model, [], pin.GeometryModel())
-    monkeypatch.setattr(pin, "WITH_SDFORMAT", True)
-    monkeypatch.setattr(pin, "buildModelsFromSdf", lambda path, geometry_types: answer)
-    arm = Arm.from_sdf(write(tmp_path, SDF, "a.sdf"))
-    assert np.array_equal(arm.mass_matrix(given.home), given.mass_matrix(given.home))
-    assert arm.gravity == 3.7
-    bad = given.model.copy()
-    bad.inertias[2] = pin.Inertia(-1.0, np.zeros(3), np.eye(3))
-    answer = (bad, [], pin.GeometryModel())
-    with pytest.raises(ArmError, match=r"a.sdf: link 'upper_arm_link': expected a mass >= 0"):
-        Arm.from_sdf(tmp_path / "a.sdf")
 
 
 # ---------------------------------------------------------------------- robot_descriptions
@@ -103,7 +77,7 @@ def package(tmp_path, monkeypatch):
     folder = tmp_path / "site" / "robot_descriptions"
     folder.mkdir(parents=True)
     (folder / "__init__.py").touch()
-    urdf = write(tmp_path, two_link_urdf(), "two.urdf")
+    urdf = write(tmp_path, TWO_LINK, "two.urdf")
     mjcf = write(tmp_path, MJCF, "lifter.xml")
     modules = {
         "two_description": f"URDF_PATH = {str(urdf)!r}\nPACKAGE_PATH = {str(tmp_path)!r}\n",

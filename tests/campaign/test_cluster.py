@@ -89,7 +89,9 @@ def test_a_law_of_ones_own_is_run_on_workers_and_named_by_its_ledger(
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cluster_law.py").write_text(OWN)
-    text = 'import = "cluster_law.py"\n' + demo_config().text.replace("duration = 20.0", "duration = 0.1")
+    text = 'import = "cluster_law.py"\n' + demo_config().text.replace(
+        "duration = 20.0", "duration = 0.1"
+    )
     text += '[[controller]]\nkind = "soft_pd"\nname = "soft"\n' + COMMANDS
     (tmp_path / "study.toml").write_text(text + '[campaign]\ncontrollers = ["soft"]\n')
     request.addfinalizer(lambda: sys.modules.pop("fpid_pin_own_cluster_law", None))

@@ -12,6 +12,7 @@ import fpid_pin as fp
 from fpid_pin.arms import Arm
 from fpid_pin.cli.config import load
 from fpid_pin.cli.init import frictions, payload, rounded, swing
+from fpid_pin.cli.inspect import oddities
 from fpid_pin.cli.main import main
 from fpid_pin.simulation import limit_report
 
@@ -99,9 +100,43 @@ def test_a_picture_is_drawn(folder, capsys):
     assert (folder / "arm.svg").stat().st_size > 5000
 
 
+@pytest.mark.filterwarnings("ignore:.*cannot hold the arm there")
+def test_what_looks_wrong_is_flagged(capsys):
+    assert main(["inspect", "bravo7_no_ee"]) == 0
+    printed = capsys.readouterr().out
+    assert fits_80_columns(printed)
+    assert "- the effort limit is below the weight at home: joint2\n" in printed
+    planar = Arm.planar((1, 1, 1), (1, 30, 2), gravity=0)
+    assert [*oddities(planar)] == ["the link outweighs its neighbours more than 10 times: joint2"]
+    arm = planar.with_scaled_links((1, 0.1, 1)).with_limits(velocity=10, lower=(-1, 1, -1), upper=2)
+    assert [*oddities(arm)] == [
+        "the speed limits of all joints are 10, as drafts have them",
+        "the zero pose is outside the limits: joint2",
+    ]
+    assert [*oddities(Arm.from_example("ur5"))] == []
+
+
+def test_the_rest_of_a_tree_is_held_by_the_tip_of_the_arm(folder, capsys):
+    body = '<inertial pos=".1 0 0" mass="1" diaginertia=".1 .1 .1"/>'
+    fingers = [f'<body name="{x}"><joint name="{x} 1" type="slide"/>{body}</body>' for x in "fg"]
+    Path("hand.xml").write_text(
+        f'<mujoco><worldbody><body name="h"><joint name="j" axis="0 1 0"/>{body}{"".join(fingers)}'
+        "</body></worldbody></mujoco>"
+    )
+    assert main(["inspect", "hand.xml"]) == 2
+    hint = "(--keep h or --lock 'f 1'=0 --lock 'g 1'=0)"
+    assert capsys.readouterr().err.endswith(f"branches at joint 'j' into 'f 1', 'g 1' {hint}\n")
+    assert main(["inspect", "hand.xml", "--keep", "h", "--tool", "f"]) == 0
+    assert "hand: 1 joint," in capsys.readouterr().out
+    assert main(["init", "hand.xml", "--keep", "h", "--out", "hand.toml"]) == 0
+    table = tomllib.loads(Path("hand.toml").read_text())["arm"]
+    assert table == {"kind": "mjcf", "path": "hand.xml", "keep": "h"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["inspect", "UR5"], "arm: expected one of two_link, .* got 'UR5' (did you mean ur5?)"),
         (["inspect", "ur55"], "arm: expected one of two_link, .* got 'ur55' (did you mean ur5?)"),
         (["inspect", "panda", "--lock", "door"], "--lock: expected JOINT=VALUE, got 'door'"),
         (["inspect", "two_link", "--picture", "arm.bmp"], "a name that ends in .svg"),

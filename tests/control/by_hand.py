@@ -52,7 +52,7 @@ class Loop:
         self.e, self.rate = q_ref - q, v_ref - v
         if self.last is not None:
             e_, rate_ = self.last
-            growth = h / 2.0 * (self.e + e_) + h**2 / 12.0 * (rate_ - self.rate)
+            growth = 0.5 * h * (self.e + e_) + h * h / 12.0 * (rate_ - self.rate)
             # Held where the torque was cut and more would be asked for.
             self.total = self.total + np.where(self.cut * self.e > 0.0, 0.0, growth)
         self.last = self.e, self.rate
@@ -247,8 +247,10 @@ class PiecewiseLinear:
 class Fpid:
     """Eqs. (10), (22) and (30)-(32), with operators of the kind that is given; None: orders 1."""
 
-    def __init__(self, gains, rates, operator=None, orders=(1.0, 1.0), h=1e-3, rows=0):
-        self.gains, self.rates, self.operators = gains, rates, None
+    def __init__(
+        self, gains, rates, operator=None, orders=(1.0, 1.0), h=1e-3, rows=0, k0=1.0, k1=2.0
+    ):
+        self.gains, self.rates, self.operators, self.k0, self.k1 = gains, rates, None, k0, k1
         if operator is not None:
             self.operators = operator(1.0 - orders[0], h, rows), operator(orders[1], h, rows)
 
@@ -256,12 +258,12 @@ class Fpid:
         self.phi = x.e, x.total, x.rate
         if self.operators is not None:
             self.phi = x.e, self.operators[0](x.total), self.operators[1](x.e)
-        self.s = -(x.rate + 2.0 * x.e + x.total)
+        self.s = -(x.rate + self.k1 * x.e + self.k0 * x.total)
         return sum(gain * term for gain, term in zip(self.gains, self.phi, strict=True))
 
     def adapt(self, x):
         free = x.cut * -self.s <= 0.0
         self.gains = [
-            np.where(free, gain - x.h * rate * self.s * term, gain)
+            np.where(free, gain - x.h * (rate * self.s * term), gain)
             for gain, rate, term in zip(self.gains, self.rates, self.phi, strict=True)
         ]

@@ -89,10 +89,9 @@ class RobotComputedTorque(fp.Controller):
     k1: float = 20.0
 
     memory = ("tau",)
-    own_columns = 4  # q, v, a of all joints, and the torques
 
     def arrays(self, arm, step, horizon):
-        return np.zeros((arm.n, 4))
+        return np.zeros((arm.n, 4))  # q, v, a of all joints, and the torques
 
     @staticmethod
     def torques(joints, own, model):

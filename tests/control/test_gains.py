@@ -11,14 +11,13 @@ import pinocchio as pin
 import pytest
 
 import fpid_pin as fp
-from fpid_pin import descriptions
-from fpid_pin.control import Controller, Safeguards, explain_gains, gain_ceilings, suggest_gains
+from fpid_pin.control import Safeguards, explain_gains, gain_ceilings, suggest_gains
 from fpid_pin.control.ceilings import critical_derivative
 from fpid_pin.control.gains import impossible_joints
 from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional import Crone, ExponentialSum
-from fpid_pin.references import Hold, Sinusoid
+from fpid_pin.references import Hold
 
 TWO = fp.Arm.two_link()
 
@@ -32,22 +31,6 @@ def kinova():
     """An arm at a step at which much has to be lowered."""
     arm = fp.Arm.from_example("kinova")
     return arm, explain_gains(arm, step=2e-3)
-
-
-@pytest.mark.parametrize("name", ["asr_twodof", "xarm7"])
-def test_suggested_gains_follow_a_sinusoid_without_tuning(name):
-    arm = fp.Arm.from_example(name)
-    law = suggest_gains(arm, step=2e-3)
-    phase = np.linspace(0.0, np.pi, arm.n, endpoint=False)
-    reference = Sinusoid(amplitude=0.3, frequency=1.0, phase=phase, offset=arm.home)
-    run = fp.simulate(
-        fp.Experiment(arm, reference, duration=5.0, step=2e-3, dynamics="compiled"), law
-    )
-    assert run.outcome.completed
-    assert (run.metrics.rms_tail < 0.05).all()
-    highest = np.asarray(law.safeguards.maximum)
-    for gains, most in zip((run.kp, run.ki, run.kd), highest, strict=True):
-        assert (gains <= most).all()
 
 
 @pytest.mark.parametrize(("name", "mu"), [("two_link", 0.8), ("panda", 0.95), ("ur10", 1.0)])
@@ -241,15 +224,6 @@ def test_an_arm_for_which_no_stable_gains_are_found_is_warned_of():
         suggest_gains(arm, step=0.5, adaptive=False)
 
 
-def test_bandwidth_sets_the_speed():
-    slow, fast = (suggest_gains(TWO, w, adaptive=False) for w in (5.0, 20.0))
-    assert np.asarray(fast.kp) == pytest.approx(16.0 * np.asarray(slow.kp))
-    assert (np.asarray(fast.kd) > np.asarray(slow.kd)).all()
-    # Fixed gains do not adapt.
-    assert not np.any(slow.learning_rate)
-    assert slow.safeguards is None
-
-
 def test_friction_counts_in_the_scale_and_the_effort_limit_bounds_it():
     rough = TWO.with_friction(viscous=1.0, dry=1.0)
     found = [np.asarray(suggest_gains(arm, adaptive=False).scale) for arm in (rough, TWO)]
@@ -276,14 +250,6 @@ def test_only_what_there_is_to_warn_of_is_warned_of():
     weak = TWO.with_limits(effort=(5.0, 100.0))
     with pytest.warns(fp.FpidWarning, match="joint1: gravity at home"):
         suggest_gains(weak, adaptive=False)
-
-
-def test_a_configuration_can_ask_for_suggested_gains():
-    law = descriptions.from_dict({"kind": "suggested_fpid", "bandwidth": 12.0}, Controller)
-    assert isinstance(law, SuggestedFpid)
-    experiment = fp.Experiment(arm=TWO, reference=Sinusoid(0.3), duration=0.1)
-    one, other = fp.simulate(experiment, law), fp.simulate(experiment, law.on(TWO))
-    assert (one.torque == other.torque).all()
 
 
 @pytest.mark.parametrize(

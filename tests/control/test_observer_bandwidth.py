@@ -9,11 +9,10 @@ from scipy.optimize import brentq
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.cli.config import parse
 from fpid_pin.control import suggest_observer
 from fpid_pin.control.linear import linear_arm
 from fpid_pin.control.linear_law import linearised
-from fpid_pin.exceptions import ArgumentError, ConfigError, FpidWarning
+from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.references import Hold, Sinusoid
 
 STEP = 1e-3
@@ -48,22 +47,6 @@ def test_noise_makes_the_torque_vary_by_as_much_more_as_was_allowed(name):
     alone, observed = (r.metrics.total_variation.sum() for r in fp.simulate(experiment, both))
     # The rule looks at the newest sample of noise only; older ones are a few hundredths.
     assert observed / alone == pytest.approx(1.25, abs=0.03)
-
-
-@pytest.mark.parametrize(("payload", "late"), [(0.0, 2), (3.0, 2)])
-def test_it_is_stable_under_a_load_that_nobody_told_of_and_late_measurements(payload, late):
-    arm, law, omega = suggested("ur5")
-    observed = dataclasses.replace(law, feedforward=True, observer=omega)
-    experiment = following(
-        arm, 2.0, plant=fp.Plant(arm=arm.with_payload(payload)), sensors=fp.Sensors(delay=late),
-        dynamics="compiled",
-    )  # fmt: skip
-    run, alone = fp.simulate(experiment, [observed, law])
-    assert run.outcome.completed
-    assert run.metrics.rms_tail.max() < 0.3 * alone.metrics.rms_tail.max()
-    # No ringing: the torque varies by no more than that of the law alone and what the load takes.
-    tail = np.abs(np.diff(run.torque[-500:], axis=0)).sum()
-    assert tail < 2.0 * np.abs(np.diff(alone.torque[-500:], axis=0)).sum()
 
 
 @pytest.mark.parametrize(("late", "ratio"), [(2, 0.6), (8, 1.0), (14, 1.8)])
@@ -125,39 +108,6 @@ def test_it_comes_with_the_gains():
     assert np.array_equal(ours.kd, law.kd)
     slower = fp.suggest_gains(arm, adaptive=False, observer="suggested", step=2e-3)
     assert slower.observer == suggest_observer(arm, slower, step=2e-3) < omega
-
-
-def test_a_file_may_ask_for_it_and_give_it_to_the_rivals(tmp_path):
-    text = """
-    format = 1
-    arm = {kind = "two_link"}
-    reference = {kind = "sinusoid", amplitude = [0.3, 0.3]}
-    [[controller]]
-    kind = "suggested_fpid"
-    observer = "suggested"
-    feedforward = true
-    [[controller]]
-    kind = "computed_torque"
-    ki = 30
-    observer = 40
-    [[controller]]
-    kind = "pd_gravity"
-    kp = 100
-    kd = [20, 10]
-    ki = [30, 20]
-    observer = 40
-    [[controller]]
-    kind = "sliding_mode"
-    slope = 10
-    gain = 20
-    observer = 40
-    """
-    ours, *rivals = parse(text, "own.toml", tmp_path).controllers.values()
-    assert (ours.observer, ours.feedforward) == ("suggested", True)
-    assert [law.observer for law in rivals] == [40.0, 40.0, 40.0]
-    assert (float(rivals[0].ki), rivals[1].ki.tolist()) == (30.0, [30.0, 20.0])
-    with pytest.raises(ConfigError, match=r"controller\.0\.observer: .*suggested"):
-        parse(text.replace('"suggested"\n', '"quick"\n', 1), "own.toml", tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import math
 import by_hand
 import numpy as np
 import pytest
-from own_laws import Many, Mit, own
+from own_laws import Many, own
 from scipy.special import digamma, gamma
 
 import fpid_pin as fp
@@ -126,17 +126,6 @@ def test_an_order_that_adapts_is_interpolated_and_its_slope_is_the_difference_qu
     assert found["d_e_by_order"][k + 1] == pytest.approx(quotient, rel=1e-3)
 
 
-def test_a_rule_of_one_s_own_moves_gain_and_order_in_a_simulation():
-    experiment = fp.paper_experiment(duration=1.0)
-    run = fp.simulate(experiment, dataclasses.replace(Mit(), name="own"))
-    loop = Mit().start(experiment.arm, step=STEP, horizon=20.0)
-    for k in range(len(run.t)):
-        torque = loop.torque(run.q[k], run.v[k], run.q_ref[k], run.v_ref[k])
-        assert np.array_equal(torque, run.torque[k])
-    assert (np.abs(loop.state.joints["kp"] - 40.0) > 0.1).all()
-    assert (np.abs(loop.state.joints["mu"] - 0.8) > 1e-3).all()
-
-
 def test_a_caputo_derivative_alone_is_at_rest_at_the_error_that_it_began_with():
     """What CONTRIBUTING warns of: D^mu of a constant is 0, unless the error came from 0."""
 
@@ -151,33 +140,6 @@ def test_a_caputo_derivative_alone_is_at_rest_at_the_error_that_it_began_with():
         ends.append(fp.simulate(still, law).error)
     assert np.abs(ends[0] - [0.3, -0.2]).max() < 1e-12
     assert np.abs(ends[1][-1]).max() < 0.5 * 0.2
-
-
-@pytest.mark.parametrize("ramp", [0.0, 0.05])
-def test_orders_set_on_the_way_are_those_of_a_law_that_had_them_from_the_start(ramp):
-    def law(mu, lam):
-        operators = {"d_s": Derivative(mu, of="s"), "i_s": Integral(lam, of="s")}
-        return own(lambda c: c.d_s + c.i_s, surface=surface, operators=operators)
-
-    def surface(c):
-        c.s = c.e_dot + c.e
-
-    late, early = law(0.6, 0.9).start(ARM, step=STEP), law(0.8, 0.5).start(ARM, step=STEP)
-    rows = 0.1 * np.random.default_rng(3).normal(size=(300, 4, 2))
-    pairs = []
-    for k, row in enumerate(rows):
-        if k == 100:
-            late.state.set_orders(integral_order=0.5, derivative_order=0.8, ramp=ramp)
-        pairs.append((late.torque(*row), early.torque(*row)))
-    gap = np.abs(np.diff(np.array(pairs), axis=1)).max(axis=(1, 2))
-    size = np.abs(pairs).max()
-    arrived = 100 + round(ramp / STEP)
-    assert gap[arrived:].max() < 1e-9 * size
-    assert gap[1:100].min() > 0.0
-    if ramp:
-        # On the way the gap shrinks: orders come nearer in equal steps.
-        assert gap[100:105].mean() > 3.0 * gap[arrived - 5 : arrived].mean()
-        assert np.count_nonzero(gap[100 : arrived - 1]) == arrived - 101
 
 
 @pytest.mark.parametrize(

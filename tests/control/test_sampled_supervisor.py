@@ -115,6 +115,45 @@ def test_it_is_silent_in_the_paper_s_experiment_to_the_last_bit():
         assert (run.q == alone.q).all()
 
 
+def largest(run, guard):
+    """Return the largest V over V_M of the true state; at t = 0 it is 0.972."""
+    state = np.stack([run.error, run.v_ref - run.v], axis=-1)
+    return 0.5 * np.einsum("kja,ab,kjb->k", state, guard.p, state).max() / guard.threshold
+
+
+@beyond
+@pytest.mark.parametrize("step", [2.5e-4, 1e-3, 4e-3])
+def test_it_keeps_the_set_where_sgn_makes_it_worse_and_the_torque_stays_quiet(step):
+    """The push is three to five times what R gives its word for: docs/supervisor.md."""
+    sgn = dataclasses.replace(R, kind="paper")
+    runs = {}
+    for name, guard in {"R": R, "F": F, "sgn": sgn, "none": None}.items():
+        runs[name] = pushed(guard, step)[1]
+    assert largest(runs["none"], R) > 1.9
+    assert largest(runs["R"], R) <= 1.001
+    assert largest(runs["F"], R) <= 0.99
+    variation = {name: np.abs(np.diff(run.u_s, axis=0)).sum() for name, run in runs.items()}
+    assert max(variation["R"], variation["F"]) <= 200.0 < 1e5 < variation["sgn"]
+    assert np.abs(runs["R"].torque).max() <= 75.0
+    if step > 2.5e-4:
+        assert largest(runs["sgn"], R) > largest(runs["none"], R)
+
+
+@beyond
+def test_masses_that_are_wrong_by_a_fifth_do_not_drive_it_out_where_it_is_told():
+    """20 % of the weight (27.4, 7.8) N m is not in a d_u that the push uses up."""
+    told = dataclasses.replace(R, disturbance_bound=np.multiply(1.2, PUSH))
+    most = {"F": 0.0, "told": 0.0, "R": 0.0}
+    for k in range(6):
+        arm = fp.Arm.two_link().perturbed(np.random.default_rng(k), mass=0.2)
+        plant = fp.Plant(arm=arm, disturbance=Cosine(PUSH, frequency=1.0))
+        experiment = dataclasses.replace(fp.paper_experiment(duration=4.0), plant=plant)
+        runs = fp.simulate(experiment, [supervised(g) for g in (F, told, R)])
+        most = {n: max(x, largest(run, R)) for (n, x), run in zip(most.items(), runs, strict=True)}
+    assert max(most["F"], most["told"]) <= 1.0
+    assert most["R"] < 1.002
+
+
 @beyond
 @pytest.mark.parametrize("guard", [R, F], ids="RF")
 def test_gains_and_integrals_go_on_while_it_acts(guard):
@@ -127,58 +166,6 @@ def test_gains_and_integrals_go_on_while_it_acts(guard):
     # int e, recovered from S.
     integral = -run.s - (run.v_ref - run.v) - 2.0 * run.error
     assert (np.diff(integral, axis=0)[acting[1:]] != 0.0).all()
-
-
-def test_the_observer_knows_of_torques_that_saturation_has_cut():
-    """A plant that is the observer's own model: what it lacks is nothing, whatever is cut."""
-    arm = fp.Arm.two_link().with_limits(effort=(40.0, 10.0))
-    loop = supervised(fp.Supervisor.quiet(1.5, 1.0)).start(arm, step=1e-3)
-    q, v, cut = np.array([0.3, 0.35]), np.array([2.0, -3.0]), 0
-    for k in range(400):
-        t = 1e-3 * k * np.ones(2)
-        torque = loop.torque(q, v, np.sin(t), np.cos(t), -np.sin(t))
-        cut += bool(loop.signals()["u_s"].any() and (np.abs(torque) == arm.effort_limit).any())
-        a = arm.forward_dynamics(q, v, torque)
-        q, v = q + 1e-3 * v, v + 1e-3 * a
-        # Rounding of speeds, 1e-15, adds up with the gain (1 - p)^2/h, 9/s.
-        assert np.abs(loop.state.joints["xi"]).max() < 1e-10
-    assert cut > 50
-
-
-@beyond
-@pytest.mark.parametrize("name", ["two_link", "ur5"])
-def test_in_company_every_run_has_the_bits_that_it_has_alone(name):
-    arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
-    arm = arm.with_limits(effort=[60.0] * 2 if arm.n == 2 else arm.effort_limit / 2.0)
-    push = np.array([30.0, 12.0, 8.0, 2.0, 2.0, 0.3])[: arm.n]
-    reference = fp.references.Sinusoid(0.4, frequency=2.0, offset=arm.home)
-    plant = fp.Plant(disturbance=Cosine(push))
-    base = fp.Experiment(arm, reference, duration=0.6, plant=plant, dynamics="compiled")
-    noisy = dataclasses.replace(base, sensors=fp.Sensors(velocity_noise=0.02), seed=3)
-    calm = dataclasses.replace(base, plant=None)
-    guards = [
-        None, fp.Supervisor.quiet(1.1, 0.9), fp.Supervisor.quiet(1.4, 0.9, observer=200.0),
-        fp.Supervisor(1.1, 0.9, disturbance_bound=push), fp.Supervisor(1.2, 0.9),
-        fp.Supervisor(1.1, 0.9, disturbance_bound=push, kind="paper"),
-    ]  # fmt: skip
-    law = fp.AdaptiveFpid(kp=100.0, ki=100.0, kd=20.0, integral_order=0.9, scale="inertia")
-    laws = [dataclasses.replace(law, supervisor=guard) for guard in guards]
-    laws.append(dataclasses.replace(laws[1], feedforward=True, observer=100.0))
-    laws.append(dataclasses.replace(laws[4], observer=50.0))
-    pairs = [(e, c) for e in (base, noisy, calm) for c in laws]
-    together = fp.simulate([e for e, _ in pairs], [c for _, c in pairs])
-    assert any((np.abs(r.torque) == arm.effort_limit).any() and r.u_s.any() for r in together)
-    for (experiment, controller), run in zip(pairs, together, strict=True):
-        alone = fp.simulate(experiment, controller)
-        assert np.array_equal(run.torque, alone.torque)
-        assert np.array_equal(run.u_s, alone.u_s)
-        assert np.array_equal(run.q, alone.q)
-
-
-def test_a_run_s_file_gives_it_back(tmp_path):
-    run = fp.simulate(fp.paper_experiment(duration=0.1), supervised(F))
-    again = fp.Run.load(run.save(tmp_path / "run.npz")).controller.supervisor
-    assert {k: str(v) for k, v in vars(again).items()} == {k: str(v) for k, v in vars(F).items()}
 
 
 def test_a_push_beyond_r_min_is_told_with_both_numbers():

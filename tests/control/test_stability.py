@@ -12,7 +12,6 @@ from fpid_pin.control import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.linear import gravity_stiffness, linear_arm
 from fpid_pin.control.linear_law import linearised
 from fpid_pin.control.stability import stability_report
-from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold
 
 STEP = 1e-3
@@ -92,10 +91,9 @@ def test_a_kick_dies_away_or_grows_as_the_poles_say(law):
     assert "joint1" in str(report)
 
 
-@pytest.mark.parametrize("method", ["zero_order_hold", "semi_implicit_euler"])
-def test_margins_of_pd_on_a_unit_inertia_are_the_closed_forms(method):
+def test_margins_of_pd_on_a_unit_inertia_are_the_closed_forms():
     kp, kd, step = 100.0, 14.0, 2e-4
-    report = stability_report(ONE, Pid(kp, 0.0, kd), step=step, method=method)
+    report = stability_report(ONE, Pid(kp, 0.0, kd), step=step)
     # |kd s + kp| = |s^2|, with the half step that holding the torque costs.
     crossover = np.sqrt((kd**2 + np.sqrt(kd**4 + 4.0 * kp**2)) / 2.0)
     phase = np.arctan2(kd * crossover, kp) - crossover * step / 2.0
@@ -136,22 +134,14 @@ def test_the_dominant_pole_has_a_tenth_of_what_a_push_leaves(kp, ki, kd, pole):
     assert report.dominant_pole == pytest.approx(pole, rel=3e-3)
 
 
-def test_the_dominant_pole_is_that_of_the_motion_and_not_of_the_horizon():
-    law = dataclasses.replace(LAW, kp=400.0, ki=900.0, kd=90.0, integral_order=0.9)
-    found = [
-        stability_report(fp.Arm.two_link(), law, horizon=T).dominant_pole for T in (20.0, 3600.0)
-    ]
-    assert found[0] == pytest.approx(found[1], rel=0.02)
-    assert found[0].real < -1.0 < -1.0 / 20.0
-
-
 @pytest.mark.parametrize("law", OBSERVED, ids=lambda law: type(law).__name__)
 def test_the_delay_that_is_borne_is_the_simulation_s(law):
     report = stability_report(TWO, law)
     assert report.stable
     samples = int(report.common_delay_margin / STEP)
     assert grown(TWO, law, samples) < 1.0 < grown(TWO, law, samples + 1)
-    assert report.common_delay_margin < report.delay_margin.min()
+    # Computed torque decouples the joints: there both are the same, but for rounding.
+    assert report.common_delay_margin <= report.delay_margin.min() * (1.0 + 1e-9)
     alone = stability_report(TWO, dataclasses.replace(law, observer=0.0))
     assert report.common_delay_margin < alone.common_delay_margin
 
@@ -165,8 +155,8 @@ def test_joints_bear_less_together_than_alone():
     assert report.common_gain_reduction > report.gain_reduction.max()
     for by in (0.97, 1.03):
         factor = by * report.common_gain_margin
-        more = tuple(factor * np.full(arm.n, k) for k in (100.0, 250.0, 22.0))
-        assert stability_report(arm, law, gains=more).stable == (by < 1.0)
+        more = dict(zip(("kp", "ki", "kd"), factor * np.array([100.0, 250.0, 22.0]), strict=True))
+        assert stability_report(arm, dataclasses.replace(law, **more)).stable == (by < 1.0)
 
 
 @pytest.mark.parametrize("kind", ["gain_margin", "gain_reduction"])
@@ -212,21 +202,3 @@ def test_an_integral_may_be_raised_to_routh_s_bound(law):
     report = stability_report(ONE, dataclasses.replace(law, ki=500.0))
     assert report.phase_margin == pytest.approx(same.phase_margin, abs=1e-6)
     assert report.dominant_pole == pytest.approx(same.dominant_pole, rel=1e-6)
-
-
-def test_adapted_gains_can_be_asked_about():
-    one = stability_report(TWO, LAW)
-    same = stability_report(TWO, LAW, gains=(LAW.kp, LAW.ki, LAW.kd))
-    more = stability_report(TWO, LAW, gains=(LAW.kp, LAW.ki, 4.0 * np.asarray(LAW.kd)))
-    assert same.gain_margin == pytest.approx(one.gain_margin)
-    assert (more.gain_margin < one.gain_margin).all()
-    assert (one.kd_ceiling == 0.5 * one.kd_limit).all()
-
-
-def test_bad_arguments_to_a_report_are_named():
-    with pytest.raises(ArgumentError, match="did you mean zero_order_hold"):
-        stability_report(ONE, LAW, method="zero_order_hol")
-    with pytest.raises(ArgumentError, match=r"gains\.0: expected shape \(1,\)"):
-        stability_report(ONE, LAW, gains=(np.ones(2), 1.0, 1.0))
-    with pytest.raises(ArgumentError, match="gains: expected a law with kp, ki and kd, got"):
-        stability_report(ONE, SlidingMode(10.0, 5.0, 0.1), gains=(1.0, 1.0, 1.0))

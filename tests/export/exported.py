@@ -88,7 +88,6 @@ class WholeRobot(fp.Controller):
     """A law of the whole robot: weight, and springs between neighbours that learn."""
 
     kp: ArrayLike
-    own_columns = 2
 
     @staticmethod
     def torques(joints, own, model):

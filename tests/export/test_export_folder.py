@@ -98,38 +98,27 @@ def test_the_folder_says_what_it_holds_and_rebuilds_its_controller(tmp_path):
 
 
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize("single", [False, True], ids=["double", "float"])
-def test_cmake_builds_and_ctest_passes(single, tmp_path):
+def test_cmake_builds_both_precisions_and_ctest_passes(tmp_path, monkeypatch):
+    """And without a compiler the README says that nothing was measured."""
     if shutil.which("cmake") is None:
         pytest.skip("no cmake")
-    folder = fp.export_c(law(), ARM, 1e-3, tmp_path / "c", horizon=30.0, ticks=300)
-    built = str(tmp_path / "build")
-    flags = ["-DFPID_SINGLE=ON"] if single else []
-    for command in (
-        ["cmake", "-S", str(folder), "-B", built, *flags],
-        ["cmake", "--build", built],
-        ["ctest", "--test-dir", built, "--output-on-failure"],
-    ):
-        done = finished(command)
-        assert done.returncode == 0, done.stdout + done.stderr
-        assert "warning" not in done.stdout + done.stderr
-    assert "100% tests passed" in done.stdout
-    example = finished([f"{built}/fpid_example"])
-    assert example.returncode == 0
-
-
-def test_float_is_not_advised_for_a_long_memory(tmp_path):
-    folder = fp.export_c(law(), ARM, 1e-3, tmp_path / "c", horizon=3600.0, ticks=5)
-    assert (
-        "**not advised** here: the horizon is 3,600,000 steps" in (folder / "README.md").read_text()
-    )
-
-
-@pytest.mark.usefixtures("gcc")
-def test_without_a_compiler_it_says_that_nothing_was_measured(tmp_path, monkeypatch):
     monkeypatch.setattr(build, "compiler", lambda: None)
-    folder = fp.export_c(law(), ARM, 1e-3, tmp_path / "c", horizon=30.0, ticks=5)
-    assert "Not measured here" in (folder / "README.md").read_text()
+    folder = fp.export_c(law(), ARM, 1e-3, tmp_path / "c", ticks=300)
+    text = (folder / "README.md").read_text()
+    assert "Not measured here" in text
+    assert "**not advised** here: the horizon is 3,600,000 steps" in text
+    for flags in ([], ["-DFPID_SINGLE=ON"]):
+        built = str(tmp_path / f"build{len(flags)}")
+        for command in (
+            ["cmake", "-S", str(folder), "-B", built, *flags],
+            ["cmake", "--build", built, "--parallel", "2"],
+            ["ctest", "--test-dir", built, "--output-on-failure"],
+        ):
+            done = finished(command)
+            assert done.returncode == 0, done.stdout + done.stderr
+            assert "warning" not in done.stdout + done.stderr
+        assert "100% tests passed" in done.stdout
+    assert finished([f"{built}/fpid_example"]).returncode == 0
 
 
 @pytest.mark.usefixtures("gcc")
@@ -178,12 +167,14 @@ int main(int argc, char **argv) {
 
 
 @pytest.mark.usefixtures("gcc")
-def test_a_restart_from_a_saved_state_has_no_bump(tmp_path):
+def test_a_restart_from_a_saved_state_has_no_bump(tmp_path, monkeypatch):
+    compiler = build.compiler()
+    monkeypatch.setattr(build, "compiler", lambda: None)
     for name, controller in (("one", law()), ("other", law(k1=3.0))):
         folder = fp.export_c(controller, ARM, 1e-3, tmp_path / name, ticks=5)
         (folder / "both.c").write_text(BOTH)
         sources = [str(folder / f"{n}.c") for n in ("both", "fpid", "fpid_parameters")]
-        command = [build.compiler(), "-std=gnu99", "-O2", "-ffp-contract=off", *sources]
+        command = [compiler, "-std=gnu99", "-O2", "-ffp-contract=off", *sources]
         finished([*command, "-o", str(tmp_path / f"run_{name}"), "-lm"], check=True)
 
     def run(name, *paths):
@@ -300,8 +291,9 @@ def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     assert main([*command[:3], "PID", "--out", str(tmp_path / "d")]) == 0
 
 
-def test_the_configuration_beside_the_c_is_one_that_export_reads(tmp_path):
+def test_the_configuration_beside_the_c_is_one_that_export_reads(tmp_path, monkeypatch):
     """Made in Python, exported again from the command line: the same controller."""
+    monkeypatch.setattr(build, "compiler", lambda: None)  # which would measure both
     first = fp.export_c(law(k1=3.0), ARM, 2e-3, tmp_path / "first", horizon=30.0, ticks=5)
     again = tmp_path / "again"
     command = ["export", str(first / "controller.toml"), "--horizon", "30", "--out", str(again)]

@@ -8,12 +8,11 @@ from hypothesis import strategies as st
 from scipy.special import gamma
 
 from fpid_pin.exceptions import ArgumentError, FpidWarning
-from fpid_pin.fractional import L1, Bank, Crone, Design, ExponentialSum, GrunwaldLetnikov
+from fpid_pin.fractional import L1, Bank, Crone, Design, ExponentialSum
 from fpid_pin.fractional.design import integrate_step
 
 STEP = 1e-3
 MODAL = [ExponentialSum(24), Crone(1e-2, 1e3, 5)]
-ALL = [*MODAL, GrunwaldLetnikov(), L1(), L1(memory=0.05), GrunwaldLetnikov(memory=0.05)]
 STARTS = ["caputo", "riemann_liouville", "grunwald_letnikov"]
 
 
@@ -47,7 +46,7 @@ def test_the_fast_recursion_equals_the_rule_as_written(design, order):
     assert np.abs(got - want).max() < 1e-11 * np.abs(want).max()
 
 
-@pytest.mark.parametrize("design", [*ALL, GrunwaldLetnikov(2.0)], ids=repr)
+@pytest.mark.parametrize("design", MODAL, ids=repr)
 @pytest.mark.parametrize("start", STARTS)
 @pytest.mark.parametrize("rule", ["measured", "differenced"])
 def test_recorded_and_streamed_agree_and_orders_0_and_1_are_exact(design, start, rule):
@@ -88,35 +87,20 @@ def test_inputs_may_be_views_that_are_not_contiguous_and_the_own_buffer_is_retur
     value, rate = signal(20, (3, 2))
     bank, other = (bank_of(ExponentialSum(), np.full((2, 3), 0.6)) for _ in range(2))
     for k in range(20):
-        mine = bank.update(value[k].T, rate[k].T, hold=np.zeros(3, dtype=bool))
+        mine = bank.update(value[k].T, rate[k].T)
         out = np.empty((2, 3))
         assert other.update(value[k].T.copy(), rate[k].T.copy(), out) is out
         assert np.array_equal(mine, out)
 
 
-@pytest.mark.parametrize("design", [ExponentialSum(24), GrunwaldLetnikov(), L1()], ids=repr)
-def test_a_changed_order_gives_what_the_new_order_would_have_given_from_the_start(design):
+def test_a_changed_order_gives_what_the_new_order_would_have_given_from_the_start():
     first, second = np.array([0.2, 0.9, 0.0, 0.5]), np.array([0.7, 0.0, 0.3, 1.0])
     value, rate = signal(400, (4,))
-    bank = bank_of(design, first)
-    want = exact.stream(bank_of(design, second), value, rate)
+    bank = bank_of(ExponentialSum(24), first)
+    want = exact.stream(bank_of(ExponentialSum(24), second), value, rate)
     exact.stream(bank, value[:200], rate[:200])
     bank.set_order(second)
     assert np.array_equal(exact.stream(bank, value[200:], rate[200:]), want[200:])
-
-
-def test_an_order_that_ramps_passes_through_the_orders_between():
-    value, rate = signal(300, (2,))
-    bank = bank_of(ExponentialSum(), [0.2, 0.8])
-    exact.stream(bank, value[:100], rate[:100])
-    bank.set_order([0.6, 0.4], ramp=0.1)
-    out = exact.stream(bank, value[100:], rate[100:])
-    for k in (0, 37, 99, 150):
-        order = np.array([0.2, 0.8]) + min((k + 1) / 100, 1.0) * np.array([0.4, -0.4])
-        fresh = bank_of(ExponentialSum(), order)
-        want = fresh.recorded(value[: 101 + k], rate[: 101 + k])[-1]
-        assert np.abs(out[k] - want).max() < 1e-12 * np.abs(want).max()
-    assert np.array_equal(bank.order, [0.6, 0.4])
 
 
 @pytest.mark.parametrize("rule", ["measured", "differenced"])
@@ -132,44 +116,19 @@ def test_a_filter_keeps_its_modes_when_its_order_is_set_again(rule):
         assert np.abs(got - want[k]).max() <= 1e-9 * np.abs(want[k]).max()
 
 
-@pytest.mark.parametrize("design", ALL, ids=repr)
-@pytest.mark.parametrize("rule", ["measured", "differenced"])
-@pytest.mark.parametrize("start", ["caputo", "riemann_liouville"])
-def test_a_held_channel_stands_still_and_goes_on_without_a_jump(design, rule, start):
-    value, rate = signal(200, (4,))
-    bank = bank_of(design, np.array([0.0, 0.3, 0.8, 1.0]), rate=rule, initialisation=start)
-    want = bank.recorded(value, rate if rule == "measured" else None)
-    want[100:, 0] += 5.0  # order 0 is the signal itself
-
-    def feed(v, r, hold=None):
-        return bank.update(v, r if rule == "measured" else None, hold=hold).copy()
-
-    for k in range(100):
-        before = feed(value[k], rate[k])
-    # While three are held the signal moves by 5 and comes to the same rate.
-    held = np.array([True, True, True, False])
-    for j in range(30):
-        during = feed(value[99] + 5.0 * (j + 1) / 30, rate[99] + 29 - j, held)
-        assert np.array_equal(during[:3], before[:3])
-    for k in range(100, 200):
-        got = feed(value[k] + 5.0, rate[k])
-        assert np.abs(got - want[k])[:3].max() < 1e-10 * np.abs(want[k]).max()
-
-
 def test_the_three_initialisations_do_what_they_say_in_the_first_samples():
     order, start = np.array([0.3, 0.9]), 2.0
     value, rate = np.full((50, 2), start), np.zeros((50, 2))
     jump = start * (np.arange(1, 50)[:, None] * STEP) ** -order / gamma(1 - order)
-    for design in (ExponentialSum(40), L1()):
-        none, rest, kicked = (
-            exact.stream(bank_of(design, order, initialisation=word), value, rate)
-            for word in STARTS
-        )
-        assert not none.any()
-        assert not rest[0].any()
-        assert np.allclose(rest[1:], jump, rtol=1e-9, atol=0)
-        assert np.allclose(kicked[0], start * STEP**-order, rtol=1e-12)
-        assert np.array_equal(kicked[1:], rest[1:])
+    none, rest, kicked = (
+        exact.stream(bank_of(ExponentialSum(40), order, initialisation=word), value, rate)
+        for word in STARTS
+    )
+    assert not none.any()
+    assert not rest[0].any()
+    assert np.allclose(rest[1:], jump, rtol=1e-9, atol=0)
+    assert np.allclose(kicked[0], start * STEP**-order, rtol=1e-12)
+    assert np.array_equal(kicked[1:], rest[1:])
     # A filter at rest has the kick of its high-frequency gain.
     bank = bank_of(Crone(1e-2, 1e3, 5), 0.9, initialisation="grunwald_letnikov")
     assert np.isclose(bank.update(np.array(1.5), np.array(0.0)), 1.5 * 1e3**0.9, rtol=1e-12)
@@ -266,6 +225,7 @@ class Odd(Design):
         ({"rate": "known"}, "rate: expected one of measured, differenced"),
         ({"design": "crone"}, "design: expected a fractional design, got str"),
         ({"design": Odd()}, "design: expected one with modes, got Odd"),
+        ({"design": L1()}, "design: expected one with modes, got L1"),
     ],
 )
 def test_bad_arguments_are_named(change, words):
@@ -274,9 +234,10 @@ def test_bad_arguments_are_named(change, words):
         bank_of(arguments.pop("design"), arguments.pop("order"), **arguments)
 
 
-@pytest.mark.parametrize("design", [ExponentialSum(), L1()], ids=repr)
-def test_wrong_samples_are_named(design):
-    bank, differenced = (bank_of(design, [0.1, 0.2], rate=r) for r in ("measured", "differenced"))
+def test_wrong_samples_are_named():
+    bank, differenced = (
+        bank_of(ExponentialSum(), [0.1, 0.2], rate=r) for r in ("measured", "differenced")
+    )
     two, three = np.zeros(2), np.zeros(3)
     for _ in range(2):
         for words, *samples in (
@@ -297,12 +258,9 @@ def test_wrong_samples_are_named(design):
     ):
         with pytest.raises(ArgumentError, match=words):
             bank.recorded(*record)
-    with pytest.raises(ArgumentError, match=r"hold: expected booleans of shape \(2,\).*\(3,\)"):
-        bank.update(two, two, hold=np.zeros(3, dtype=bool))
-    for words, order, ramp in (
-        (r"order: expected shape \(2,\)", [0.1, 0.2, 0.3], 0.0),
-        ("order: expected a number in", 1.5, 0.0),
-        ("ramp: expected a number >= 0", 0.5, -1.0),
+    for words, order in (
+        (r"order: expected shape \(2,\)", [0.1, 0.2, 0.3]),
+        ("order: expected a number in", 1.5),
     ):
         with pytest.raises(ArgumentError, match=words):
-            bank.set_order(order, ramp=ramp)
+            bank.set_order(order)

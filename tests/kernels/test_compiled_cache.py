@@ -199,3 +199,21 @@ def test_a_law_has_files_of_its_own_and_broken_ones_are_compiled_anew(monkeypatc
     changed = weak.__code__.replace(co_consts=(None, 5.0))
     monkeypatch.setattr(weak, "__code__", changed)
     assert in_a_new_process(weak) == 5.0
+
+
+def test_kernels_have_no_vector_loops_and_a_users_functions_keep_theirs(tmp_path):
+    code = """if True:
+        import numba, numpy as np
+        from fpid_pin.kernels.compiled import kernel
+
+        def scale(x, factor):
+            for i in range(x.size):
+                x[i] *= factor
+
+        ours, theirs = kernel(scale), numba.njit(scale, error_model="numpy")
+        for function in (ours, theirs):
+            function(np.ones(3), 2.0)
+            text = next(iter(function.inspect_llvm().values()))
+            print("vector.body" in text, numba.config.LOOP_VECTORIZE)
+    """
+    assert run(copy_of_the_room(tmp_path), code).split() == ["False", "1", "True", "1"]

@@ -106,21 +106,6 @@ class GrunwaldLetnikov(FullMemory):
         return self.convolved(self.past, self.weights, self.k + 1)
 
 
-class L1Sum(FullMemory):
-    """The rate taken constant between samples, (f_k - f_(k-1))/h, over the whole past."""
-
-    def kernel(self, alpha, rows):
-        i = np.arange(rows + 1.0)
-        return self.step**-alpha * np.diff(i ** (1.0 - alpha)) / math.gamma(2.0 - alpha)
-
-    def __call__(self, f, rate):
-        self.k += 1
-        if self.k > 0:
-            self.past[:, self.k - 1] = f - self.last
-        self.last = f
-        return self.convolved(self.past, self.weights, self.k)
-
-
 class ProductIntegration(FullMemory):
     """The kernel integrated exactly against the package's rule for the rate, over the whole past.
 

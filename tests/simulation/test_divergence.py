@@ -107,11 +107,6 @@ def test_a_diverged_run_costs_infinity_and_its_metrics_are_those_of_its_rows():
     assert np.isnan(run.metrics.rms_tail).all()
 
 
-def test_all_runs_may_diverge():
-    runs = fp.simulate(EXPERIMENT, [BAD, BAD])
-    assert not any(run.outcome.completed for run in runs)
-
-
 def test_a_start_beyond_the_runaway_speed_is_refused():
     with pytest.raises(ArgumentError, match="v0: expected at most runaway_speed"):
         dataclasses.replace(EXPERIMENT, v0=(2000.0, 0.0))

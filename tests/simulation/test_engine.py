@@ -1,6 +1,7 @@
 """The engine: Pinocchio's motion from compiled dynamics, and the same bits however it is called."""
 
 import dataclasses
+import threading
 import tracemalloc
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +17,7 @@ from fpid_pin.references import Sinusoid
 from fpid_pin.simulation import batch, cost_of, entry
 from fpid_pin.simulation.blocks import BLOCK_ROWS
 from fpid_pin.simulation.engine import Simulation
+from fpid_pin.simulation.workers import WorkerPool
 
 ARM = fp.Arm.two_link()
 PAPER = fp.paper_experiment(duration=0.25)
@@ -184,12 +186,12 @@ def test_a_run_has_the_same_bits_alone_in_company_and_with_any_number_of_threads
     assert np.isfinite(costs).all()
     for workers in (1, 2, 5):
         assert np.array_equal(fp.evaluate(experiments, controllers, COSTS, workers=workers), costs)
-    with ThreadPoolExecutor(3) as pool:
-        other = fp.evaluate(experiments, controllers, COSTS, executor=pool)
-    assert np.array_equal(other, costs)
     for most in (1, 5):
         monkeypatch.setattr(entry, "PART", most)
         assert np.array_equal(fp.evaluate(experiments, controllers, COSTS), costs)
+        with ThreadPoolExecutor(3) as pool:
+            other = fp.evaluate(experiments, controllers, COSTS, executor=pool)
+        assert np.array_equal(other, costs)
 
 
 @pytest.mark.parametrize("dynamics", ["compiled", "pinocchio"])
@@ -334,6 +336,10 @@ def test_progress_ends_at_one_and_never_goes_back():
     fractions = [progress.part for progress in told]
     assert fractions == sorted(fractions)
     assert fractions[-1] == pytest.approx(1.0)
+    told.clear()
+    short = dataclasses.replace(COMPILED, duration=0.01)
+    fp.evaluate(short, [FPID] * 3 * entry.PART, workers=1, progress=told.append)
+    assert [progress.part for progress in told] == pytest.approx([1 / 3, 2 / 3, 1.0])
 
 
 def test_the_memory_of_a_cost_does_not_grow_with_the_horizon():
@@ -368,7 +374,26 @@ def test_threads_do_compiled_work_and_processes_what_holds_the_lock():
         (PAPER, FPID, True), (PAPER.with_dynamics("pinocchio"), FPID, False),
         (PAPER, InPython(), False),
     ):  # fmt: skip
-        with entry.executor_of(None, 1, [experiment], [law]) as pool:
+        with entry.executor_of(None, 1, [experiment, PAPER], [FPID, law]) as pool:
             assert isinstance(pool, ThreadPoolExecutor) == threads
+            assert isinstance(pool, WorkerPool) != threads
+    with entry.executor_of(None, None, [PAPER], [FPID]) as pool:
+        assert pool is None
     with pytest.raises(ArgumentError, match="workers or executor, not both"):
         fp.evaluate(PAPER, FPID, executor=ThreadPoolExecutor(1), workers=1)
+
+
+def test_after_a_fault_no_thread_begins_anything_more():
+    begun, first, before = [], threading.current_thread(), threading.active_count()
+
+    def fail(state, rows):
+        if threading.current_thread() is not first:  # the warm-up's runs are here
+            begun.append(1)
+            raise KeyboardInterrupt
+        return state
+
+    short = dataclasses.replace(PAPER, duration=0.05)
+    with pytest.raises(KeyboardInterrupt):
+        fp.evaluate(short, [FPID] * (20 * entry.PART), FromRows(0.0, fail), workers=2)
+    assert len(begun) < 20
+    assert threading.active_count() == before

@@ -61,30 +61,6 @@ def test_fewer_modes_cost_the_angles_less_than_they_cost_the_kernel():
         assert largest(engine(2e-3, 20.0, PUBLISHED, modes).q - hand.q) < bound
 
 
-@ORDERS
-def test_an_l1_sum_differs_by_its_own_order(orders):
-    """L1 knows e alone and is of order 2 - alpha, 2 - mu for the roughest term.
-
-    Both loops take the same Euler steps, so the operator's error alone is left. Largest
-    difference of the angles over 4 s, 1e-4 rad, at 4, 2, 1, 0.5 ms:
-    published 10.65 5.08 2.419 1.152, orders 1.069 1.070 1.070 for 2 - 0.932 = 1.068;
-    long memory 2.52 1.03 0.423 0.174, orders 1.289 1.286 1.282, falling to 2 - 0.75 = 1.25 as
-    the next channel, of order 1.4, dies out.
-    """
-    steps = [4e-3, 2e-3, 1e-3, 5e-4]
-    gaps = []
-    for k, h in enumerate(steps):
-        hand = closed_loop(by_hand.L1Sum, step=h, duration=4.0, orders=orders)
-        gaps.append((engine(h, 4.0, orders).q - hand.q)[:: 2**k])
-    sizes = np.array([largest(gap) for gap in gaps])
-    assert sizes[2] < 3e-4
-    theory = 2.0 - max(orders[1])
-    assert np.log2(sizes[:-1] / sizes[1:]) == pytest.approx([theory] * 3, abs=0.05)
-    # Without the error of that order nothing is left at h = 0 (found: 8e-7 and 1.3e-6 rad).
-    left = (2.0**theory * gaps[3] - gaps[2]) / (2.0**theory - 1.0)
-    assert largest(left) < 3e-6
-
-
 def test_a_grunwald_letnikov_loop_ten_times_finer_has_the_same_limit():
     """The whole loop, plant, law and eq. (1), at h/10 against the engine at h.
 

@@ -36,7 +36,7 @@ def written(folder):
 FULL = os.environ.get("FPID_TORTURE") == "full"
 #: What writes, and at which of its writes the disk fails: every so many, in full and in the suite.
 WORK = {
-    "Run.save": (1, 1), "output_folder": (1, 1), "tune()": (1, 5), "operators --plot": (1, 0),
+    "Run.save": (1, 1), "output_folder": (1, 1), "tune()": (1, 9), "operators --plot": (1, 0),
     "view --html": (1, 0), "playground --html": (1, 0), "export": (3, 0), "run": (3, 0),
     "tune": (7, 0),
 }  # fmt: skip

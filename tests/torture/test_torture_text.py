@@ -22,8 +22,8 @@ from fpid_pin.cli.main import main
 from fpid_pin.cli.screen import say, screen
 from fpid_pin.text import visible
 from fpid_pin.view import plots, report_html
-from fpid_pin.view.export import replay_html
 from fpid_pin.view.playground_page import playground_html
+from fpid_pin.view.replay import replay_html
 from fpid_pin.view.style import figure_bytes
 
 pytestmark = pytest.mark.torture

@@ -10,7 +10,7 @@ import pytest
 from fpid_pin import AdaptiveFpid, Arm, Experiment, Run, paper_controller
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation import Outcome
-from fpid_pin.simulation.run import describe_run
+from fpid_pin.simulation.run_meta import describe_run
 
 MakeRun = Callable[..., Run]
 

@@ -105,7 +105,7 @@ class Page:
         if shutil.which("node") is None:
             pytest.skip("no node")
         text = playground_html(job, laws)
-        tables = re.search(r"const SCENE = .*?;(?=\n|</script>)", text, re.DOTALL).group()
+        tables = "\n".join(re.findall(r"<script>(const (?:ENGINE|PAGE) = \{.*?\};)</script>", text))
         engine = re.search(r'id="engine">(.*?)</script>', text, re.DOTALL).group(1)
         self.table = json.loads(re.search(r"PAGE = (\{.*\});", tables, re.DOTALL).group(1))
         self.folder, self.script = folder, folder / "page.js"
@@ -121,6 +121,15 @@ class Page:
         assert done.returncode == 0, done.stderr[-1000:]
         return json.loads(done.stdout)
 
+    def faults(self, links):
+        """Return what the page says of each link, and whether all stays as described."""
+        ask = "process.stdout.write(JSON.stringify(JSON.parse(process.argv[3]).map((link) => {" + (
+            "const {now, faults} = fromLink(link); return [faults, same(now, fresh())]; })));"
+        )
+        script = self.folder / "links.js"
+        script.write_text(self.script.read_text(encoding="utf-8").replace(ASK, ask))
+        return json.loads(finished(["node", str(script), "", json.dumps(links)]).stdout)
+
     def check(self, asked):
         """Hold runs against those of their own TOML, run by Python; return these."""
         runs = []
@@ -134,8 +143,15 @@ class Page:
                 found = np.array(mine[name], dtype=float).reshape(want.shape)
                 scale = max(1.0, float(np.abs(want).max()))
                 assert np.abs(found - want).max() <= 1e-9 * scale, (changes, name)
-            assert mine["outcome"]["completed"] == run.outcome.completed, changes
-            if run.outcome.completed:
+            outcome = mine["outcome"]
+            assert outcome["completed"] == run.outcome.completed, changes
+            if not run.outcome.completed:
+                assert (outcome["joint"], outcome["cause"]) == (
+                    run.outcome.joint,
+                    run.outcome.cause,
+                )
+                assert outcome["time"] == pytest.approx(run.outcome.time, abs=1e-9)
+            else:
                 for name, values in mine["metrics"].items():
                     assert np.allclose(values, getattr(run.metrics, name), rtol=1e-8), changes
             runs.append(run)
@@ -224,3 +240,29 @@ def test_a_start_from_before_begins_with_the_kick_of_its_order_and_step(page):
     runs = page.check([{"controller": 1, **changes} for changes in asked])
     first = [np.abs(run.torque[0]).max() for run in runs]
     assert len({round(x, 6) for x in first}) == 4, "a kick depends on order and step"
+
+
+def test_an_arm_with_limits_and_friction_and_a_reference_without_a_formula(tmp_path):
+    arm = fp.Arm.from_example("ur5")
+    job = fp.Experiment(arm, fp.references.Hold(0.2), q0=arm.home, duration=DURATION)
+    page = Page(tmp_path, job, [fp.suggest_gains(arm, bandwidth=10.0)])
+    assert page.table["steps"] == [job.step]
+    friction = [1.0, 1.0, 1.0, 0.5, 0.5, 0.2]
+    page.check([{}, {"payload": 2.0, "dry_friction": friction, "viscous_friction": friction}])
+    # Presets fit any arm.
+    start = page.table["start"]
+    for preset in page.table["presets"]:
+        for key, value in (preset["now"] | (preset["pinned"] or {})).items():
+            assert type(value) is type(start[key])
+            assert np.shape(value) == np.shape(start[key])
+
+
+def test_a_link_is_refused_by_name(page):
+    links = {
+        "kp=1": "kp: expected 2 numbers", "kp=1,x": "kp: expected 2 numbers",
+        "integral_order=2,2": "integral_order: expected 0 to 1", "step=0.3": "step: expected one",
+        "nonsense=1": "nonsense: no such setting",
+    }  # fmt: skip
+    for (_, want), (faults, same) in zip(links.items(), page.faults(list(links)), strict=True):
+        assert [fault.startswith(want) for fault in faults] == [True]
+        assert same, "and ignored"

@@ -11,12 +11,11 @@ from bounded import until
 
 import fpid_pin as fp
 from fpid_pin.view import export_html, report_html
-from fpid_pin.view.camera import stage
 from fpid_pin.view.document import document
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.page import render
 from fpid_pin.view.playground_page import playground_html
-from fpid_pin.view.scene import live_scene
+from fpid_pin.view.replay import render
+from fpid_pin.view.scene import experiment_scene
 
 META = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
 SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
@@ -58,7 +57,7 @@ def playground_page(run, path):
 
 
 def live_page(run, path):
-    return render(live_scene([run.arm], ["live"], stage([run.arm], [run.q])), "live")
+    return render(experiment_scene(run.experiment, "live", 1.0) | {"live": True}, "live")
 
 
 PAGES = [replay_page, report_page, playground_page, live_page]

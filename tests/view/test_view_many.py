@@ -79,7 +79,7 @@ def test_a_heat_map_stays_whole(rows, columns):
     controllers = [f"a controller of name {k}" for k in range(rows)]
     conditions = [f"condition {k} with words" for k in range(columns)]
     figure = plots.heat_map(values, controllers, conditions, "RMS error, mrad")
-    (panel,), words = boxes(figure)
+    (panel, _), words = boxes(figure)
     width = figure.get_size_inches()[0]
     assert panel[2] > 0.35 * width
     assert panel[3] > 0.2 * rows

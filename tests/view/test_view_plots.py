@@ -8,7 +8,7 @@ import fpid_pin as fp
 from fpid_pin import Arm
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view import figures, plots, save_figure
-from fpid_pin.view.paper_figures import is_integer
+from fpid_pin.view.plots import is_integer
 from fpid_pin.view.style import _MOST, figure_bytes, thinned
 
 
@@ -95,36 +95,6 @@ def test_legends_do_not_cover_data(pair, standard):
                 assert box.y0 >= panel.get_window_extent().y1 - 1.0
 
 
-@pytest.fixture(scope="module")
-def eight(make_run, two_link):
-    """Eight controllers with long names, none of which follows another closely."""
-    return [
-        make_run(two_link, name=f"controller {k}, a name of thirty letters", lag=0.1 + 0.2 * k)
-        for k in range(8)
-    ]
-
-
-@pytest.mark.parametrize("draw", [plots.comparison, plots.error])
-def test_eight_runs_have_a_colour_each_and_a_legend_below_all_panels(eight, draw):
-    figure = draw(eight)
-    figure_bytes(figure, "png", dpi=50)
-    (legend,) = figure.legends
-    texts = [text.get_text() for text in legend.get_texts()]
-    assert texts == [run.name for run in eight]
-    whole, box = figure.bbox, legend.get_window_extent()
-    assert whole.x0 <= box.x0 < box.x1 <= whole.x1
-    for panel in axes_of(figure):
-        colours = [line.get_color() for line in panel.lines]
-        assert colours == [handle.get_color() for handle in legend.get_lines()]
-        assert len(set(colours)) == 8
-        assert {line.get_linestyle() for line in panel.lines} == {"-"}
-        assert panel.get_legend() is None
-        assert box.y1 <= panel.get_tightbbox().y0 + 1.0
-        # The legend leaves the panels their room.
-        width = len({a.get_window_extent().x0 for a in axes_of(figure)}) * panel.bbox.width
-        assert width > 0.8 * whole.width
-
-
 def test_a_run_that_follows_another_closely_is_dashed_so_that_both_are_seen(make_run, two_link):
     runs = [make_run(two_link, lag=lag) for lag in (0.3, 0.3, 0.9)]
     looks = [line.get_linestyle() for line in plots.comparison(runs).axes[0].lines]
@@ -141,7 +111,7 @@ def test_a_torque_limit_that_is_near_is_drawn(make_run):
     assert heights == [6.0, -6.0]
     panel = plots.torque(make_run(far)).axes[0]
     assert len(panel.lines) == 1
-    assert "900" in panel.texts[0].get_text()
+    assert "900" in panel.get_title(loc="right")
 
 
 @pytest.mark.parametrize("kind", ["svg", "pdf"])

@@ -98,7 +98,7 @@ def test_many_runs_show_some_of_them_in_the_replay(wave, tmp_path):
 def test_a_run_that_diverged_is_pointed_out(make_run, two_link, tmp_path):
     run = make_run(two_link, rows=100)
     path = report_html(run, tmp_path / "r.html", title="t", figures={}, embed_replay=False)
-    assert '<p class="ended">wave: diverged at 0.1 s' in path.read_text()
+    assert '<p class="bad">wave: diverged at 0.1 s' in path.read_text()
 
 
 def test_a_report_that_cannot_be_written_leaves_nothing(wave, tmp_path):

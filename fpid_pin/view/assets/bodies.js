@@ -1,6 +1,8 @@
 "use strict";
 // Solids, arms, tubes and arcs for three.js (which meshcat brings along).
 const THREE = MeshCat.THREE;
+// The colour of where an arm should be.
+const GHOST = [0.0, 0.62, 0.45];
 
 const BUFFERS = SCENE.buffers.map(({type, data}) => {
   const bytes = Uint8Array.from(atob(data), (c) => c.charCodeAt(0));
@@ -12,69 +14,33 @@ const BUFFERS = SCENE.buffers.map(({type, data}) => {
 const CREASE = Math.cos((40 * Math.PI) / 180);
 
 function meshGeometry({low, scale, vertices, triangles}) {
-  const grid = BUFFERS[vertices], index = BUFFERS[triangles], faces = index.length / 3;
-  const points = new Float32Array(grid.length);
-  for (let i = 0; i < grid.length; i++) points[i] = low[i % 3] + scale[i % 3] * grid[i];
-  const face = new Float32Array(3 * faces), size = new Float32Array(faces);
-  const first = new Uint32Array(grid.length / 3 + 1);
-  for (let f = 0; f < faces; f++) {
-    const [a, b, c] = [3 * index[3 * f], 3 * index[3 * f + 1], 3 * index[3 * f + 2]];
-    const u = [0, 1, 2].map((k) => points[b + k] - points[a + k]);
-    const v = [0, 1, 2].map((k) => points[c + k] - points[a + k]);
-    const n = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
-    size[f] = Math.hypot(...n);
-    for (let k = 0; k < 3; k++) {
-      face[3 * f + k] = size[f] > 0 ? n[k] / size[f] : 0;
-      first[index[3 * f + k] + 1]++;
-    }
-  }
-  for (let i = 1; i < first.length; i++) first[i] += first[i - 1];
-  const around = new Uint32Array(index.length), next = first.slice();
-  for (let i = 0; i < index.length; i++) around[next[index[i]]++] = Math.floor(i / 3);
-  const position = new Float32Array(3 * index.length), normal = new Float32Array(3 * index.length);
-  for (let i = 0; i < index.length; i++) {
-    const own = 3 * Math.floor(i / 3), corner = index[i];
-    for (let k = 0; k < 3; k++) position[3 * i + k] = points[3 * corner + k];
-    for (let j = first[corner]; j < first[corner + 1]; j++) {
-      const other = 3 * around[j];
-      const cosine = face[own] * face[other] + face[own + 1] * face[other + 1]
-        + face[own + 2] * face[other + 2];
-      if (cosine < CREASE) continue;
-      for (let k = 0; k < 3; k++) normal[3 * i + k] += size[around[j]] * face[other + k];
-    }
-  }
+  const grid = BUFFERS[vertices], index = BUFFERS[triangles];
+  const position = Float32Array.from({length: 3 * index.length}, (_, i) =>
+    low[i % 3] + scale[i % 3] * grid[3 * index[Math.floor(i / 3)] + (i % 3)]);
   const geometry = new THREE.BufferGeometry();
   geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
-  geometry.setAttribute("normal", new THREE.BufferAttribute(normal, 3));
+  // Each face's own normals, at each of its corners.
+  geometry.computeVertexNormals();
+  const smooth = geometry.attributes.normal.array, own = smooth.slice();
+  const corners = Array.from({length: grid.length / 3}, () => []);
+  index.forEach((vertex, i) => corners[vertex].push(3 * i));
+  index.forEach((vertex, i) => {
+    const [x, y, z] = own.subarray(3 * i, 3 * i + 3);
+    for (const j of corners[vertex]) {
+      if (j === 3 * i || x * own[j] + y * own[j + 1] + z * own[j + 2] < CREASE) continue;
+      for (let k = 0; k < 3; k++) smooth[3 * i + k] += own[j + k];
+    }
+  });
   geometry.normalizeNormals();
   return geometry;
 }
 
-function solidGeometry(shape) {
-  const [a, b, c] = shape.size;
-  // three.js draws round solids along y, robot files along z.
-  const upright = (geometry) => geometry.rotateX(Math.PI / 2);
-  switch (shape.kind) {
-    case "mesh": return meshGeometry(shape);
-    case "box": return new THREE.BoxGeometry(a, b, c);
-    case "sphere": return new THREE.SphereGeometry(a, 32, 24);
-    case "ellipsoid": return new THREE.SphereGeometry(1, 32, 24).scale(a, b, c);
-    case "cylinder": return upright(new THREE.CylinderGeometry(a, a, b, 40));
-    case "cone": return upright(new THREE.ConeGeometry(a, b, 40));
-    case "capsule": {
-      const profile = [];
-      for (let i = 0; i <= 24; i++) {
-        const angle = -Math.PI / 2 + (Math.PI * i) / 24;
-        const y = a * Math.sin(angle) + (i <= 12 ? -b / 2 : b / 2);
-        profile.push(new THREE.Vector2(Math.max(a * Math.cos(angle), 0), y));
-      }
-      return upright(new THREE.LatheGeometry(profile, 32));
-    }
-  }
-  throw new Error(`unknown shape ${shape.kind}`);
-}
+const GEOMETRIES = SCENE.arms.map((arm) => arm.shapes.map(meshGeometry));
 
-const GEOMETRIES = SCENE.arms.map((arm) => arm.shapes.map(solidGeometry));
+function placed(thing, matrix) {
+  new THREE.Matrix4().fromArray(matrix).decompose(thing.position, thing.quaternion, thing.scale);
+  return thing;
+}
 
 // One arm in the scene; ghost: in one translucent colour.
 class ArmBody {
@@ -86,10 +52,7 @@ class ArmBody {
     this.frames = [];
     let above = this.root;
     for (const joint of this.table.joints) {
-      const frame = new THREE.Group();
-      new THREE.Matrix4().fromArray(joint.placement)
-        .decompose(frame.position, frame.quaternion, frame.scale);
-      const turn = new THREE.Group();
+      const frame = placed(new THREE.Group(), joint.placement), turn = new THREE.Group();
       frame.add(turn);
       above.add(frame);
       this.frames.push(frame);
@@ -107,9 +70,7 @@ class ArmBody {
         polygonOffset: ghost, polygonOffsetFactor: 2, polygonOffsetUnits: 1500,
         depthWrite: !ghost,
       });
-      const mesh = new THREE.Mesh(GEOMETRIES[kind][i], material);
-      new THREE.Matrix4().fromArray(shape.placement)
-        .decompose(mesh.position, mesh.quaternion, mesh.scale);
+      const mesh = placed(new THREE.Mesh(GEOMETRIES[kind][i], material), shape.placement);
       (shape.joint < 0 ? this.root : this.turns[shape.joint][0]).add(mesh);
     });
   }
@@ -134,9 +95,43 @@ class ArmBody {
     place.multiply(turn.fromArray(at.placement));
     return new THREE.Vector3().setFromMatrixPosition(place);
   }
+
+  // The tool's path through rows of q, and the row of each point; what is nearer than a thousandth
+  // of the arm to the point before is left out.
+  path(q) {
+    const n = this.turns.length, points = [], rows = [];
+    for (let k = 0; (k + 1) * n <= q.length; k++) {
+      const at = this.tool(q.subarray(k * n, (k + 1) * n)), last = points[points.length - 1];
+      if (!Number.isFinite(at.lengthSq()) || (last && at.distanceTo(last) < 1e-3 * SCENE.reach)) continue;
+      points.push(at);
+      rows.push(k);
+    }
+    return {points, rows};
+  }
 }
 
 const SIDES = 6;
+
+// A line through points as three.js lays a tube along it.
+class Polyline extends THREE.Curve {
+  constructor(points) {
+    super();
+    this.points = points;
+  }
+
+  at(i) {
+    return this.points[Math.min(Math.max(i, 0), this.points.length - 1)];
+  }
+
+  getPointAt(u, target = new THREE.Vector3()) {
+    return target.copy(this.at(Math.round(u * (this.points.length - 1))));
+  }
+
+  getTangentAt(u, target = new THREE.Vector3()) {
+    const i = Math.round(u * (this.points.length - 1));
+    return target.subVectors(this.at(i + 1), this.at(i - 1)).normalize();
+  }
+}
 
 // A tube through points, drawn up to any of them: WebGL lines are one pixel wide.
 class Tube {
@@ -151,34 +146,9 @@ class Tube {
   }
 
   set(points) {
-    const n = points.length, position = new Float32Array(3 * SIDES * n);
-    const index = new Uint32Array(6 * SIDES * Math.max(n - 1, 0));
-    const tangent = new THREE.Vector3(), normal = new THREE.Vector3(1, 0.3, 0.2);
-    const side = new THREE.Vector3(), step = new THREE.Vector3();
-    for (let i = 0; i < n; i++) {
-      step.subVectors(points[Math.min(i + 1, n - 1)], points[Math.max(i - 1, 0)]);
-      if (step.lengthSq() > 1e-16) tangent.copy(step).normalize();
-      normal.addScaledVector(tangent, -normal.dot(tangent));
-      if (normal.lengthSq() < 1e-8) normal.set(tangent.y, tangent.z, -tangent.x);
-      normal.addScaledVector(tangent, -normal.dot(tangent)).normalize();
-      side.crossVectors(tangent, normal);
-      for (let s = 0; s < SIDES; s++) {
-        const angle = (2 * Math.PI * s) / SIDES, k = 3 * (SIDES * i + s);
-        const c = this.radius * Math.cos(angle), d = this.radius * Math.sin(angle);
-        position[k] = points[i].x + c * normal.x + d * side.x;
-        position[k + 1] = points[i].y + c * normal.y + d * side.y;
-        position[k + 2] = points[i].z + c * normal.z + d * side.z;
-        if (i + 1 < n) {
-          const a = SIDES * i + s, b = SIDES * i + ((s + 1) % SIDES);
-          index.set([a, b, a + SIDES, b, b + SIDES, a + SIDES], 6 * a);
-        }
-      }
-    }
-    const geometry = new THREE.BufferGeometry();
-    geometry.setAttribute("position", new THREE.BufferAttribute(position, 3));
-    geometry.setIndex(new THREE.BufferAttribute(index, 1));
     this.mesh.geometry.dispose();
-    this.mesh.geometry = geometry;
+    this.mesh.geometry = points.length < 2 ? new THREE.BufferGeometry()
+      : new THREE.TubeGeometry(new Polyline(points), points.length - 1, this.radius, SIDES);
     return this;
   }
 

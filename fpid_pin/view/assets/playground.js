@@ -1,9 +1,8 @@
 "use strict";
 // The page: a setting moves, the worker runs, everything is drawn anew.
-const element = (id) => document.getElementById(id);
 const worker = new Worker(URL.createObjectURL(
   new Blob([element("engine").textContent], {type: "text/javascript"})));
-const stage = new Stage(element("stage"));
+const stage = new ArmView(element("stage"));
 const plots = Object.fromEntries(["error", "torque", "signal"].map((name) =>
   [name, new Plot(element(`plot-${name}`))]));
 const state = {runs: null, pinned: null, got: 0, busy: false, waiting: false, latency: []};

@@ -1,12 +1,5 @@
 "use strict";
 // Sliders: each a range and a number for the same setting, one for all joints and one for each.
-const make = (tag, attributes = {}, ...children) => {
-  const node = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) node.setAttribute(name, value);
-  node.append(...children);
-  return node;
-};
-
 // How far along its range a value is, 0 to 1, and back.
 function scaleOf({scale, low, high, least, step}, base) {
   const log = (from, to) => ({
@@ -103,7 +96,6 @@ class Slider {
     this.number.placeholder = alike ? "" : "mixed";
     this.range.setAttribute("aria-valuetext", alike
       ? `${text}${this.factor ? " described" : ` ${this.control.unit}`}` : "each joint has its own");
-    this.range.style.setProperty("--at", `${100 * Math.min(Math.max(at, 0), 1)}%`);
     this.row.classList.toggle("changed", !same(model.now[this.key], PAGE.start[this.key]));
   }
 }

@@ -4,15 +4,17 @@
 // E (the engine's table), M (the memory) and K (the rollouts) stand before this script.
 const decode = (text) => new Float64Array(
   Uint8Array.from(atob(text), (c) => c.charCodeAt(0)).buffer);
-const decoded = (table) => Object.entries(table).map(([name, text]) => [E.places[name], decode(text)]);
-const AT = E.places, N = E.n, B = E.block, MODES = E.modes, WIDTH = 3 + MODES;
-const START = decoded(E.start), POINTS = decode(E.points), PAYLOAD = decode(E.payload);
-const LAWS = E.laws.map((law) => ({...law, start: decoded(law.start)}));
+const N = E.n, B = E.block, MODES = E.modes, WIDTH = 3 + MODES;
+const POINTS = decode(E.points), PAYLOAD = decode(E.payload);
+const LAWS = E.laws.map((law) => ({...law, width: Object.keys(law.fields).length,
+  start: Object.entries(law.start).map(([name, text]) => [law.places[name], decode(text)])}));
 const STEPS = E.steps.map(({step, poles, weights}) =>
   ({step, poles: decode(poles), weights: decode(weights)}));
 const ROWS = E.reference.rows ? decode(E.reference.rows) : null;
 
-// The place of a field of record k of an array; of a law's own number of joint j.
+// Where in the memory the arrays of the law that runs begin; the place of a field of record k of an
+// array; of a law's own number of joint j.
+let AT = null, width = 0;
 const place = (name, k, field) => {
   const fields = E.fields[name];
   return AT[name] + k * Object.keys(fields).length + fields[field];
@@ -20,7 +22,7 @@ const place = (name, k, field) => {
 const write = (name, k, values) => {
   for (const [field, value] of Object.entries(values)) M[place(name, k, field)] = Number(value);
 };
-const numberOf = (j, column) => AT["c.joints"] + j * E.width + column;
+const numberOf = (j, column) => AT["c.joints"] + j * width + column;
 const own = (value, j) => (Array.isArray(value) ? value[j % value.length] : value);
 
 // c1, c0, c2 and the modes' weights at an order, by the polynomial through Chebyshev's points
@@ -63,7 +65,6 @@ function setOperators(S, law, step) {
 
 // A law's numbers, as `Controller.numbers` gives them.
 function setLaw(S, law) {
-  for (const [at, values] of law.start) M.set(values, at);
   for (let j = 0; j < N; j++) {
     const at = (name) => numberOf(j, law.fields[name]);
     const set = (values) => Object.entries(values).forEach(([name, x]) => { M[at(name)] = x; });
@@ -99,14 +100,13 @@ function setAssistance(S, law) {
   robot({h: S.step, observes: bandwidth > 0, l1: 1 - pole * pole, l2: (1 - pole) * (1 - pole) / S.step,
     supervised: S.supervised});
   if (!S.supervised) return;
-  const size = S.m_x - s.reference_bound, most = s.half_smallest * (size * size);
-  const {p11, p12, p22, k0, k1, layer, own_gravity} = s;
-  robot({p11, p12, p22, k0, k1, [s.kind]: true});
-  if (s.kind === "paper") robot({threshold: most, layer, own_gravity});
-  else {
-    robot({lookahead: Math.max(s.lookahead, S.step), target: s.target * most,
-      trigger: s.trigger * most});
+  // Those of V are in proportion to the square of what M_x leaves beside the reference.
+  const size = ((S.m_x - s.reference_bound) / (s.m_x - s.reference_bound)) ** 2;
+  robot({...s.constants, [s.kind]: true});
+  for (const name of ["threshold", "target", "trigger"]) {
+    if (name in s.constants) robot({[name]: size * s.constants[name]});
   }
+  if (s.kind === "sampled") robot({lookahead: Math.max(s.lookahead, S.step)});
   s.bound.forEach((bound, j) => { M[numberOf(j, law.fields.bound)] = bound; });
 }
 
@@ -171,8 +171,9 @@ function outcome(row, S) {
 
 function simulate(S) {
   const law = LAWS[S.controller];
+  [AT, width] = [law.places, law.width];
   M.fill(0);
-  for (const [at, values] of START) M.set(values, at);
+  for (const [at, values] of law.start) M.set(values, at);
   setLaw(S, law);
   setAssistance(S, law);
   setOperators(S, law, STEPS.find((each) => each.step === S.step));

@@ -3,7 +3,6 @@
 // is dashed and thin.
 const LIGHT = ["#0063a3", "#c24b00", "#00795a", "#a8457f", "#8a6200", "#2a8fc9", "#6d4aa5"];
 const DARK = ["#5db4f0", "#ff9350", "#35c99d", "#ee9fcb", "#f2c14b", "#9bd8ff", "#c0a5f0"];
-const dark = window.matchMedia("(prefers-color-scheme: dark)");
 const colour = (k) => (dark.matches ? DARK : LIGHT)[k % LIGHT.length];
 const TIMES = Array.from({length: ENGINE.shown}, (_, k) => ((k / ENGINE.shown) * ENGINE.duration));
 

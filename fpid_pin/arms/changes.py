@@ -1,0 +1,243 @@
+"""Arms made from other arms: payload, friction, limits, gravity, inertias."""
+
+from __future__ import annotations
+
+import dataclasses
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, Self
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.arms.inertia import impossible, inertia_of, perturbed_rows, row_of, scaled_rows
+from fpid_pin.arms.joints import placement_of
+from fpid_pin.arms.spec import ArmSpec, gravity_vector
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import shown
+
+#: A limit that is none, in a file: inf is not a number in JSON.
+_FAR = 1e9
+
+
+class ArmChanges:
+    """What makes another arm of an arm; ``with_NAME`` is the change NAME of a file's table."""
+
+    _spec: ArmSpec
+
+    @abstractmethod
+    def _changed(self, spec: ArmSpec, change: Mapping[str, Any]) -> Self:
+        """Return the arm of `spec`; `change` is its table, ``{name: {field: value}}``."""
+
+    def with_payload(
+        self,
+        mass: float,
+        com: ArrayLike = (0.0, 0.0, 0.0),
+        frame: str | None = None,
+        inertia: ArrayLike | None = None,
+    ) -> Self:
+        """Return the arm holding a body, `mass` [kg], at `com` [m] of `frame` (None: the tool's).
+
+        `inertia` is the body's (3, 3) rotational inertia about its centre of mass [kg m^2]; None: a
+        point.
+        """
+        spec, mass = self._spec, checks.number("mass", mass, low=0.0)
+        centre = _shaped("com", com, (3,))
+        about = _shaped("inertia", np.zeros((3, 3)) if inertia is None else inertia, (3, 3))
+        body = pin.Inertia(mass, np.array(centre), np.zeros((3, 3)))
+        body.inertia = np.array(about)
+        if not np.array_equal(about, about.T):
+            raise ArgumentError("inertia", "a symmetric matrix", about.tolist())
+        if impossible(np.array([row_of(body)]), rounding=1e-9)[0]:
+            expected = "principal moments >= 0, none above the sum of the others"
+            raise ArgumentError("inertia", expected, np.linalg.eigvalsh(about).tolist())
+        places = {joint.name: (k, pin.SE3.Identity()) for k, joint in enumerate(spec.joints)}
+        places |= {f.name: (f.joint, placement_of(f.placement)) for f in spec.frames}
+        name = checks.choice("frame", frame or spec.tool_frame, places)
+        joint, place = places[name]
+        if joint < 0:
+            raise ArgumentError("frame", "a frame that moves with the arm", shown(name))
+        rows = spec.column("inertia")
+        if mass > 0.0:
+            rows[joint] = row_of(inertia_of(rows[joint]) + place.act(body))
+        given = None if inertia is None else about
+        fields = {"mass": mass, "com": centre, "frame": frame, "inertia": given}
+        return self._changed(spec.with_columns(inertia=rows), _table("payload", fields))
+
+    def with_friction(self, viscous: ArrayLike | None = None, dry: ArrayLike | None = None) -> Self:
+        """Return the arm with other F_v [N m s/rad] or F_d [N m]; what is None stays."""
+        given = {"viscous friction": viscous, "dry friction": dry}
+        columns = self._columns(given, ("damping", "friction"), low=0.0)
+        return self._changed(
+            self._spec.with_columns(**columns),
+            _table("friction", {"viscous": columns.get("damping"), "dry": columns.get("friction")}),
+        )
+
+    def with_limits(
+        self,
+        effort: ArrayLike | None = None,
+        velocity: ArrayLike | None = None,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+    ) -> Self:
+        """Return the arm with other limits; what is None stays.
+
+        `effort` [N m] and `velocity` [rad/s]: 0 or inf is none; `lower` and `upper` [rad]: -inf or
+        inf is none. Home moves into them.
+        """
+        rates = {"effort limit": effort, "velocity limit": velocity}
+        columns = self._columns(rates, ("effort", "velocity"), low=0.0)
+        columns = {key: np.where(limit > 0.0, limit, np.inf) for key, limit in columns.items()}
+        bounds = {"lower limit": lower, "upper limit": upper}
+        columns |= self._columns(bounds, ("lower", "upper"))
+        columns = {
+            key: np.where(np.abs(limit) < _FAR, limit, np.copysign(np.inf, limit))
+            for key, limit in columns.items()
+        }
+        spec = self._spec.with_columns(**columns)
+        for joint in spec.joints:
+            if not joint.lower < joint.upper:
+                what = f"a number > {joint.lower:g} for {joint.name}"
+                raise ArgumentError("upper limit", what, f"{joint.upper:g}")
+        written = {key: np.clip(limit, -_FAR, _FAR) for key, limit in columns.items()}
+        return self._changed(spec, _table("limits", written))
+
+    def with_gravity(self, gravity: ArrayLike) -> Self:
+        """Return the arm under another gravity [m/s^2]: a number (along -z) or (3,)."""
+        vector = gravity_vector(gravity)
+        spec = dataclasses.replace(self._spec, gravity=tuple(vector.tolist()))
+        return self._changed(spec, _table("gravity", {"gravity": vector}))
+
+    def with_armature(self, armature: ArrayLike) -> Self:
+        """Return the arm with other rotor inertias [kg m^2], seen at the joint."""
+        columns = self._columns({"armature": armature}, ("armature",), low=0.0)
+        return self._changed(self._spec.with_columns(**columns), _table("armature", columns))
+
+    def with_inertias(self, rows: ArrayLike) -> Self:
+        """Return the arm with other inertias for all links, (n, 10).
+
+        A row is mass, centre of mass (3) in the joint's frame and rotational inertia about it: xx,
+        xy, yy, xz, yz, zz. These are Pinocchio's own numbers, so that nothing is rounded.
+        """
+        numbers = _shaped("inertias", rows, (len(self._spec.joints), 10))
+        return self._changed(
+            self._spec.with_columns(inertia=numbers), _table("inertias", {"rows": numbers})
+        )
+
+    def with_scaled_links(self, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0) -> Self:
+        """Return the arm with heavier or lighter links, each by a factor > 0, a scalar or (n,).
+
+        `mass` scales a link's density, and with it its rotational inertia, which `inertia` scales
+        further. Centres of mass stay; what is made is physically consistent if this arm is.
+        """
+        factors = self._columns({"mass": mass, "inertia": inertia}, ("mass", "inertia"), above=0.0)
+        rows = scaled_rows(self._spec.column("inertia"), **factors)
+        return self._changed(self._spec.with_columns(inertia=rows), _table("scaled_links", factors))
+
+    def with_changes(self, *tables: Mapping[str, Any]) -> Self:
+        """Return the arm with changes as files have them, ``{"payload": {"mass": 1.0}}``, in order.
+
+        Raises
+        ------
+        ArgumentError
+            An unknown change or field, or a value that it refuses.
+        """
+        arm = self
+        for k, table in enumerate(tables):
+            if not isinstance(table, Mapping) or len(table) != 1:
+                raise ArgumentError(f"changes.{k}", "a table with one change", shown(table))
+            ((name, fields),) = table.items()
+            checks.choice(f"changes.{k}", name, CHANGES)
+            checks.instance(f"changes.{k}.{name}", fields, Mapping, "a table")
+            for key in fields:
+                checks.choice(f"key in changes.{k}.{name}", key, CHANGES[name])
+            if name in _REQUIRED and _REQUIRED[name] not in fields:
+                raise ArgumentError(f"changes.{k}.{name}.{_REQUIRED[name]}", "a value", "none")
+            arm = getattr(arm, f"with_{name}")(**fields)
+        return arm
+
+    def perturbed(
+        self,
+        rng: np.random.Generator,
+        mass: float = 0.2,
+        com: float = 0.0,
+        inertia: float = 0.0,
+        friction: float = 0.0,
+    ) -> Self:
+        """Return an arm whose true parameters differ from this one's, at random.
+
+        Parameters
+        ----------
+        rng
+            Where chance comes from; the same state gives the same arm.
+        mass
+            Relative spread of each link's mass (and of its rotational inertia with it), in [0, 1).
+        com
+            Each centre of mass moves by up to this much along each axis [m].
+        inertia
+            Further relative spread of the rotational inertia about the centre of mass, in [0, 1).
+        friction
+            Relative spread of F_v and F_d per joint, in [0, 1].
+
+        Notes
+        -----
+        All spreads are uniform. Whatever is drawn is physically consistent if this arm is.
+        """
+        checks.instance("rng", rng, np.random.Generator, "a numpy.random.Generator")
+        for name, value in (("mass", mass), ("inertia", inertia), ("friction", friction)):
+            checks.number(name, value, low=0.0, high=1.0 if name == "friction" else 1.0 - 1e-9)
+        checks.number("com", com, low=0.0)
+        rows = perturbed_rows(self._spec.column("inertia"), rng, mass, com, inertia)
+        arm = self.with_inertias(rows)
+        if friction:
+            scale = rng.uniform(1.0 - friction, 1.0 + friction, (2, len(rows)))
+            viscous, dry = scale * [self._spec.column(key) for key in ("damping", "friction")]
+            arm = arm.with_friction(viscous, dry)
+        return arm
+
+    def _columns(
+        self,
+        given: Mapping[str, Any],
+        keys: tuple[str, ...],
+        low: float | None = None,
+        above: float | None = None,
+    ) -> dict[str, Any]:
+        """Return what is given, by its name in a message, as (n,) by these keys."""
+        n, finite = len(self._spec.joints), not any("limit" in name for name in given)
+        return {
+            key: checks.per_joint(name, value, n, low=low, above=above, finite=finite)
+            for key, (name, value) in zip(keys, given.items(), strict=True)
+            if value is not None
+        }
+
+
+#: Changes of a file's table, and their keys; those without which a change is none.
+CHANGES = {
+    "payload": ("mass", "com", "frame", "inertia"),
+    "friction": ("viscous", "dry"),
+    "limits": ("effort", "velocity", "lower", "upper"),
+    "gravity": ("gravity",),
+    "armature": ("armature",),
+    "inertias": ("rows",),
+    "scaled_links": ("mass", "inertia"),
+}
+_REQUIRED = {"payload": "mass", "gravity": "gravity", "armature": "armature", "inertias": "rows"}
+
+
+def _table(name: str, fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a change as a file has it: plain values, without what is None."""
+    plain = {
+        key: value.tolist() if isinstance(value, np.ndarray) else value
+        for key, value in fields.items()
+        if value is not None
+    }
+    return {name: plain}
+
+
+def _shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Any:
+    array = checks.floats(name, value)
+    if array.shape != shape:
+        raise ArgumentError(name, f"shape {shape}", f"shape {array.shape}")
+    return array

@@ -1,0 +1,117 @@
+"""What the readers of robot files share: their text, which kind it is, errors on one line."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from xml.parsers import expat
+
+from fpid_pin import checks
+from fpid_pin.exceptions import ArmError
+from fpid_pin.text import cut, visible
+
+#: Elements within one another, at most; a URDF needs six. XML is written, and read by the parsers
+#: of Pinocchio, by functions that call themselves.
+NESTED = 100
+#: Characters of an element's name in a message.
+_TAG = 60
+#: Root elements, what such a file is called, and what reads it.
+KINDS = {"robot": ("URDF", "Arm.from_urdf"), "mujoco": ("MJCF", "Arm.from_mjcf")}
+
+
+def read_robot(path: str | Path, kind: str = "URDF") -> bytes:
+    """Read a robot's file; whatever the file system says becomes one `ArmError`."""
+    checks.instance("path", path, (str, Path), f"the path of a {kind} file")
+    file, label = Path(path), cut(str(path))
+    try:
+        if not file.is_file():
+            got = "a folder" if file.is_dir() else "none"
+            raise ArmError(f"{label}: expected a {kind} file, got {got}")
+        return file.read_bytes()
+    except OSError as error:
+        # What the system says of a name that is too long repeats the name.
+        raise ArmError(f"{label}: cannot be read: {error.strerror or error}") from None
+
+
+def parse_xml(text: bytes | str, label: str) -> ET.Element:
+    """Parse a robot's file as urdfdom and MuJoCo do, and return its root.
+
+    That is without namespaces: a prefix is part of a name, and need not be declared. White space
+    may come before the declaration, and ``--`` may stand in a comment.
+
+    Raises
+    ------
+    ArmError
+        Broken XML, elements too deep, or a file that `xacro` has to read first.
+    """
+    # Of a text the encoding is known, whatever it declares.
+    parser = expat.ParserCreate("utf-8" if isinstance(text, str) else None)
+    data = text.encode("utf-8", "replace") if isinstance(text, str) else text
+    data = re.sub(rb"<!--.*?-->", b"", data.removeprefix(b"\xef\xbb\xbf").lstrip(), flags=re.DOTALL)
+    builder, within = ET.TreeBuilder(), list[str]()
+
+    def start(tag: str, attributes: Mapping[str, str]) -> None:
+        within.append(tag)
+        if tag.startswith("xacro:"):
+            shell = label if " " not in label else f"'{label}'"
+            raise ArmError(
+                f"{label}: expected a robot that is written out, got macros of xacro (run: xacro "
+                f"{shell} > robot.urdf, and read that)"
+            )
+        if len(within) > NESTED:
+            raise ArmError(
+                f"{label}: expected at most {NESTED} elements within one another, got more around "
+                f"<{cut(tag, _TAG)}>"
+            )
+        builder.start(tag, dict(attributes))
+
+    def end(tag: str) -> None:
+        within.pop()
+        builder.end(tag)
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    try:
+        parser.Parse(data, True)
+        return builder.close()
+    except (expat.ExpatError, AssertionError, ValueError, LookupError) as error:
+        raise ArmError(f"{label}: expected well-formed XML, got {error}") from None
+
+
+def require_root(root: ET.Element, tag: str, label: str) -> None:
+    """Refuse a file of another kind, and say what reads it."""
+    if root.tag != tag:
+        hint = f" ({KINDS[root.tag][1]} reads it)" if root.tag in KINDS else ""
+        raise ArmError(f"{label}: expected a <{tag}> element, got <{cut(root.tag, _TAG)}>{hint}")
+
+
+def kind_of(path: str | Path) -> str:
+    """Return the root element of a robot's file: one of `KINDS`.
+
+    Raises
+    ------
+    ArmError
+        A file that cannot be read, or of another kind.
+    """
+    label = cut(str(path))
+    root = parse_xml(read_robot(path, "URDF or MJCF"), label)
+    if root.tag not in KINDS:
+        known = " or ".join(f"<{tag}>" for tag in KINDS)
+        raise ArmError(f"{label}: expected {known}, got <{cut(root.tag, _TAG)}>")
+    return str(root.tag)
+
+
+@contextmanager
+def one_line(what: str) -> Iterator[None]:
+    """Turn whatever a library, git, the network or the disk raises into one `ArmError`."""
+    try:
+        yield
+    except ArmError:
+        raise
+    except Exception as error:
+        # Some of Pinocchio's messages begin with where in its source they come from.
+        said = str(error).rpartition("\nmessage:")[2]
+        reason = visible(" ".join(said.split())) or type(error).__name__
+        raise ArmError(f"{what}: {cut(reason, 400)}") from None

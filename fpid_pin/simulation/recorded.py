@@ -1,0 +1,76 @@
+"""Arrays that another simulator or a robot has recorded, checked and put on a uniform clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArgumentError
+
+#: Fraction of a step by which a row's time may be off the grid; it is measured as if on it.
+JITTER = 0.1
+
+
+def on_a_clock(
+    t: ArrayLike, motion: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike], n: int,
+    resample: float | None,
+) -> tuple[float, FloatArray, dict[str, FloatArray], dict[str, FloatArray]]:  # fmt: skip
+    """Return a step, times k h, and the motion and signals at these times: see `Run.from_arrays`.
+
+    Rates that are not given are differences of the angles.
+    """
+    time = checks.floats("t", t)
+    if time.ndim != 1 or len(time) < 2:
+        raise ArgumentError("t", "(N,) with at least 2 rows", f"shape {time.shape}")
+    back = np.flatnonzero(np.diff(time) <= 0.0)
+    if back.size:
+        k = int(back[0]) + 1
+        raise ArgumentError("t", "times that increase", f"{time[k]:g} s in row {k}")
+    time, rows = time - time[0], len(time)
+    own = {key: _array(key, value, ((rows, n),)) for key, value in motion.items()}
+    shapes = ((rows, n), (rows,))
+    others = {key: _array(f"signals.{key}", value, shapes) for key, value in signals.items()}
+    for rate, angle in (("v", "q"), ("v_ref", "q_ref")):
+        if rate not in own:
+            own[rate] = np.gradient(own[angle], time, axis=0)
+    if resample is None:
+        step = _uniform_step(time)
+        return step, step * np.arange(rows, dtype=np.float64), own, others
+    step = checks.number("resample", resample, above=0.0)
+    count = checks.sample_count(float(time[-1]), step)
+    grid: FloatArray = step * np.arange(count, dtype=np.float64)
+    own, others = (
+        {key: _interpolated(grid, time, array) for key, array in table.items()}
+        for table in (own, others)
+    )
+    return step, grid, own, others
+
+
+def _array(name: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) -> FloatArray:
+    array = checks.floats(name, value)
+    if array.shape not in shapes:
+        raise ArgumentError(name, f"shape {shapes[0]} (rows, joints)", f"shape {array.shape}")
+    return array.copy()
+
+
+def _uniform_step(time: FloatArray) -> float:
+    step = float(time[-1]) / (len(time) - 1)
+    checks.number("t's step", step, low=checks.STEPS[0], high=checks.STEPS[1])
+    off = np.abs(time - step * np.arange(len(time)))
+    worst = int(np.argmax(off))
+    if off[worst] > JITTER * step:
+        raise ArgumentError(
+            "t", f"a step of {step:g} s throughout (or resample={step:.3g})",
+            f"row {worst} off by {off[worst]:.3g} s",
+        )  # fmt: skip
+    return step
+
+
+def _interpolated(grid: FloatArray, time: FloatArray, array: FloatArray) -> FloatArray:
+    columns = array.reshape(len(time), -1).T
+    found = np.stack([np.interp(grid, time, column) for column in columns], axis=1)
+    return found.reshape(len(grid), *array.shape[1:])
