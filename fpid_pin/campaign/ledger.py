@@ -21,13 +21,14 @@ import numpy as np
 from fpid_pin import own_code
 from fpid_pin.campaign.chunk import Done, Ended
 from fpid_pin.campaign.data import METRICS, CampaignData
+from fpid_pin.campaign.quantities import units_of
 from fpid_pin.campaign.study import Study
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.files import kind_of, replacing
 from fpid_pin.text import differences
 
 #: What SQLite files of ours say of themselves, and the layout of their tables.
-APPLICATION, LAYOUT = 0x46504944, 1
+APPLICATION, LAYOUT = 0x46504944, 2
 _FIGURES = ", ".join(METRICS)
 
 
@@ -63,15 +64,9 @@ class Ledger:
             try:
                 self._require_ours()
                 self.study_table: dict[str, Any] = json.loads(self._meta("study"))
-                self.parameters = tuple(json.loads(self._meta("parameters")))
-                self.units = tuple(json.loads(self._meta("units")))
                 if study is not None:
                     self._require_same(study)
-                    with self._file:
-                        planned = str(max(runs, self.planned))
-                        self._file.execute(
-                            "UPDATE meta SET value = ? WHERE key = 'runs'", (planned,)
-                        )
+                    self._plan(max(runs, self.planned))
             except BaseException:
                 self._file.close()
                 raise
@@ -119,13 +114,10 @@ class Ledger:
     def data(self) -> CampaignData:
         """Return the runs up to the first that is not recorded yet."""
         columns, size = len(self.controllers), len(METRICS)
-        names = ", ".join(map(_quoted, self.parameters))
-        query = (
-            f"SELECT run, controller, outcome, cause, {_FIGURES}, {names} FROM results "
-            "ORDER BY run, controller"
-        )
         with _told(self.path):
-            rows = self._file.execute(query).fetchall()
+            found = self._file.execute("SELECT * FROM results ORDER BY run, controller")
+            parameters = tuple(name for name, *_ in found.description[4 + size :])
+            rows = found.fetchall()
             # Chunks are recorded whole, so that the first gap is where numbers part.
             places = np.array([run * columns + column for run, column, *_ in rows], dtype=np.int64)
             gaps = np.flatnonzero(places != np.arange(len(places)))
@@ -133,13 +125,13 @@ class Ledger:
             rows = rows[: count * columns]
             shape = (count, columns)
             table = np.array([row[4:] for row in rows], dtype=np.float64)
-            table = table.reshape(*shape, size + len(self.parameters))
+            table = table.reshape(*shape, size + len(parameters))
         return CampaignData(
             title=str(self.study_table["title"]),
             seed=int(self.study_table["scenarios"]["seed"]),
             controllers=self.controllers,
-            parameters=self.parameters,
-            units=self.units,
+            parameters=parameters,
+            units=units_of(parameters),
             samples=table[:, 0, size:].copy(),
             outcome=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
             cause=np.array([row[3] for row in rows], dtype=np.str_).reshape(shape),
@@ -173,7 +165,7 @@ class Ledger:
             for k, (sample, ends) in enumerate(zip(done.samples.tolist(), done.ends, strict=True))
             for column, end in enumerate(ends)
         ]
-        marks = ", ".join("?" * (4 + len(METRICS) + len(self.parameters)))
+        marks = ", ".join("?" * len(rows[0]))
         with _told(self.path), self._file:
             # What is there stays: a run that came twice is recorded once.
             self._file.executemany(f"INSERT OR IGNORE INTO results VALUES ({marks})", rows)
@@ -195,8 +187,9 @@ class Ledger:
             raise FileFormatError(f"{self.path}: expected {expected}, got {got}")
 
     def _require_same(self, study: Study) -> None:
-        if self._meta("digest") != study.digest:
-            found = differences(self.study_table, json.loads(study.text))
+        # A title decides no result.
+        found = differences(self.study_table | {"title": study.title}, json.loads(study.text))
+        if found:
             raise FileFormatError(
                 f"{self.path}: expected a ledger of this campaign, got another: {found[0]}"
             )
@@ -213,10 +206,7 @@ def _make(path: Path, study: Study) -> None:
     """Write a ledger without runs, whole or not at all."""
     numbers = ", ".join(f"{column} REAL" for column in (*METRICS, *map(_quoted, study.parameters)))
     own = [os.path.relpath(file, path.absolute().parent) for file in own_code.loaded()]
-    values = {
-        "study": study.text, "digest": study.digest, "runs": "0", "import": json.dumps(own),
-        "parameters": json.dumps(study.parameters), "units": json.dumps(study.units),
-    }  # fmt: skip
+    values = {"study": study.text, "runs": "0", "import": json.dumps(own)}
     with replacing(path) as temporary, closing(sqlite3.connect(temporary)) as file:
         # A killed driver loses nothing that was committed.
         file.execute("PRAGMA journal_mode = WAL")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,6 +66,11 @@ QUANTITIES = {
     "reference_phase": Quantity("rad"),
 }
 _REFERENCE, _DISTURBANCE = "reference_", "disturbance_"
+
+
+def units_of(labels: Iterable[str]) -> tuple[str, ...]:
+    """Return the units of uncertain numbers by their labels: ``"payload"``, ``"mass.0"``."""
+    return tuple(QUANTITIES[label.split(".")[0]].unit for label in labels)
 
 
 def require_values(key: str, spread: Distribution) -> Distribution:

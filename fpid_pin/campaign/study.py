@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -82,11 +81,6 @@ class Study(Description):
             for j in range(count)
         )
 
-    @property
-    def units(self) -> tuple[str, ...]:
-        """Units of a sample's numbers."""
-        return tuple(QUANTITIES[label.split(".")[0]].unit for label in self.parameters)
-
     @cached_property
     def laws(self) -> tuple[Controller, ...]:
         """The controllers as they are on the arm: a suggestion of gains takes a second."""
@@ -156,10 +150,3 @@ class Study(Description):
     def text(self) -> str:
         """The table as JSON, every digit of every number."""
         return json.dumps(self.to_dict())
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of what decides the results: two studies of one digest are one campaign."""
-        table = self.to_dict()
-        del table["title"]
-        return hashlib.sha256(json.dumps(table).encode()).hexdigest()

@@ -38,7 +38,7 @@ def test_a_ledger_gives_back_every_bit_and_its_campaign_and_other_programs_read_
     with Ledger(path) as book:
         rebuilt = book.study()
         assert book.planned == RUNS
-    assert rebuilt.digest == study(duration=0.1).digest
+    assert rebuilt.text == study(duration=0.1).text
     assert rebuilt.samples(0, 5).tobytes() == data.samples[:5].tobytes()
     with closing(sqlite3.connect(path)) as file:
         rows = file.execute('SELECT run, rms, "q0.1" FROM results WHERE controller = 1').fetchall()
@@ -148,7 +148,7 @@ def test_another_layout_and_damage_are_refused(made, tmp_path):
     newer = copy("newer.sqlite")
     with closing(sqlite3.connect(newer)) as file:
         file.execute("PRAGMA user_version = 7")
-    with pytest.raises(FileFormatError, match="ledger of layout 1, got layout 7"):
+    with pytest.raises(FileFormatError, match="ledger of layout 2, got layout 7"):
         load(newer)
     without = copy("without.sqlite")
     with closing(sqlite3.connect(without)) as file:
