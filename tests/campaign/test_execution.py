@@ -1,7 +1,4 @@
 import dataclasses
-import os
-import signal
-import sqlite3
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 
 import numpy as np
@@ -93,23 +90,6 @@ def test_the_window_is_bounded_and_no_result_is_kept():
     assert found == {k: divmod(k, 7) for k in range(40)}
 
 
-def test_a_worker_killed_in_mid_run_costs_nothing(alone, pool, tmp_path):
-    killed = []
-
-    def kill(progress):
-        if progress.part > 0.3 and not killed:
-            killed.append(pool.processes[0])
-            os.kill(killed[0], signal.SIGKILL)
-
-    ledger = tmp_path / "l.sqlite"
-    data = run(study(), ledger, RUNS, executor=pool, chunk=3, progress=kill)
-    assert killed
-    assert bits(data) == bits(alone)
-    with sqlite3.connect(ledger) as file:
-        assert file.execute("SELECT count(*) FROM results").fetchone() == (2 * RUNS,)
-    file.close()
-
-
 def test_runs_that_kill_their_worker_twice_are_named_and_what_there_is_stays(
     alone, tmp_path, monkeypatch
 ):
@@ -196,43 +176,33 @@ def test_pieces_end_where_they_did_before():
     assert pieces([], 4) == []
 
 
-def test_a_pool_that_breaks_for_good_is_refused_and_what_there_is_stays(tmp_path):
-    class Broken(Executor):
-        count = 0
+class Losing(Executor):
+    """Does two tasks; then it is broken, or cancels, as Dask does whose scheduler is lost."""
 
-        def submit(self, call, /, *arguments):
-            self.count += 1
-            if self.count > 2:
-                raise BrokenExecutor("gone")
-            future = Future()
+    def __init__(self, breaks):
+        self.breaks, self.count = breaks, 0
+
+    def submit(self, call, /, *arguments):
+        self.count += 1
+        future = Future()
+        if self.count <= 2:
             future.set_result(call(*arguments))
-            return future
+        elif self.breaks:
+            raise BrokenExecutor("gone")
+        else:
+            future.cancel()
+            future.set_running_or_notify_cancel()
+        return future
 
-    ledger = tmp_path / "l.sqlite"
-    with pytest.raises(WorkersDied, match=r"does not outlive its workers \(fp\.tuning"):
-        run(study(), ledger, 40, executor=Broken(), chunk=10)
-    assert load(ledger).runs == 20
 
-
-def test_tasks_that_somebody_cancels_are_told(tmp_path):
-    class Losing(Executor):
-        count = 0
-
-        def submit(self, call, /, *arguments):
-            self.count += 1
-            future = Future()
-            if self.count > 3:
-                # As Dask's are when its scheduler is lost.
-                future.cancel()
-                future.set_running_or_notify_cancel()
-            else:
-                future.set_result(call(*arguments))
-            return future
-
-    ledger = tmp_path / "l.sqlite"
-    with pytest.raises(FpidError, match="where a scheduler is lost"):
-        run(study(), ledger, 60, executor=Losing(), chunk=10)
-    assert load(ledger).runs == 30
+@pytest.mark.parametrize(
+    ("breaks", "words"),
+    [(True, r"does not outlive its workers \(fp\.tuning"), (False, "where a scheduler is lost")],
+)
+def test_an_executor_that_is_lost_is_told_and_what_there_is_stays(breaks, words, tmp_path):
+    with pytest.raises(FpidError, match=words):
+        run(study(), tmp_path / "l.sqlite", 40, executor=Losing(breaks), chunk=10)
+    assert load(tmp_path / "l.sqlite").runs == 20
 
 
 def test_bad_arguments_are_refused(tmp_path):

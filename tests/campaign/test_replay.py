@@ -96,8 +96,10 @@ def test_an_attack_finds_the_corner_that_sampling_misses(tmp_path):
     laws = {"soft": fp.PdGravity(kp=60.0, kd=15.0), "stiff": fp.PdGravity(kp=300.0, kd=30.0)}
     made = Study(experiment, laws, Scenarios(spreads, seed=1), "hold")
     ledger = tmp_path / "worst.sqlite"
-    worst = attack(made, ledger, population=12, generations=12)
+    worst = attack(made, ledger, population=12, generations=12, workers=2)
     sampled = run(made, tmp_path / "sampled.sqlite", 64)
+    alone = attack(made, tmp_path / "alone.sqlite", population=12, generations=12)
+    assert bits(alone) == bits(worst)
     column = worst.parameters.index("payload")
     assert worst.samples[:, column] == pytest.approx(3.0, abs=0.05)
     for k in range(2):
@@ -105,12 +107,5 @@ def test_an_attack_finds_the_corner_that_sampling_misses(tmp_path):
         again = replay(ledger, k, worst.controllers[k])
         assert again.exact
         assert again.again.figures[0] == worst.metrics["rms"][k, k]
-
-
-def test_an_attack_shared_out_finds_the_same(tmp_path):
-    made = study(duration=0.1)
-    here = attack(made, tmp_path / "here.sqlite", population=6, generations=2)
-    shared = attack(made, tmp_path / "shared.sqlite", population=6, generations=2, workers=2)
-    assert bits(here) == bits(shared)
     with pytest.raises(ArgumentError, match="population"):
         attack(made, tmp_path / "x.sqlite", population=2)

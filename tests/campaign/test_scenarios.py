@@ -49,15 +49,6 @@ def test_choices_are_equally_likely():
 
 
 @pytest.mark.parametrize("sampling", SAMPLINGS)
-def test_numbers_are_independent_of_each_other(sampling):
-    samples = sampled(UNCERTAIN, 2048, sampling=sampling)
-    correlations = stats.spearmanr(samples).statistic
-    np.fill_diagonal(correlations, 0.0)
-    # Five standard errors of independent ranks.
-    assert np.abs(correlations).max() < 5.0 / np.sqrt(2048)
-
-
-@pytest.mark.parametrize("sampling", SAMPLINGS)
 def test_a_runs_sample_depends_on_the_seed_and_its_number_alone(sampling):
     whole = sampled(UNCERTAIN, 1000, sampling=sampling)
     cuts = [0, 1, 7, 255, 256, 257, 700, 1000]

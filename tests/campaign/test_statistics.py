@@ -74,16 +74,6 @@ def test_the_bootstraps_interval_covers_in_95_of_100_campaigns():
     assert missed(covered) <= 1.5
 
 
-def test_the_fewest_runs_that_have_an_interval_are_enough_for_one():
-    rng = np.random.default_rng(2)
-    draws = rng.normal(0.0, 1.0, (CAMPAIGNS, statistics.FEWEST))
-    found = [statistics.bootstrap_median(x, k) for k, x in enumerate(draws)]
-    assert missed([i.low <= 0.0 <= i.high for i in found]) <= 1.5
-    few = statistics.bootstrap_median(draws[0, 1:])
-    assert few.estimate == np.median(draws[0, 1:])
-    assert np.isnan(few[1:]).all()
-
-
 def test_a_plant_that_is_lost_counts_against_who_lost_it_and_in_no_median():
     errors = [[1.0, 2.0]] * 30 + [[np.nan, 2.0]] * 10 + [[np.nan, np.nan]] * 5 + [[3.0, 3.0]] * 5
     found = statistics.paired_difference(campaign(errors), 0, 1)
@@ -103,16 +93,6 @@ def test_two_that_are_equal_or_never_meet_have_no_difference():
 
 
 # ---------------------------------------------------------------------- sensitivity
-
-
-def test_spearmans_rho_of_normal_samples_is_what_pearson_makes_it():
-    """rho = 6/pi arcsin(r/2); K. Pearson, 1907."""
-    rng = np.random.default_rng(3)
-    x, y = rng.normal(size=(2, 200_000))
-    data = campaign(np.exp(0.6 * x + 0.8 * y)[:, np.newaxis], x[:, np.newaxis])
-    (((rho, low, high),),) = statistics.spearman(data)
-    assert rho == pytest.approx(6.0 / np.pi * np.arcsin(0.3), abs=0.005)
-    assert low < rho < high
 
 
 def test_spearmans_rho_is_scipys_with_ties_and_lost_runs_on_the_last_rank():

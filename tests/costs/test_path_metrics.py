@@ -173,18 +173,6 @@ def test_a_run_that_diverges_costs_infinity():
     assert cost_of(fp.simulate(wild, LAWS[0]), ISE) == np.inf
 
 
-def test_memory_does_not_depend_on_the_horizon():
-    sizes = []
-
-    def note(state, rows):
-        sizes.append(len(rows.t))
-        return state
-
-    fp.evaluate(fp.paper_experiment(duration=5.0), LAWS[0], FromRows(0.0, note))
-    assert sum(sizes) == 5000
-    assert max(sizes) <= 4096
-
-
 def test_a_signal_that_the_law_has_not_is_named():
     with pytest.raises(
         ArgumentError, match=r"cost.signals: expected signals of the law .*'?u_fpid"

@@ -1,16 +1,9 @@
 import dataclasses
-import random
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pytest
-from bounded import started
 
 import fpid_pin as fp
-from fpid_pin import npz
 from fpid_pin.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.exceptions import FileFormatError, TuningError
 from fpid_pin.tuning import SearchSettings, Space, pareto, tune
@@ -25,51 +18,10 @@ def small(**changes):
     return SearchSettings(**({"population": 6, "seeds": (0, 7)} | changes))
 
 
-SCRIPT = """
-import sys
-import fpid_pin as fp
-from fpid_pin.tuning import SearchSettings, Space, tune
-
-def said(progress):
-    print(progress.generation, flush=True)
-    sys.stdin.readline()  # goes on when told to
-
-tune(fp.paper_experiment(duration=0.3, step=5e-3), fp.paper_controller(supervised=False),
-     Space(integral_order=(0, 1), derivative_order=(0, 1)),
-     settings=SearchSettings(population=6, seeds=(0, 7), generations=30, checkpoint=sys.argv[1],
-                             resume=True),
-     progress=said)
-print("done", flush=True)
-"""
-
-
 def bits(result):
     h = result.history
     arrays = (h.best, h.mean, h.best_parameters, h.diverged, h.simulated, np.asarray(result.costs))
     return [array.tobytes() for array in arrays]
-
-
-def test_killed_at_any_point_and_resumed_is_as_never_killed(tmp_path):
-    chance, path = random.Random(4), tmp_path / "search.npz"
-    command = [sys.executable, "-c", SCRIPT, str(path)]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True, "bufsize": 1}
-    with started(command, **pipes) as child:
-        for _ in range(chance.randint(4, 9)):
-            assert child.stdout.readline().strip().isdigit()
-            child.stdin.write("\n")
-        # In the next generation, wherever that is by then.
-        time.sleep(chance.random() * 0.02)
-        child.send_signal(signal.SIGKILL)
-    assert child.returncode == -signal.SIGKILL
-    assert npz.read(path, "checkpoint")[1]["done"] >= 1
-    assert all(f == path or f.name.startswith(".fpid_pin-") for f in tmp_path.iterdir())
-    resumed = tune(
-        EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30, checkpoint=path, resume=True)
-    )
-    never = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=30))
-    assert bits(resumed) == bits(never)
-    # What the killed one left hidden, a lock too, goes with the last of them.
-    assert list(tmp_path.iterdir()) == [path]
 
 
 @pytest.mark.parametrize("search", [tune, lambda e, c, s, **o: pareto(e, c, s, TWO, **o)])

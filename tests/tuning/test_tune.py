@@ -73,15 +73,6 @@ def test_workers_do_not_change_a_bit(found):
         assert one.simulations == 2 * int(one.history.simulated.sum())
 
 
-def test_gains_and_learning_rates_are_tuned_too():
-    fixed = dataclasses.replace(CONTROLLER, learning_rate=0.0)
-    space = Space(kp=(1, 100, "log"), kd=(1, 100, "log", "shared"), k0=(0, 2), k1=(1, 5))
-    result = tune(EXPERIMENT, fixed, space, TRACKING, small())
-    assert result.cost < fp.evaluate(EXPERIMENT, [fixed], TRACKING)[0]
-    assert (np.asarray(result.controller.learning_rate) == 0).all()
-    assert result.history.labels == ("kp.0", "kp.1", "kd", "k0.0", "k0.1", "k1.0", "k1.1")
-
-
 def test_progress_rises_to_the_end():
     told = []
     tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(), progress=told.append)

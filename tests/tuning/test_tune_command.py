@@ -125,12 +125,3 @@ def test_a_stopped_search_is_not_overwritten(tmp_path):
     with pytest.raises(TuningError, match="resume it, or remove it"):
         run_tuning(path, tmp_path / "out")
     assert (tmp_path / "out.checkpoint.npz").read_bytes() == b"hours of work"
-
-
-def test_costs_of_the_path_are_named_in_the_file(tmp_path):
-    cost, expected = 'kind = "tool_cost"\nmeasure = "peak"', fp.costs.ToolCost("peak")
-    tune = TUNE.replace('kind = "quadratic_cost"\nw2 = 0.0', cost).replace("= 3", "= 0")
-    path, out = written(tmp_path, tune.replace("[0, 1]\nmap", "[0]\nmap")), tmp_path / "out"
-    result = run_tuning(path, out)
-    run = fp.Run.load(out / "tuned.npz")
-    assert fp.simulation.cost_of(run, expected) == result.cost
