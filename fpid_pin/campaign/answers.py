@@ -13,12 +13,7 @@ from fpid_pin.campaign.statistics import Difference, leader, quantile, scored, s
 def answer(data: CampaignData, differences: Sequence[Difference]) -> list[str]:
     """Return what a campaign says, in lines, the most important first.
 
-    Parameters
-    ----------
-    data
-        At least one run.
-    differences
-        Of all pairs in their RMS errors (`comparisons`); those with the leader are told.
+    `differences` are those of all pairs in their RMS errors, as `comparisons` has them.
     """
     first = leader(data)
     rate, names = success_rates(data)[first], data.controllers

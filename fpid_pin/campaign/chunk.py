@@ -23,15 +23,7 @@ _NO_FIGURES = (math.nan,) * len(METRICS)
 
 @dataclass(frozen=True)
 class Ended:
-    """How one run ended under one controller.
-
-    Attributes
-    ----------
-    outcome, cause
-        See `CampaignData`.
-    figures
-        In the order of `METRICS`; NaN where it was not completed.
-    """
+    """How a run ended under a controller: see `CampaignData`; figures are those of `METRICS`."""
 
     outcome: str
     cause: str
@@ -40,15 +32,7 @@ class Ended:
 
 @dataclass(frozen=True, eq=False)
 class Done:
-    """Results of consecutive runs.
-
-    Attributes
-    ----------
-    samples
-        (runs, parameters).
-    ends
-        For each run one of each controller.
-    """
+    """Results of consecutive runs: samples (runs, parameters), for each one end a controller."""
 
     samples: FloatArray
     ends: Sequence[Sequence[Ended]]

@@ -40,15 +40,10 @@ class Ledger:
     path
         The file.
     study
-        Whose campaign it is to be; a file that is not there, or empty, is made. None: read only.
+        Whose campaign it is to be; a file that is not there, or empty, is made, another campaign's
+        is refused with the difference. None: read only.
     runs
         How many are asked for; at least as many as were before.
-
-    Raises
-    ------
-    FileFormatError
-        A file that is no SQLite or no ledger, of another layout, of another campaign (the line says
-        in what it differs), locked by another program, or that cannot be written.
     """
 
     def __init__(self, path: str | Path, study: Study | None = None, runs: int = 0) -> None:
@@ -90,15 +85,7 @@ class Ledger:
         return int(self._meta("runs"))
 
     def study(self) -> Study:
-        """Return the campaign's description; files of the user's own that it needs are run first.
-
-        Raises
-        ------
-        ConfigError
-            There are such files, by name, and it was not allowed to run them.
-        FileFormatError
-            It holds kinds of the user's own which are in no such file.
-        """
+        """Return the campaign's description; the user's own files that it needs are run first."""
         files = [
             Path(self.path.parent, name).resolve() for name in json.loads(self._meta("import"))
         ]
@@ -140,13 +127,7 @@ class Ledger:
         )
 
     def end(self, run: int, controller: str) -> Ended:
-        """Return how a run ended under a controller.
-
-        Raises
-        ------
-        ArgumentError
-            It is not recorded.
-        """
+        """Return how a run ended under a controller."""
         query = f"SELECT outcome, cause, {_FIGURES} FROM results WHERE run = ? AND controller = ?"
         with _told(self.path):
             place = (run, self.controllers.index(controller))

@@ -74,13 +74,7 @@ def units_of(labels: Iterable[str]) -> tuple[str, ...]:
 
 
 def require_values(key: str, spread: Distribution) -> Distribution:
-    """Refuse a distribution with values that its quantity cannot have.
-
-    Raises
-    ------
-    ArgumentError
-        Such values, or no such quantity.
-    """
+    """Refuse a distribution with values that its quantity cannot have."""
     path = f"uncertain.{key}"
     quantity = QUANTITIES[checks.choice(path, key, QUANTITIES)]
     checks.instance(path, spread, Distribution, "a distribution")
@@ -96,14 +90,7 @@ def require_values(key: str, spread: Distribution) -> Distribution:
 
 
 def require_quantity(experiment: Experiment, key: str, spread: Distribution) -> int:
-    """Return how many numbers a quantity of an experiment has.
-
-    Raises
-    ------
-    ArgumentError
-        A reference without such a number, a disturbance that is no cosine, or a distribution for
-        another number of joints.
-    """
+    """Return how many numbers a quantity has; refuse one that the experiment does not have."""
     path, name = f"uncertain.{key}", key.partition("_")[2]
     if key.startswith(_REFERENCE):
         reference: Any = experiment.reference
@@ -127,19 +114,7 @@ def require_quantity(experiment: Experiment, key: str, spread: Distribution) -> 
 def varied(nominal: Experiment, values: Mapping[str, FloatArray], seed: int) -> Experiment:
     """Return an experiment with other true values; what the controller believes in stays.
 
-    Parameters
-    ----------
-    nominal
-        With what is not varied.
-    values
-        By the keys of `QUANTITIES`, (1,) or (n,).
-    seed
-        Of its sensors' noise.
-
-    Raises
-    ------
-    FpidError
-        Values that together are none of an experiment.
+    `values` are by the keys of `QUANTITIES`, (1,) or (n,); `seed` is that of its sensors' noise.
     """
     value: dict[str, Any] = {k: v if len(v) > 1 else v[0] for k, v in values.items()}
 

@@ -96,8 +96,7 @@ def paired_difference(
 ) -> Difference:
     """Return how two controllers, by column, differ on the same plants.
 
-    The median, as a few plants that are nearly lost would rule a mean. It knows nothing of plants
-    that either has lost; `Difference.better` does, where a plant that is lost is worse than any.
+    The median, as a few plants that are nearly lost would rule a mean.
     """
     scores = scored(data, metric)
     a, b = scores[:, first], scores[:, second]

@@ -120,14 +120,7 @@ class Study(Description):
 
     @classmethod
     def from_dict(cls, table: Any, name: str = "campaign") -> Study:
-        """Return the study that a table holds.
-
-        Raises
-        ------
-        FileFormatError
-            Another format, or a description that cannot be rebuilt: one of a class of the user's
-            own whose file has not been imported.
-        """
+        """Return the study that a table holds, or say in a line why there is none."""
         if not isinstance(table, Mapping) or table.get("format") != FORMAT:
             raise FileFormatError(f"{name}: expected a campaign of format {FORMAT}, got another")
         faults: list[FpidError] = []

@@ -27,14 +27,8 @@ class Evolution:
         (k, size), k <= population: points that belong to the first generation.
     costs
         How many each point has.
-    population
-        Points in a generation.
-    crossover
-        Probability that two parents are crossed at all.
-    mutation
-        Probability that a coordinate is mutated.
-    seed
-        Of every random choice.
+    population, crossover, mutation, seed
+        See `SearchSettings`.
     """
 
     def __init__(

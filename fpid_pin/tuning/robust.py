@@ -72,13 +72,6 @@ class Objective:
 
     Workers that die twice over the same runs are left alone from then on, with a warning; the work
     goes on in this process, and the results are the same.
-
-    Parameters
-    ----------
-    experiments, costs
-        At least one of each.
-    executor
-        Shares out the runs; None: this process.
     """
 
     def __init__(

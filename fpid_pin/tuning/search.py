@@ -43,16 +43,8 @@ def versions() -> dict[str, str]:
 class Search:
     """Evolutions of all seeds, side by side.
 
-    Parameters
-    ----------
-    objective, space
-        What to make small, and where to look.
-    settings
-        How.
-    initial
-        Points of every seed's first generation, (k, size).
-    configuration
-        All that decides the result, as a table: what a checkpoint must agree with.
+    `initial`, (k, size), are points of every seed's first generation; `configuration` is all that
+    decides the result, as a table: what a checkpoint must agree with.
     """
 
     def __init__(
@@ -88,21 +80,7 @@ class Search:
         return nullcontext() if self._checkpoint is None else locked(self._checkpoint)
 
     def take_up(self) -> None:
-        """Go on from the checkpoint, where there is one.
-
-        Raises
-        ------
-        TuningError
-            It belongs to another search (the line says what differs, there and here), or is there
-            and may not be resumed.
-        FileFormatError
-            It is damaged, or something else.
-
-        Warns
-        -----
-        FpidWarning
-            Other versions wrote it.
-        """
+        """Go on from the checkpoint, where there is one; refuse another search's."""
         path, settings = self._checkpoint, self._settings
         if path is None:
             return
@@ -149,13 +127,7 @@ class Search:
     # ------------------------------------------------------------------ generations
 
     def run(self, progress: SearchCallback | None) -> None:
-        """Go on to the last generation.
-
-        Raises
-        ------
-        TuningError
-            Every candidate of a seed's first generation diverged.
-        """
+        """Go on to the last generation."""
         settings, before, began = self._settings, self.done, time.monotonic()
         # By itself: a point of the unit cube gives it back to within rounding only.
         self.start_cost = float(self._objective([self.space.base])[0, 0])
@@ -190,11 +162,7 @@ class Search:
         return sum(map(int, self._records["simulated"])) * len(self._objective.experiments)
 
     def _evaluate(self, points: FloatArray, progress: ProgressCallback) -> tuple[FloatArray, int]:
-        """Return the costs of points, and how many had to be simulated.
-
-        A point that is, to the last bit, one of a present population or of this generation would
-        give the same cost again.
-        """
+        """Return the costs of points, and how many had to be simulated: equal ones only once."""
         known: dict[bytes, FloatArray] = {}
         for evolution in self.evolutions:
             for point, cost in zip(evolution.points, evolution.costs, strict=True):

@@ -85,11 +85,8 @@ class Space:
     def bind(self, controller: Controller, n: int) -> BoundSpace:
         """Meet the controller whose parameters are to change, on an arm with `n` joints.
 
-        Raises
-        ------
-        ArgumentError
-            A name that is none of its numeric parameters (the nearest is given), bounds of a wrong
-            length, or bounds that the controller itself refuses.
+        Refused are names that are none of its numeric parameters, bounds of a wrong length, and
+        bounds that the controller itself refuses.
         """
         return BoundSpace(self, controller, n)
 
@@ -201,10 +198,7 @@ class BoundSpace:
         return out.reshape(np.shape(points))
 
     def controller(self, point: FloatArray, name: str | None = None) -> Controller:
-        """Return the controller with the parameters at a point, (size,).
-
-        `name` is given to it where its kind has names.
-        """
+        """Return the controller with the parameters at a point, (size,), under a name."""
         values = self.values(point)
         return self.renamed(name, {key: self._member(key, values) for key in self.space.genes})
 
@@ -225,10 +219,7 @@ class BoundSpace:
         return {name: value if value.ndim else float(value) for name, value in arrays.items()}
 
     def settings(self, controller: Controller) -> FloatArray:
-        """Return what a controller has of the numbers sought, (size,).
-
-        The mean of those that the space has one for; NaN: left to the controller.
-        """
+        """Return what a controller has of the numbers sought, (size,); NaN: left to it."""
         out = np.empty(self.size)
         for name, value in self.parameters(controller).items():
             # Learning rates may be a row for each of Kp, Ki, Kd.
@@ -238,23 +229,13 @@ class BoundSpace:
         return out
 
     def nearest(self, controller: Controller) -> FloatArray:
-        """Return the point at which a controller lies, (size,), moved into the space.
-
-        What is left to the controller is in the middle of its range, for want of another place.
-        """
+        """Return the nearest point to a controller, (size,); the middle for what is left to it."""
         values = self.settings(controller)
         point = self._coordinates(np.clip(values, self.low, self.high))
         return np.where(np.isnan(values), 0.5, point)
 
     def point(self, controller: Controller) -> FloatArray:
-        """Return the point at which `controller` lies, (size,).
-
-        Raises
-        ------
-        ArgumentError
-            It lies outside, differs between joints where the space shares, or has no such
-            parameters.
-        """
+        """Return the point at which `controller` lies, (size,); refuse one that lies outside."""
         for name, place in self._places.items():
             if not hasattr(controller, name):
                 kind = type(controller).__name__
