@@ -17,10 +17,10 @@ import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from common import Report, arm_of, table
 from own_fractional_law import NormalisedMit
 from plain_loop import plain_loop
 
@@ -61,10 +61,6 @@ def aba_calls(arm: fp.Arm, count: int = 1000) -> Callable[[], None]:
     return many
 
 
-def arms() -> list[fp.Arm]:
-    return [fp.Arm.two_link(), fp.Arm.from_example("ur5"), fp.Arm.from_example("panda")]
-
-
 def laws() -> dict[str, fp.Controller]:
     """Return the laws that are timed, gains per unit of inertia."""
     fpid = {"kp": 100, "ki": 100, "kd": 20, "integral_order": 0.9, "derivative_order": 0.9,
@@ -102,24 +98,24 @@ def marginal(times: list[float], runs: int) -> float:
 
 def whole_steps(repeats: int) -> list[str]:
     """Return the table of all laws on three arms, in calls of `pin.aba`."""
-    lines = ["| law | two_link, one / sixty | ur5 | panda |", "| --- | --- | --- | --- |"]
-    units = dict.fromkeys((arm.name for arm in arms()), np.inf)
-    table: dict[str, list[list[float]]] = {name: [] for name in laws()}
-    for arm in arms():
+    arms = [arm_of(name) for name in ("two_link", "ur5", "panda")]
+    units = dict.fromkeys((arm.name for arm in arms), np.inf)
+    steps: dict[str, list[list[float]]] = {name: [] for name in laws()}
+    for arm in arms:
         for name, law in laws().items():
             fp.evaluate(experiment_of(arm, 2), law)
             works = [aba_calls(arm), *steps_of(arm, law, 1), *steps_of(arm, law, 60)]
             unit, *times = turn_by_turn(works, repeats)
             units[arm.name] = min(units[arm.name], unit / 1000)
-            table[name].append([marginal(times[:2], 1), marginal(times[2:], 60)])
-    for name, rows in table.items():
-        cells = [
-            " / ".join(f"{seconds / unit:.2f}" for seconds in row)
-            for row, unit in zip(rows, units.values(), strict=True)
-        ]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
+            steps[name].append([marginal(times[:2], 1), marginal(times[2:], 60)])
+    rows = [
+        [name, *(f"{one / unit:.2f} / {sixty / unit:.2f}"
+                 for (one, sixty), unit in zip(each, units.values(), strict=True))]
+        for name, each in steps.items()
+    ]  # fmt: skip
     told = ", ".join(f"{name} {1e6 * unit:.2f}" for name, unit in units.items())
-    return [*lines, "", f"one pin.aba call [us]: {told}"]
+    heads = ["law", *(f"{name}, one / sixty" for name in units)]
+    return [*table(heads, rows), f"one pin.aba call [us]: {told}"]
 
 
 def own_law(repeats: int) -> str:
@@ -229,16 +225,12 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer turns")
     options = parser.parse_args()
     repeats = 5 if options.quick else 25
-    lines = whole_steps(repeats)
-    lines += ["", own_law(repeats), *against_plain_loop(repeats), *loop_ticks(repeats)]
-    lines += [threads(max(repeats // 5, 2)), *compiling()]
+    report = Report(*whole_steps(repeats))
+    report.add("", own_law(repeats), *against_plain_loop(repeats), *loop_ticks(repeats))
+    report.add(threads(max(repeats // 5, 2)), *compiling())
     if options.search:
-        lines += search(80)
-    text = "\n".join(lines)
-    print(text)
-    folder = Path(__file__).parent / "results"
-    folder.mkdir(exist_ok=True)
-    (folder / "speed.md").write_text(text + "\n", encoding="utf-8")
+        report.add(*search(80))
+    report.write("speed.md")
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import fpid_pin as fp
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config
 from fpid_pin.view import export_html, figures, save_figure
 
 FOLDER = Path(__file__).parent / "pictures"

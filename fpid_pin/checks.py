@@ -144,6 +144,8 @@ def integer(name: str, value: Any, *, low: int | None = None, high: int | None =
         result = operator.index(value)
     except TypeError:
         raise ArgumentError(name, "a whole number", shown(value)) from None
+    if not -(1 << 63) <= result < 1 << 64:
+        raise ArgumentError(name, "a whole number of 64 bits", shown(result))
     if (low is not None and result < low) or (high is not None and result > high):
         raise ArgumentError(name, f"a whole number {_interval(low, high, None)}", shown(result))
     return result

@@ -156,7 +156,8 @@ def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
         hint, *extras = typing.get_args(hint)
         declared = tuple(extra for extra in extras if isinstance(extra, Check))
     parts = _types(hint)
-    families = [t for t in parts if isinstance(t, type) and t.__name__ in _FAMILIES]
+    choices = typing.get_args(hint) if type(None) in parts else (hint,)
+    families = [t for t in parts if isinstance(t, type) and _is_family(t)]
     default = field.default if field.default_factory is MISSING else field.default_factory()
     return Key(
         field.name,
@@ -164,10 +165,14 @@ def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
         default is MISSING,
         declared,
         None if declared else _PLAIN.get(hint),
-        next((family for family in families if family is not object), None),
-        typing.get_origin(hint) is not None and issubclass(_origin(hint), Sequence),
+        next(iter(families), None),
+        any(issubclass(_origin(choice), Sequence) for choice in choices),
         type(None) in parts,
     )
+
+
+def _is_family(cls: type) -> bool:
+    return (cls.__name__ in _FAMILIES and cls is not object) or issubclass(cls, Description)
 
 
 def _origin(hint: Any) -> type:
@@ -297,22 +302,21 @@ def from_dict(table: Any, family: Callable[..., T], name: str = "") -> T:
 def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     """Build the description that `table` holds, or None; every fault is appended to `faults`.
 
-    A table may leave out its kind where the family has only one, and hold descriptions that are
-    built already.
+    A table may leave out its kind where the family has only one, has none where no name is
+    registered, and may hold descriptions that are built already.
     """
     before = len(faults)
     if not isinstance(table, Mapping):
         faults.append(ArgumentError(path or "description", "a table", shown(table)))
         return None
-    known = kinds(family)
-    only = getattr(family, "_kind", None)
-    try:
-        kind = checks.choice(_join(path, "kind"), table.get("kind", only), known)
-    except ArgumentError as error:
-        faults.append(error)
-        return None
-    cls = known[kind]
-    fields = {key: value for key, value in table.items() if key != "kind"}
+    known, cls, fields = kinds(family), family, dict(table)
+    if known:
+        kind = fields.pop("kind", getattr(family, "_kind", None))
+        try:
+            cls = known[checks.choice(_join(path, "kind"), kind, known)]
+        except ArgumentError as error:
+            faults.append(error)
+            return None
     if "variant" in fields and "kind" in {field.name for field in dataclasses.fields(cls)}:
         fields["kind"] = fields.pop("variant")
     own = getattr(cls, "from_table", None)
@@ -349,7 +353,9 @@ def _read_fields(
                 faults.append(ArgumentError(where, "a value", "none"))
             continue
         value, before = table[name], len(faults)
-        if key.family is not None and value is not None:
+        if key.several and key.family is not None and not isinstance(value, (list, tuple)):
+            faults.append(ArgumentError(where, f"a list of tables ([[{where}]])", shown(value)))
+        elif key.family is not None and value is not None:
             value = _build_member(value, key.family, where, faults)
         else:
             try:

@@ -4,7 +4,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin import budget
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning import SearchSettings, Space, pareto, tune

@@ -12,7 +12,7 @@ import pytest
 from bounded import finished
 
 import fpid_pin as fp
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 
 ROOT = Path(__file__).parents[1]
@@ -83,7 +83,7 @@ def folder(tmp_path_factory):
 
 READ = """
 from pathlib import Path
-from fpid_pin.cli.config import load
+from fpid_pin.cli.configuration import load
 from fpid_pin.tuning import SearchSettings, Space, tune
 def search():
     settings = SearchSettings(population=4, generations=1, checkpoint="search.npz", resume=True)

@@ -44,10 +44,11 @@ class ArmChanges:
         point.
         """
         spec, mass = self._spec, checks.number("mass", mass, low=0.0)
-        centre = _shaped("com", com, (3,))
-        about = _shaped("inertia", np.zeros((3, 3)) if inertia is None else inertia, (3, 3))
+        centre = checks.floats("com", com, shape=(3,))
+        given = None if inertia is None else checks.floats("inertia", inertia, shape=(3, 3))
+        about = np.zeros((3, 3)) if given is None else np.array(given)
         body = pin.Inertia(mass, np.array(centre), np.zeros((3, 3)))
-        body.inertia = np.array(about)
+        body.inertia = about
         if not np.array_equal(about, about.T):
             raise ArgumentError("inertia", "a symmetric matrix", about.tolist())
         if impossible(np.array([row_of(body)]), rounding=1e-9)[0]:
@@ -62,7 +63,6 @@ class ArmChanges:
         rows = spec.column("inertia")
         if mass > 0.0:
             rows[joint] = row_of(inertia_of(rows[joint]) + place.act(body))
-        given = None if inertia is None else about
         fields = {"mass": mass, "com": centre, "frame": frame, "inertia": given}
         return self._changed(spec.with_columns(inertia=rows), _table("payload", fields))
 
@@ -121,7 +121,7 @@ class ArmChanges:
         A row is mass, centre of mass (3) in the joint's frame and rotational inertia about it: xx,
         xy, yy, xz, yz, zz. These are Pinocchio's own numbers, so that nothing is rounded.
         """
-        numbers = _shaped("inertias", rows, (len(self._spec.joints), 10))
+        numbers = checks.floats("inertias", rows, shape=(len(self._spec.joints), 10))
         return self._changed(
             self._spec.with_columns(inertia=numbers), _table("inertias", {"rows": numbers})
         )
@@ -234,10 +234,3 @@ def _table(name: str, fields: Mapping[str, Any]) -> dict[str, Any]:
         if value is not None
     }
     return {name: plain}
-
-
-def _shaped(name: str, value: ArrayLike, shape: tuple[int, ...]) -> Any:
-    array = checks.floats(name, value)
-    if array.shape != shape:
-        raise ArgumentError(name, f"shape {shape}", f"shape {array.shape}")
-    return array

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import os
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, cast
 
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms import catalogue, mjcf, planar, robot_descriptions, urdf
+from fpid_pin.arms import catalogue, mjcf, planar, robot_descriptions
 from fpid_pin.arms.pinocchio_model import tree_of
 from fpid_pin.arms.robot_file import kind_of, read_robot
 from fpid_pin.arms.spec import ArmSpec, gravity_vector
 from fpid_pin.arms.tree import Keep, Tree
+from fpid_pin.arms.urdf import urdf_tree
 
 Lock = Mapping[str, float] | None
 
@@ -61,7 +63,7 @@ class ArmConstructors:
         """Return the paper's robot (section 5.1) from ``urdf/two_link.urdf``, g = 9.8 m/s^2."""
         # `data` is a link to the repository's urdf folder; the wheel and the sdist hold the file.
         file = resources.files("fpid_pin.arms") / "data" / "two_link.urdf"
-        tree = urdf.urdf_tree(file.read_bytes(), "two_link.urdf")
+        tree = urdf_tree(file.read_bytes(), "two_link.urdf")
         # Pinocchio's own default is 9.81.
         tree.gravity = (0.0, 0.0, -9.8)
         return cls._assembled(tree.serial(), {"kind": "two_link"})
@@ -108,13 +110,14 @@ class ArmConstructors:
     @classmethod
     def from_urdf(
         cls,
-        path: str | Path,
+        path: str | Path | None = None,
         lock: Lock = None,
         gravity: ArrayLike = 9.81,
-        package_dirs: Sequence[str | Path] | None = None,
+        package_dirs: Sequence[str | Path] = (),
         keep: Keep | None = None,
         inertia: str = "error",
         tool: str | None = None,
+        urdf: str | None = None,
     ) -> Self:
         """Read a fixed-base serial chain of revolute, continuous or prismatic joints.
 
@@ -128,6 +131,8 @@ class ArmConstructors:
             See `ArmConstructors`.
         package_dirs
             Folders to look up ``package://`` meshes in, besides those at and above the file.
+        urdf
+            The text of the URDF; `path` then says no more than where its meshes are.
 
         Raises
         ------
@@ -141,28 +146,16 @@ class ArmConstructors:
         FpidWarning
             Limits that are none, or were not taken as they stand, by joint.
         """
-        return cls._from_urdf_text(
-            read_robot(path), path, lock, gravity, package_dirs, keep, inertia, tool
-        )
-
-    @classmethod
-    def _from_urdf_text(
-        cls,
-        text: str | bytes,
-        path: str | Path | None = None,
-        lock: Lock = None,
-        gravity: ArrayLike = 9.81,
-        package_dirs: Sequence[str | Path] | None = None,
-        keep: Keep | None = None,
-        inertia: str = "error",
-        tool: str | None = None,
-    ) -> Self:
-        folders = () if package_dirs is None else package_dirs
-        checks.instance("package_dirs", folders, (list, tuple), "a list of folders")
-        for k, place in enumerate(folders):
+        if urdf is not None:
+            checks.plain("urdf", urdf, str, "the text of a URDF")
+        if path is not None or urdf is None:
+            checks.instance("path", path, (str, Path), "the path of a URDF file")
+        checks.instance("package_dirs", package_dirs, (list, tuple), "a list of folders")
+        for k, place in enumerate(package_dirs):
             checks.instance(f"package_dirs.{k}", place, (str, Path), "a folder")
-        folder = None if path is None else Path(path).resolve().parent
-        tree = urdf.urdf_tree(text, "URDF" if path is None else str(path), folder, folders)
+        text = read_robot(cast("Path", path)) if urdf is None else urdf
+        folder = None if path is None else Path(os.path.abspath(path)).parent
+        tree = urdf_tree(text, str(path or "URDF"), folder, package_dirs)
         tree.gravity = tuple(gravity_vector(gravity).tolist())
         return cls._from_tree(tree, lock, keep, inertia, tool)
 

@@ -18,6 +18,8 @@ _ENTRIES = [4, 5, 7, 5, 6, 8, 7, 8, 9]
 #: Part of the largest principal moment by which the others may fall short: files are rounded, some
 #: to three digits.
 _ROUNDING = 1e-2
+#: A radius of gyration that is nothing [m].
+_NEGLIGIBLE = 1e-6
 
 
 def inertia_of(row: Sequence[float] | FloatArray) -> Any:
@@ -95,7 +97,7 @@ def require_physical(names: Sequence[str], rows: FloatArray, label: str) -> None
         got = ", ".join(f"{moment:.4g}" for moment in _moments(rows[k])[0])
         raise ArmError(
             f"{label}: link {named(names[k])}: expected principal moments of inertia >= 0 [kg m^2] "
-            f'with none above the sum of the others, got {got} (inertia="nearest" takes the '
+            f'with none above the sum of the others, got {got} (inertia = "nearest" takes the '
             'closest that a body can have, "accept" these)'
         )
 
@@ -105,11 +107,14 @@ def impossible(rows: FloatArray, rounding: float = _ROUNDING) -> NDArray[np.bool
     matrices = rows[:, _ENTRIES].reshape(-1, 3, 3)
     # To one scale: the largest doubles would overflow on the way to their eigenvalues.
     sizes = np.abs(matrices).max(axis=(1, 2))
-    moments = np.linalg.eigvalsh(matrices / np.where(sizes > 0.0, sizes, 1.0)[:, None, None])
-    low, middle, high = moments.T
-    bad = np.minimum(low, low + middle - high) < -rounding * high
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    low, middle, high = np.linalg.eigvalsh(matrices / sizes[:, None, None]).T
+    least = np.minimum(low, low + middle - high)
+    negative = np.diagonal(matrices, axis1=1, axis2=2).min(axis=1)
+    negligible = _NEGLIGIBLE**2 * np.maximum(rows[:, 0], 0.0)
     # Rounding makes no sign.
-    return np.asarray(bad | (np.diagonal(matrices, axis1=1, axis2=2) < 0.0).any(axis=1))
+    bad = (least < -rounding * high - negligible / sizes) | (negative < -negligible)
+    return np.asarray(bad)
 
 
 def nearest_possible(row: Sequence[float]) -> tuple[tuple[float, ...], float]:

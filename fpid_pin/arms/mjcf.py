@@ -14,8 +14,7 @@ from fpid_pin.arms.inertia import moved
 from fpid_pin.arms.joints import PRISMATIC, REVOLUTE, UNITS, Numbers, displacement, rows_of
 from fpid_pin.arms.pinocchio_model import limit_of, own_name
 from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_root
-from fpid_pin.arms.shapes import Shape
-from fpid_pin.arms.spec import Frame, Joint
+from fpid_pin.arms.spec import Frame, Joint, Shape
 from fpid_pin.arms.tree import Body, Keep, Tree
 from fpid_pin.exceptions import ArmError
 from fpid_pin.extras import needed
@@ -234,29 +233,24 @@ class _Reader:
         if kind is None or model.geom_group[geom] > _SHOWN or not colour[3] > 0.0:
             return
         joint, place = self.at[int(model.geom_bodyid[geom])]
-        place, size = (
-            place * _pose(model.geom_pos[geom], model.geom_quat[geom]),
-            [float(x) for x in model.geom_size[geom]],
-        )
-        path = ""
+        place = place * _pose(model.geom_pos[geom], model.geom_quat[geom])
+        size, path = _floats(model.geom_size[geom]), ""
         if kind == "mesh":
             mesh = int(model.geom_dataid[geom])
             # The compiler moves a mesh to its centre of mass and principal axes.
-            place, size = (
-                place * _pose(model.mesh_pos[mesh], model.mesh_quat[mesh]).inverse(),
-                model.mesh_scale[mesh],
-            )
+            place = place * _pose(model.mesh_pos[mesh], model.mesh_quat[mesh]).inverse()
+            size = _floats(model.mesh_scale[mesh])
             paths, at = bytes(model.paths), int(model.mesh_pathadr[mesh])
             if at < 0:
                 return
             path = str(Path(paths[at : paths.index(b"\0", at)].decode()).resolve())
         elif kind == "box":
-            size = [2.0 * x for x in size]
+            size = _floats(2.0 * x for x in size)
         elif kind in ("capsule", "cylinder"):
-            size = [size[0], 2.0 * size[1]]
+            size = (size[0], 2.0 * size[1])
         elif kind == "sphere":
             size = size[:1]
-        yield Shape(joint, rows_of(place), kind, _floats(size), _floats(colour), path)
+        yield Shape(joint, rows_of(place), kind, size, _floats(colour), path)
 
     # ------------------------------------------------------------------ what is left out
 

@@ -4,44 +4,28 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from fpid_pin.arms.joints import Numbers, placement_of, rows_of
+from fpid_pin.arms.joints import placement_of, rows_of
+from fpid_pin.arms.spec import Shape
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.text import shown
 
-#: Kinds of solid, coal's class for each, how many lengths [m] it is made from, and which they are.
-_SOLIDS: dict[str, tuple[str, int, Callable[[Any], Any]]] = {
-    "box": ("Box", 3, lambda s: 2.0 * np.asarray(s.halfSide)),
-    "sphere": ("Sphere", 1, lambda s: (s.radius,)),
-    "cylinder": ("Cylinder", 2, lambda s: (s.radius, 2.0 * s.halfLength)),
-    "capsule": ("Capsule", 2, lambda s: (s.radius, 2.0 * s.halfLength)),
-    "cone": ("Cone", 2, lambda s: (s.radius, 2.0 * s.halfLength)),
-    "ellipsoid": ("Ellipsoid", 3, lambda s: np.asarray(s.radii)),
+#: Kinds of solid, coal's class for each, and the lengths [m] that it is made from.
+_SOLIDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "box": ("Box", lambda s: 2.0 * np.asarray(s.halfSide)),
+    "sphere": ("Sphere", lambda s: (s.radius,)),
+    "cylinder": ("Cylinder", lambda s: (s.radius, 2.0 * s.halfLength)),
+    "capsule": ("Capsule", lambda s: (s.radius, 2.0 * s.halfLength)),
+    "cone": ("Cone", lambda s: (s.radius, 2.0 * s.halfLength)),
+    "ellipsoid": ("Ellipsoid", lambda s: np.asarray(s.radii)),
 }
-#: How many numbers the size of a shape has, by kind; of a mesh it is the scale.
-SIZES = {kind: count for kind, (_, count, _) in _SOLIDS.items()} | {"mesh": 3}
-#: Pinocchio's own, where no colour is given.
-GREY = (0.9, 0.9, 0.9, 1.0)
 #: Characters of an address in a message.
 _ADDRESS = 100
-
-
-@dataclass(frozen=True)
-class Shape:
-    """A solid or a mesh on the joint of this index (-1: the base); colours are within [0, 1]."""
-
-    joint: int
-    placement: tuple[Numbers, ...]
-    kind: str
-    size: Numbers
-    colour: Numbers = GREY
-    path: str = ""
 
 
 def solid_of(geometry: Any) -> tuple[str, tuple[float, ...]] | None:
@@ -52,7 +36,7 @@ def solid_of(geometry: Any) -> tuple[str, tuple[float, ...]] | None:
     """
     import coal
 
-    for kind, (name, _, size) in _SOLIDS.items():
+    for kind, (name, size) in _SOLIDS.items():
         if isinstance(geometry, getattr(coal, name)):
             return kind, tuple(float(x) for x in size(geometry))
     return None

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
 import numpy as np
 import pinocchio as pin
@@ -15,12 +15,18 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms.inertia import inertia_of, require_physical
 from fpid_pin.arms.joints import UNITS, Numbers, joint_model, placement_of
-from fpid_pin.arms.shapes import SIZES, Shape
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import Array, Check, FloatArray, Number, OneOf, Text, Whole
+from fpid_pin.descriptions import keys
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, shown
 
 T = TypeVar("T")
+#: How many numbers the size of a shape has, by kind [m]; of a mesh it is the scale.
+SIZES = {
+    "box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "cone": 2, "ellipsoid": 3, "mesh": 3
+}  # fmt: skip
+#: Pinocchio's own, where no colour is given.
+GREY = (0.9, 0.9, 0.9, 1.0)
 #: Of a frame: Pinocchio's types, by the name that tables have for them.
 FRAMES = {
     "link": pin.FrameType.BODY,
@@ -31,9 +37,25 @@ FRAMES = {
 MOST_JOINTS = 200
 #: What to do with an inertia that no body has.
 INERTIA = ("error", "nearest", "accept")
-#: Fields that hold several numbers, and how many; None: as the kind of shape has it.
-_SHAPES = {"axis": (3,), "placement": (3, 4), "inertia": (10,), "colour": (4,), "size": None}
-_NEVER_NEGATIVE = ("effort", "velocity", "damping", "friction", "armature")
+
+
+def _unit_vector(name: str, value: Any) -> FloatArray:
+    axis = checks.floats(name, value, shape=(3,))
+    if not abs(np.linalg.norm(axis) - 1.0) < 1e-6:
+        raise ArgumentError(name, "a unit vector", axis.tolist())
+    return axis
+
+
+def _placement(name: str, value: Any) -> FloatArray:
+    rows = checks.floats(name, value, shape=(3, 4))
+    rotation = rows[:, :3]
+    near = np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6
+    if not near or np.linalg.det(rotation) < 0.0:
+        raise ArgumentError(name, "a rotation in its first three columns", rotation.tolist())
+    return rows
+
+
+Placement = Annotated[tuple[Numbers, ...], Check(_placement, "m")]
 
 
 @dataclass(frozen=True)
@@ -60,28 +82,40 @@ class Joint:
         Viscous [N m s/rad] and dry friction [N m], rotor inertia at the joint [kg m^2].
     """
 
-    name: str
-    kind: str
-    axis: Numbers
-    placement: tuple[Numbers, ...]
-    inertia: Numbers
-    lower: float = -math.inf
-    upper: float = math.inf
-    effort: float = math.inf
-    velocity: float = math.inf
-    damping: float = 0.0
-    friction: float = 0.0
-    armature: float = 0.0
+    name: Annotated[str, Text]
+    kind: Annotated[str, OneOf(*UNITS)]
+    axis: Annotated[Numbers, Check(_unit_vector)]
+    placement: Placement
+    inertia: Annotated[Numbers, Array(shape=(10,))]
+    lower: Annotated[float, Number("rad", finite=False)] = -math.inf
+    upper: Annotated[float, Number("rad", finite=False)] = math.inf
+    effort: Annotated[float, Number("N m", low=0.0, finite=False)] = math.inf
+    velocity: Annotated[float, Number("rad/s", low=0.0, finite=False)] = math.inf
+    damping: Annotated[float, Number("N m s/rad", low=0.0)] = 0.0
+    friction: Annotated[float, Number("N m", low=0.0)] = 0.0
+    armature: Annotated[float, Number("kg m^2", low=0.0)] = 0.0
 
 
 @dataclass(frozen=True)
 class Frame:
     """A frame by name: on the joint of this index (-1: the base), of a type in `FRAMES`."""
 
-    name: str
-    joint: int
-    type: str
-    placement: tuple[Numbers, ...]
+    name: Annotated[str, Text]
+    joint: Annotated[int, Whole(low=-1)]
+    type: Annotated[str, OneOf(*FRAMES)]
+    placement: Placement
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A solid or a mesh on the joint of this index (-1: the base); colours are within [0, 1]."""
+
+    joint: Annotated[int, Whole(low=-1)]
+    placement: Placement
+    kind: Annotated[str, OneOf(*SIZES)]
+    size: Annotated[Numbers, Array("m", max_ndim=1)]
+    colour: Annotated[Numbers, Array(shape=(4,))] = GREY
+    path: Annotated[str, Text] = ""
 
 
 @dataclass(frozen=True)
@@ -111,12 +145,12 @@ class ArmSpec:
     joints: tuple[Joint, ...]
     frames: tuple[Frame, ...] = ()
     shapes: tuple[Shape, ...] = field(default=(), compare=False)
-    name: str = "arm"
-    gravity: Numbers = (0.0, 0.0, -9.81)
-    home: Numbers | None = None
-    tool: str | None = None
-    inertia: str = "error"
-    credit: str = field(default="", compare=False)
+    name: Annotated[str, Text] = "arm"
+    gravity: Annotated[Numbers, Array("m/s^2", shape=(3,))] = (0.0, 0.0, -9.81)
+    home: Annotated[Numbers | None, Array("rad", max_ndim=1)] = None
+    tool: Annotated[str | None, Text] = None
+    inertia: Annotated[str, OneOf(*INERTIA)] = "error"
+    credit: Annotated[str, Text] = field(default="", compare=False)
 
     # ------------------------------------------------------------------ columns
 
@@ -206,13 +240,8 @@ class ArmSpec:
             rows = fields.get(key, ())
             checks.instance(key, rows, (list, tuple), "a list of tables")
             fields[key] = tuple(_item(kind, row, f"{key}.{k}") for k, row in enumerate(rows))
-        fields["gravity"] = tuple(gravity_vector(fields.get("gravity", 9.81)).tolist())
-        if fields.get("home") is not None:
-            fields["home"] = _plain(checks.vector("home", fields["home"], len(fields["joints"])))
-        for key in ("name", "tool", "credit"):
-            if fields.get(key) is not None:
-                checks.instance(key, fields[key], str, "a text")
-        spec = cls(**fields)
+        fields["gravity"] = gravity_vector(fields.get("gravity", 9.81))
+        spec = cls(**{key: _plain(value) for key, value in fields.items()})
         spec.require_sound()
         return spec
 
@@ -226,87 +255,48 @@ class ArmSpec:
         n = len(self.joints)
         if not 1 <= n <= MOST_JOINTS:
             raise ArgumentError("joints", f"from 1 to {MOST_JOINTS} joints", f"{n}")
+        _check(self, "")
+        for group in ("joints", "frames", "shapes"):
+            for k, item in enumerate(getattr(self, group)):
+                _check(item, f"{group}.{k}.")
+                checks.integer(f"{group}.{k}.joint", getattr(item, "joint", 0), low=-1, high=n - 1)
         for k, joint in enumerate(self.joints):
-            _require_joint(joint, f"joints.{k}")
+            if not joint.lower < joint.upper:
+                expected = f"a number > {joint.lower:g}"
+                raise ArgumentError(f"joints.{k}.upper", expected, f"{joint.upper:g}")
+        for k, shape in enumerate(self.shapes):
+            checks.floats(f"shapes.{k}.size", shape.size, shape=(SIZES[shape.kind],))
+        if self.home is not None:
+            checks.vector("home", self.home, n)
         taken = set[str]()
-        for name in (
-            *(joint.name for joint in self.joints),
-            *(frame.name for frame in self.frames),
-        ):
+        for name in [joint.name for joint in self.joints] + [frame.name for frame in self.frames]:
             if name in taken or not name:
                 raise ArgumentError("name", "names of their own", f"{shown(name)} again")
             taken.add(name)
-        for k, frame in enumerate(self.frames):
-            _require_place(frame, f"frames.{k}", n)
-            checks.choice(f"frames.{k}.type", frame.type, FRAMES)
-        for k, shape in enumerate(self.shapes):
-            _require_place(shape, f"shapes.{k}", n)
-            kind = checks.choice(f"shapes.{k}.kind", shape.kind, SIZES)
-            _shaped(f"shapes.{k}.size", shape.size, (SIZES[kind],))
         if self.tool is not None:
             checks.choice("tool", self.tool, [*taken])
-        checks.choice("inertia", self.inertia, INERTIA)
         if self.inertia != "accept":
             names = [joint.name for joint in self.joints]
             require_physical(names, self.column("inertia"), cut(self.name))
 
 
-def _require_joint(joint: Joint, where: str) -> None:
-    checks.choice(f"{where}.kind", joint.kind, UNITS)
-    axis = _shaped(f"{where}.axis", joint.axis, (3,))
-    if not abs(np.linalg.norm(axis) - 1.0) < 1e-6:
-        raise ArgumentError(f"{where}.axis", "a unit vector", axis.tolist())
-    _require_placement(joint.placement, f"{where}.placement")
-    _shaped(f"{where}.inertia", joint.inertia, (10,))
-    for key in _NEVER_NEGATIVE:
-        finite = key not in ("effort", "velocity")
-        checks.number(f"{where}.{key}", getattr(joint, key), low=0.0, finite=finite)
-    if not joint.lower < joint.upper:
-        raise ArgumentError(f"{where}.upper", f"a number > {joint.lower:g}", f"{joint.upper:g}")
-
-
-def _require_place(item: Frame | Shape, where: str, n: int) -> None:
-    checks.integer(f"{where}.joint", item.joint, low=-1, high=n - 1)
-    _require_placement(item.placement, f"{where}.placement")
-
-
-def _require_placement(rows: Any, where: str) -> None:
-    rotation = _shaped(where, rows, (3, 4))[:, :3]
-    near = np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6
-    if not near or np.linalg.det(rotation) < 0.0:
-        raise ArgumentError(where, "a rotation in its first three columns", rotation.tolist())
-
-
-def _shaped(where: str, value: Any, shape: tuple[int, ...] | None) -> FloatArray:
-    """Return finite numbers of one shape; else one line that names them."""
-    array = checks.floats(where, value)
-    if shape is not None and array.shape != shape:
-        raise ArgumentError(where, f"shape {shape}", f"shape {array.shape}")
-    return array
+def _check(item: Any, where: str) -> None:
+    for key in keys(cast("Any", type(item))).values():
+        key.checked(where + key.name, getattr(item, key.name))
 
 
 def _item(cls: type[T], row: Any, where: str) -> T:
     """Build a joint, frame or shape from its table."""
     if not isinstance(row, Mapping):
         raise ArgumentError(where, "a table", shown(row))
-    known = {item.name: item for item in dataclasses.fields(cls)}  # type: ignore[arg-type]
-    for key in row:
-        checks.choice(f"key in {where}", key, known)
-    values: dict[str, Any] = {}
-    for key, item in known.items():
-        if key not in row:
-            if item.default is dataclasses.MISSING:
-                raise ArgumentError(f"{where}.{key}", "a value", "none")
-        elif key in _SHAPES:
-            values[key] = _plain(_shaped(f"{where}.{key}", row[key], _SHAPES[key]))
-        elif item.type == "int":
-            values[key] = checks.integer(f"{where}.{key}", row[key])
-        elif item.type == "float":
-            values[key] = checks.number(f"{where}.{key}", row[key], finite=False)
-        else:
-            checks.instance(f"{where}.{key}", row[key], str, "a text")
-            values[key] = row[key]
-    return cls(**values)
+    known = keys(cast("Any", cls))
+    for name in row:
+        checks.choice(f"key in {where}", name, known)
+    for name, key in known.items():
+        if key.required and name not in row:
+            raise ArgumentError(f"{where}.{name}", "a value", "none")
+    values = {name: known[name].checked(f"{where}.{name}", value) for name, value in row.items()}
+    return cls(**{name: _plain(value) for name, value in values.items()})
 
 
 def _row(item: Any) -> dict[str, Any]:
@@ -325,7 +315,7 @@ def _listed(value: Any) -> Any:
 def _plain(array: Any) -> Any:
     """Return an array as numbers within tuples."""
     values = array.tolist() if isinstance(array, np.ndarray) else array
-    return tuple(map(_plain, values)) if isinstance(values, list) else values
+    return tuple(map(_plain, values)) if isinstance(values, (list, tuple)) else values
 
 
 def gravity_vector(gravity: ArrayLike) -> FloatArray:

@@ -24,20 +24,6 @@ from fpid_pin.arms.spec import ArmSpec
 from fpid_pin.arms.tree import HoldError
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.text import shown
-
-
-def _urdf(urdf: str | None = None, **fields: Any) -> Arm:
-    """Read a URDF by its path, or by its text, of which `path` says where its meshes are."""
-    if urdf is None:
-        if "path" not in fields:
-            raise ArgumentError("arm.path", "a URDF file", "none")
-        return Arm.from_urdf(**fields)
-    checks.instance("urdf", urdf, str, "the text of a URDF")
-    path = fields.get("path", "")
-    if not isinstance(path, str) or "\0" in path:
-        raise ArgumentError("path", "the path of a URDF file", shown(path))
-    return Arm._from_urdf_text(urdf, **fields)
 
 
 def _model(**fields: Any) -> Arm:
@@ -48,7 +34,7 @@ def _model(**fields: Any) -> Arm:
 _KINDS: dict[str, tuple[Callable[..., Arm], Callable[..., Any]]] = {
     "two_link": (Arm.two_link, Arm.two_link),
     "planar": (Arm.planar, Arm.planar),
-    "urdf": (_urdf, Arm.from_urdf),
+    "urdf": (Arm.from_urdf, Arm.from_urdf),
     "mjcf": (Arm.from_mjcf, Arm.from_mjcf),
     "example": (Arm.from_example, Arm.from_example),
     "description": (Arm.from_description, Arm.from_description),
@@ -62,11 +48,10 @@ def arm_of(table: Mapping[str, Any]) -> Arm:
     fields = {key: value for key, value in table.items() if key != "kind"}
     make, signed = _KINDS[kind]
     keys = inspect.signature(signed).parameters
-    known = [*keys, *(["urdf"] if kind == "urdf" else []), "changes"]
     for key in fields:
-        checks.choice(key, key, known)
+        checks.choice(key, key, [*keys, "changes"])
     for key, parameter in keys.items():
-        if parameter.default is parameter.empty and key not in fields and kind != "urdf":
+        if parameter.default is parameter.empty and key not in fields:
             raise ArgumentError(f"arm.{key}", "a value", "none")
     changes = fields.get("changes", [])
     checks.instance("changes", changes, (list, tuple), "a list of tables")

@@ -21,8 +21,7 @@ from fpid_pin.arms.inertia import (
     summed,
 )
 from fpid_pin.arms.joints import UNITS, Numbers, displacement, placement_of, rows_of
-from fpid_pin.arms.shapes import Shape
-from fpid_pin.arms.spec import INERTIA, MOST_JOINTS, ArmSpec, Frame, Joint
+from fpid_pin.arms.spec import INERTIA, MOST_JOINTS, ArmSpec, Frame, Joint, Shape
 from fpid_pin.exceptions import ArgumentError, ArmError, FpidWarning
 from fpid_pin.text import cut, listed, named, shown
 

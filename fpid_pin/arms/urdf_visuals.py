@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin.arms.joints import rows_of
-from fpid_pin.arms.shapes import GREY, Shape
+from fpid_pin.arms.spec import GREY, Shape
 
 #: How many folders above the URDF's own are tried for ``package://name/...``.
 _ABOVE = 4

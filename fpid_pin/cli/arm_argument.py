@@ -21,6 +21,7 @@ def arm_table(
     keep: str | None = None,
     package_dirs: Sequence[Path] = (),
     tool: str | None = None,
+    inertia: str | None = None,
 ) -> dict[str, Any]:
     """Return the table of what was written for an arm.
 
@@ -36,6 +37,8 @@ def arm_table(
         Where to look for the meshes of a URDF.
     tool
         The tool's frame.
+    inertia
+        What to do with an inertia that no body has.
 
     Raises
     ------
@@ -47,6 +50,7 @@ def arm_table(
         "keep": keep,
         "package_dirs": [str(folder.resolve()) for folder in package_dirs],
         "tool": tool,
+        "inertia": inertia,
     }
     return _table(text) | {key: value for key, value in given.items() if value}
 

@@ -1,55 +1,37 @@
-"""The body of ``fpid-pin arms``: which arms there are, with their limits and friction."""
+"""Which arms there are by name, with their limits and friction."""
 
 from __future__ import annotations
 
 import itertools
 
 import numpy as np
-from rich.table import Table
 
 from fpid_pin.arms import Arm, catalogue
 from fpid_pin.checks import FloatArray
+from fpid_pin.cli.table import Row
 
 
-def arms_table() -> Table:
-    """Return a table of all arms that ``Arm.from_example`` knows, and the paper's own.
-
-    Columns: name, number of joints, effort limits [N m], F_v [N m s/rad], F_d [N m], a note.
-    """
-    table = Table(title="Arms", title_justify="left", pad_edge=False)
-    table.add_column("name", style="bold", no_wrap=True)
-    table.add_column("n", justify="right")
-    for heading in (
-        "effort limit\nN m",
-        "viscous friction\nN m s/rad",
-        "dry friction\nN m",
-        "note",
-    ):
-        table.add_column(heading)
-    _row(table, "two_link", Arm.two_link(), "the paper's section 5.1, no limits given")
-    for name in catalogue.names():
-        _row(table, name, Arm.from_example(name), catalogue.note(name))
-    return table
-
-
-def _row(table: Table, name: str, arm: Arm, note: str) -> None:
-    table.add_row(
-        name,
-        str(arm.n),
-        _brief(arm.effort_limit),
-        _brief(arm.viscous_friction),
-        _brief(arm.dry_friction),
-        note,
-    )
+def arm_rows() -> list[Row]:
+    """Return a row for each arm that ``Arm.from_example`` knows, and the paper's own."""
+    arms = [("two_link", Arm.two_link(), "the paper's section 5.1, no limits given")]
+    arms += [(name, Arm.from_example(name), catalogue.note(name)) for name in catalogue.names()]
+    return [
+        {
+            "name": name,
+            "n": arm.n,
+            "effort limit [N m]": _brief(arm.effort_limit),
+            "viscous friction [N m s/rad]": _brief(arm.viscous_friction),
+            "dry friction [N m]": _brief(arm.dry_friction),
+            "note": note,
+        }
+        for name, arm, note in arms
+    ]
 
 
 def _brief(values: FloatArray) -> str:
     """Write equal neighbours once: ``150 x3, 28 x3``; no limit or no friction is a dash."""
-    edges = [0, *(np.flatnonzero(values[1:] != values[:-1]) + 1).tolist(), values.size]
     parts = []
-    for start, stop in itertools.pairwise(edges):
-        value = values[start]
-        text = "-" if np.isinf(value) or value == 0.0 else f"{value:g}"
-        parts.append(text if stop - start == 1 else f"{text} x{stop - start}")
-    whole = len(parts) == 1 and parts[0].startswith("-")
-    return "-" if whole else ", ".join(parts)
+    for value, group in itertools.groupby(values.tolist()):
+        text, count = "-" if np.isinf(value) or value == 0.0 else f"{value:g}", len(list(group))
+        parts.append(text if count == 1 else f"{text} x{count}")
+    return "-" if len(parts) == 1 and parts[0].startswith("-") else ", ".join(parts)

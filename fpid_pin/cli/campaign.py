@@ -1,171 +1,233 @@
-"""The bodies of ``fpid-pin campaign ...``: run, go on, export, replay, attack, report."""
+"""The subcommands of `fpid-pin campaign`; what they need is imported when they are called."""
 
 from __future__ import annotations
 
-import threading
-from concurrent.futures import Executor
-from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
 from pathlib import Path
-from urllib.parse import quote
+from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
+import typer
 
-from fpid_pin import campaign, checks
-from fpid_pin.campaign import CampaignData, Replay, Study, dask_executor
-from fpid_pin.campaign.data import METRICS, OUTCOMES
-from fpid_pin.campaign.ledger import Ledger
-from fpid_pin.cli.campaign_plan import read_campaign
-from fpid_pin.cli.config import load
-from fpid_pin.cli.executors import check_means
-from fpid_pin.cli.names import file_names
-from fpid_pin.cli.progress import progress_bar
-from fpid_pin.cli.screen import print_table, say, screen
-from fpid_pin.exceptions import ArgumentError
-from fpid_pin.files import kind_of, require_file
-from fpid_pin.progress import Progress
-from fpid_pin.text import visible
+from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
 
+if TYPE_CHECKING:
+    from fpid_pin.campaign import CampaignData, Replay, Study
+    from fpid_pin.cli.table import Row
 
-@dataclass(frozen=True)
-class Means:
-    """What a campaign is simulated by.
+app = typer.Typer(
+    help="The same controllers on thousands of other plants.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
 
-    Parameters
-    ----------
-    workers
-        Threads here, or processes (see `fpid_pin.campaign.run`).
-    dask
-        Or the address of a scheduler. Neither: this process.
-    chunk
-        Runs of a task.
-    """
-
-    workers: int | None = None
-    dask: str | None = None
-    chunk: int = 64
-
-    def __post_init__(self) -> None:
-        check_means(self.workers, self.dask)
-        checks.integer("--chunk", self.chunk, low=1)
-
-    def executor(self) -> AbstractContextManager[Executor | None]:
-        """Return what gives the scheduler's executor, or None."""
-        return nullcontext() if self.dask is None else dask_executor(self.dask)
+LedgerFile = Annotated[Path, typer.Argument(metavar="LEDGER", help="Of a campaign.")]
+Runs = Annotated[int | None, typer.Option(help="Plants; those that are there are kept.")]
+Chunk = Annotated[int, typer.Option(help="Plants of a task.")]
+NewLedger = Annotated[Path | None, typer.Option("--out", help="The ledger.")]
 
 
-def run_campaign(config: Path, out: Path, runs: int | None, means: Means) -> None:
-    """Simulate the campaign of a configuration, or go on with it where `out` holds it already."""
-    plan = read_campaign(load(config))
-    _carry_out(plan.study, out, plan.runs if runs is None else runs, means)
+@app.command()
+def run(
+    config: ConfigFile,
+    runs: Runs = None,
+    out: NewLedger = None,
+    workers: Workers = None,
+    dask: Dask = None,
+    chunk: Chunk = 64,
+    allow_import: AllowImport = False,
+) -> None:
+    """Simulate a campaign, or go on where its ledger ends."""
+    from fpid_pin.cli.configuration import load
+    from fpid_pin.cli.plans import read_campaign
+
+    executor = executor_of(workers, dask)
+    study, planned = read_campaign(load(config))
+    ledger = out or Path("runs") / f"{config.stem}-campaign.sqlite"
+    _carry_out(study, ledger, planned if runs is None else runs, executor, workers, chunk)
 
 
-def resume_campaign(ledger: Path, runs: int | None, means: Means) -> None:
-    """Go on with a campaign by its ledger alone."""
+@app.command()
+def resume(
+    ledger: LedgerFile,
+    runs: Runs = None,
+    workers: Workers = None,
+    dask: Dask = None,
+    chunk: Chunk = 64,
+    allow_import: AllowImport = False,
+) -> None:
+    """Go on with a campaign, also to more plants than at first."""
+    from fpid_pin.campaign.ledger import Ledger
+
+    executor = executor_of(workers, dask)
     with Ledger(ledger) as book:
         study, planned = book.study(), book.planned
-    _carry_out(study, ledger, planned if runs is None else runs, means)
+    _carry_out(study, ledger, planned if runs is None else runs, executor, workers, chunk)
 
 
-def _carry_out(study: Study, ledger: Path, runs: int, means: Means) -> None:
-    console = screen(error=True)
-    if runs < 1:
-        raise ArgumentError("--runs", "a whole number >= 1", runs)
+def _carry_out(
+    study: Study, ledger: Path, runs: int, executor: AbstractContextManager[Any],
+    workers: int | None, chunk: int,
+) -> None:  # fmt: skip
+    from fpid_pin import campaign, checks
+    from fpid_pin.cli.progress import progress_bar
+    from fpid_pin.cli.table import print_table, say
+
+    checks.integer("--runs", runs, low=1)
+    checks.integer("--chunk", chunk, low=1)
     many = f"{runs} plants, {len(study.names)} controllers"
-    say(console, f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}")
+    say(f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}", error=True)
     try:
-        with means.executor() as executor, progress_bar("campaign") as bar:
+        with executor as pool, progress_bar("campaign") as bar:
             data = campaign.run(
-                study, ledger, runs, executor=executor, workers=means.workers, chunk=means.chunk,
+                study, ledger, runs, executor=pool, workers=workers, chunk=chunk,
                 progress=bar,
             )  # fmt: skip
     except KeyboardInterrupt:
-        say(console, f"{ledger}: `fpid-pin campaign resume {ledger}` goes on from here")
+        say(f"{ledger}: `fpid-pin campaign resume {ledger}` goes on from here", error=True)
         raise
-    show(data, ledger)
+    print_table(median_rows(data), f"{data.runs} plants; medians of successes")
+    say(f"{ledger}: campaign export, replay and report read it")
 
 
-def show(data: CampaignData, ledger: Path) -> None:
-    """Print a line a controller: how its runs ended, and the middle of its figures."""
-    from rich.table import Table
-    from rich.text import Text
+def executor_of(workers: int | None, dask: str | None) -> AbstractContextManager[Any]:
+    """Give a scheduler's executor, or None: `workers` are then started here.
 
-    table = Table(title=f"{data.runs} plants; medians of successes", box=None, padding=(0, 1))
-    for head in ("controller", *OUTCOMES, *(f"{name} [{unit}]" for name, unit in METRICS.items())):
-        # As text: brackets are markup in a table's heads.
-        table.add_column(Text(head), justify="left" if head == "controller" else "right")
+    Raises
+    ------
+    ArgumentError
+        Both, or no whole number of workers from 1 on.
+    """
+    from contextlib import nullcontext
+
+    from fpid_pin import checks
+    from fpid_pin.campaign import dask_executor
+    from fpid_pin.exceptions import ArgumentError
+
+    if workers is not None:
+        checks.integer("--workers", workers, low=1)
+        if dask is not None:
+            raise ArgumentError("--dask", "--workers or --dask, not both", "both")
+    return nullcontext() if dask is None else dask_executor(dask)
+
+
+def median_rows(data: CampaignData) -> list[Row]:
+    """Return a row a controller: how its runs ended, and the middle of its figures."""
+    import numpy as np
+
+    from fpid_pin.campaign.data import METRICS, OUTCOMES
+
+    rows = []
     for k, name in enumerate(data.controllers):
-        ends = [str(np.sum(data.outcome[:, k] == end)) for end in OUTCOMES]
+        row: Row = {"controller": name}
+        row |= {end: int(np.sum(data.outcome[:, k] == end)) for end in OUTCOMES}
         well = data.success[:, k]
-        middle = [
-            f"{np.median(values[well, k]):.4g}" if well.any() else "-"
-            for values in data.metrics.values()
-        ]
-        table.add_row(Text(visible(name)), *ends, *middle)
-    console = screen()
-    print_table(console, table)
-    say(console, f"{ledger}: campaign export, replay and report read it")
+        for (metric, unit), values in zip(METRICS.items(), data.metrics.values(), strict=True):
+            row[f"{metric} [{unit}]"] = float(np.median(values[well, k])) if well.any() else np.nan
+        rows.append(row)
+    return rows
 
 
-def export_campaign(ledger: Path, out: Path) -> None:
-    """Write a ledger's table as CSV or Parquet."""
-    path = campaign.export(campaign.load(ledger), out)
-    say(screen(), f"{path}: {path.stat().st_size / 1e6:.2f} MB")
+@app.command()
+def export(
+    ledger: LedgerFile,
+    out: Annotated[Path, typer.Option("--out", help="A .csv or .parquet file.")],
+) -> None:
+    """Write a ledger as a table."""
+    from fpid_pin import campaign
+    from fpid_pin.cli.table import say_written
+
+    say_written(campaign.export(campaign.load(ledger), out))
 
 
-def replay_campaign(ledger: Path, run: int, controller: str | None, html: Path) -> None:
-    """Simulate a run again and write a page with it and its nominal twin."""
+@app.command()
+def replay(
+    ledger: LedgerFile,
+    run: Annotated[int, typer.Option(help="Number of the plant.")],
+    controller: Annotated[str | None, typer.Option(help="By name; none: the first.")] = None,
+    html: Annotated[Path, typer.Option(help="The page to write.")] = Path("replay.html"),
+    allow_import: AllowImport = False,
+) -> None:
+    """Simulate a run again, beside its nominal twin."""
+    from fpid_pin import campaign
+    from fpid_pin.campaign.data import METRICS
+    from fpid_pin.cli.table import say, say_written
+    from fpid_pin.files import require_file
+
     require_file(html)
     again = campaign.replay(ledger, run, controller)
-    console = screen()
-    for label, value in again.sample.items():
-        say(console, f"  {label}: {value:.6g}")
-    say(
-        console,
-        f"run {run}, {again.controller}: {again.again.outcome} {again.again.cause}".rstrip(),
-    )
-    say(console, f"  dynamics: {again.run.meta['experiment']['dynamics']}")
+    say(*(f"  {label}: {value:.6g}" for label, value in again.sample.items()))
+    say(f"run {run}, {again.controller}: {again.again.outcome} {again.again.cause}".rstrip())
+    say(f"  dynamics: {again.run.meta['experiment']['dynamics']}")
     for name, before, now in zip(METRICS, again.recorded.figures, again.again.figures, strict=True):
-        say(console, f"  {name}: {now!r}, recorded {before!r}")
+        say(f"  {name}: {now!r}, recorded {before!r}")
     told = "the same bits" if again.exact else "NOT the same bits: recorded by another machine?"
-    say(console, f"as the ledger has it: {told}")
-    path = _write_replay(again, html)
-    say(console, f"{path}: {path.stat().st_size / 1e6:.2f} MB, opens in any browser")
+    say(f"as the ledger has it: {told}")
+    say_written(_write_replay(again, html))
 
 
-def attack_campaign(
-    config: Path, out: Path, population: int, generations: int, means: Means
+@app.command()
+def attack(
+    config: ConfigFile,
+    out: NewLedger = None,
+    population: Annotated[int, typer.Option(help="Plants of a generation.")] = 32,
+    generations: Annotated[int, typer.Option(help="Generations.")] = 40,
+    workers: Workers = None,
+    dask: Dask = None,
+    allow_import: AllowImport = False,
 ) -> None:
-    """Search the worst plants of a configuration's controllers."""
+    """Search the plant that hurts each controller most."""
+    from fpid_pin import campaign
+    from fpid_pin.cli.configuration import load
+    from fpid_pin.cli.plans import read_campaign
+    from fpid_pin.cli.progress import progress_bar
+    from fpid_pin.cli.table import say
+    from fpid_pin.exceptions import ArgumentError
+    from fpid_pin.files import kind_of
+
+    out = out or Path("runs") / f"{config.stem}-attack.sqlite"
     if kind_of(out) is not None:
         raise ArgumentError("--out", "a new file", f"{out}, which is there")
-    plan = read_campaign(load(config))
-    with means.executor() as executor, progress_bar("attack") as bar:
+    executor = executor_of(workers, dask)
+    study, _ = read_campaign(load(config))
+    with executor as pool, progress_bar("attack") as bar:
         data = campaign.attack(
-            plan.study, out, population=population, generations=generations,
-            executor=executor, workers=means.workers, progress=bar,
+            study, out, population=population, generations=generations, executor=pool,
+            workers=workers, progress=bar,
         )  # fmt: skip
-    console = screen()
     for k, name in enumerate(data.controllers):
         cause = f" ({data.cause[k, k]})" if data.cause[k, k] else ""
-        say(
-            console, f"{name}: {data.outcome[k, k]}{cause}, RMS {data.metrics['rms'][k, k]:.4g} rad"
-        )
+        say(f"{name}: {data.outcome[k, k]}{cause}, RMS {data.metrics['rms'][k, k]:.4g} rad")
         for label, unit, value in zip(data.parameters, data.units, data.samples[k], strict=True):
-            say(console, f"  {label}: {value:.6g} {unit}")
-        say(console, f'  fpid-pin campaign replay {out} --run {k} --controller "{name}"')
+            say(f"  {label}: {value:.6g} {unit}")
+        say(f'  fpid-pin campaign replay {out} --run {k} --controller "{name}"')
 
 
-def report_campaign(ledger: Path, html: Path, replays: bool) -> None:
-    """Write the report of a campaign, and beside it replays of the runs that it lists as worst."""
+@app.command()
+def report(
+    ledger: LedgerFile,
+    html: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
+    no_replays: Annotated[
+        bool, typer.Option("--no-replays", help="Of the worst runs, none beside it.")
+    ] = False,
+    allow_import: AllowImport = False,
+) -> None:
+    """Write a page: success, distributions, the worst runs."""
+    from urllib.parse import quote
+
+    from fpid_pin import campaign
+    from fpid_pin.cli.output import file_names
+    from fpid_pin.cli.progress import progress_bar
+    from fpid_pin.cli.table import say, say_written
+    from fpid_pin.files import require_file
+    from fpid_pin.progress import Progress
+
     require_file(html)
     data = campaign.load(ledger)
     folder = html.with_name(f"{html.stem}-replays")
     stems = dict(zip(data.controllers, file_names([[c] for c in data.controllers]), strict=True))
 
     def link(run: int, controller: str) -> str | None:
-        column = data.controllers.index(controller)
-        if not replays or data.outcome[run, column] == "failed":
+        if no_replays or data.outcome[run, data.controllers.index(controller)] == "failed":
             return None
         page = folder / f"run-{run}-{stems[controller]}.html"
         _write_replay(campaign.replay(ledger, run, controller), page)
@@ -174,9 +236,9 @@ def report_campaign(ledger: Path, html: Path, replays: bool) -> None:
     with progress_bar("report") as bar:
         bar(Progress(0.0))
         path = campaign.report_html(data, html, replay_link=link)
-    say(screen(), f"{path}: {path.stat().st_size / 1e6:.2f} MB, opens in any browser")
+    say_written(path)
     if folder.is_dir():
-        say(screen(), f"{folder}: the replays that it leads to")
+        say(f"{folder}: the replays that it leads to")
 
 
 def _write_replay(again: Replay, path: Path) -> Path:
@@ -186,10 +248,17 @@ def _write_replay(again: Replay, path: Path) -> Path:
     return export_html([again.run, again.nominal], path, captions=captions)
 
 
-def keep_cluster(workers: int) -> None:
-    """Start a cluster on this machine and say where it is, until Ctrl-C."""
-    with campaign.local_cluster(workers) as cluster:
-        console = screen()
-        say(console, f"--dask {cluster.scheduler_address}")
-        say(console, f"{workers} workers, on this machine only; Ctrl-C ends them")
+@app.command()
+def cluster(
+    workers: Annotated[int, typer.Option(help="Of one thread each.")] = 2,
+) -> None:
+    """Start a Dask cluster on this machine, until Ctrl-C."""
+    import threading
+
+    from fpid_pin import campaign
+    from fpid_pin.cli.table import say
+
+    with campaign.local_cluster(workers) as started:
+        say(f"--dask {started.scheduler_address}")
+        say(f"{workers} workers, on this machine only; Ctrl-C ends them")
         threading.Event().wait()

@@ -1,15 +1,22 @@
-"""The subcommands of `fpid-pin`: their arguments, and whom they call."""
+"""The subcommands of `fpid-pin`: functions that a script may call just as well.
+
+What they need is imported when they are called, so that ``fpid-pin --help`` is quick.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fpid_pin._version import __version__
-from fpid_pin.cli import campaign_commands
-from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
+from fpid_pin.cli import campaign
+from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Page, Workers
+
+if TYPE_CHECKING:
+    from fpid_pin.cli.configuration import Config
+    from fpid_pin.cli.results import OutputOptions
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -35,46 +42,58 @@ def top(
     """Adaptive fractional-order PID control of robot arms on Pinocchio."""
 
 
-app.add_typer(campaign_commands.app, name="campaign")
-
 OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
+Chosen = Annotated[str | None, typer.Option(help="Which controller, by name.")]
 ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, or a robot's file.")]
 Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
 Tip = Annotated[str | None, typer.Option(metavar="TIP", help="The arm's last link; hold the rest.")]
 PackageDirs = Annotated[list[Path] | None, typer.Option(help="Where meshes are; repeat.")]
+Inertia = Annotated[
+    str | None,
+    typer.Option(metavar="nearest|accept", help="Of a link's inertia that no body has."),
+]
 Tool = Annotated[str | None, typer.Option(metavar="FRAME", help="The tool's frame.")]
 Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
 NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
 Png = Annotated[bool, typer.Option("--png", help="Draw figures as PNG, too.")]
 NoFigures = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
+Browser = Annotated[bool, typer.Option(help="Open the browser.")]
+Port = Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")]
 
 
 @app.command()
 def demo(out: OutputPath = None, no_figures: NoFigures = False, png: Png = False) -> None:
-    """Run section 5.1 of the paper: fractional against integer adaptive PID."""
-    from fpid_pin.cli.experiments import run_demo
-    from fpid_pin.cli.keep import Keep
+    """Run section 5.1 of the paper: fractional against integer PID."""
+    from fpid_pin.cli import configuration
+    from fpid_pin.cli.results import OutputOptions
 
-    run_demo(out or Path("runs/demo"), Keep(figures=not no_figures, png=png))
+    options = OutputOptions(figures=not no_figures, png=png)
+    _compare(configuration.demo_config(), out or Path("runs/demo"), "tail", options, demo=True)
 
 
 @app.command()
 def run(
     config: ConfigFile,
     out: OutputPath = None,
-    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    controller: Chosen = None,
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
     png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
-    """Simulate one controller of a configuration and record everything."""
-    from fpid_pin.cli.experiments import run_one
-    from fpid_pin.cli.keep import Keep
+    """Simulate one controller of a configuration."""
+    import dataclasses
 
-    keep = Keep(not no_runs, not no_figures, every, png)
-    run_one(config, out or Path("runs") / config.stem, controller, keep)
+    from fpid_pin.cli.configuration import load
+    from fpid_pin.cli.results import OutputOptions
+
+    options, found = OutputOptions(not no_runs, not no_figures, every, png), load(config)
+    name = found.chosen(controller)
+    one = dataclasses.replace(
+        found, controllers={name: found.controllers[name]}, conditions={"nominal": found.experiment}
+    )
+    _compare(one, out or Path("runs") / config.stem, "tail", options)
 
 
 @app.command()
@@ -91,12 +110,40 @@ def compare(
     png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
-    """Simulate every controller of a configuration under every condition, and say who is best."""
-    from fpid_pin.cli.experiments import run_comparison
-    from fpid_pin.cli.keep import Keep
+    """Simulate every controller under every condition."""
+    from fpid_pin.cli.configuration import load
+    from fpid_pin.cli.results import OutputOptions
 
-    keep = Keep(not no_runs, not no_figures, every, png)
-    run_comparison(config, out or Path("runs") / config.stem, metric, keep)
+    options = OutputOptions(not no_runs, not no_figures, every, png)
+    _compare(load(config), out or Path("runs") / config.stem, metric, options)
+
+
+def _compare(
+    config: Config, out: Path, metric: str, options: OutputOptions, *, demo: bool = False
+) -> None:
+    """Simulate all pairs, write the folder of results and print the answer."""
+    from fpid_pin import checks
+    from fpid_pin.cli import results
+    from fpid_pin.cli.comparison import MEASURES, rank, simulate_pairs
+    from fpid_pin.cli.output import output_folder
+    from fpid_pin.cli.playground import write_playground
+    from fpid_pin.view import figures as paper_figures
+
+    measure = MEASURES[checks.choice("--metric", metric, MEASURES)]
+    with output_folder(out) as folder:
+        entries = simulate_pairs(config.conditions, config.controllers)
+        ranking = rank(entries, measure)
+        drawn: dict[str, Any] = {}
+        if options.figures and demo:
+            drawn = paper_figures([entry.run for entry in entries])
+        elif options.figures and len(entries) == 1:
+            drawn = results.run_figures(entries[0])
+        elif options.figures:
+            drawn = results.comparison_figures(config, entries, ranking)
+        results.write_comparison(folder, config, entries, ranking, drawn, options)
+        if demo:
+            write_playground(config, folder / "playground.html")
+    results.show_comparison(config, entries, ranking, out)
 
 
 @app.command()
@@ -109,12 +156,12 @@ def tune(
     png: Png = False,
     allow_import: AllowImport = False,
 ) -> None:
-    """Search orders and gains by the genetic algorithm of a configuration's [tune]."""
-    from fpid_pin.cli.keep import Keep
+    """Search orders and gains, as the table [tune] says."""
+    from fpid_pin.cli.results import OutputOptions
     from fpid_pin.cli.tune import run_tuning
 
     folder = out or Path("runs") / f"{config.stem}-tuned"
-    run_tuning(config, folder, resume, workers, Keep(png=png), dask)
+    run_tuning(config, folder, resume, workers, OutputOptions(png=png), dask)
 
 
 @app.command()
@@ -130,23 +177,33 @@ def operators(
     widening: Annotated[float, typer.Option(help="Of CRONE's band [decades].")] = 0.0,
     plot: Annotated[Path | None, typer.Option(help="Figure of the errors.")] = None,
 ) -> None:
-    """Say how good a fractional operator is: errors, trusted range, noise, cost."""
-    from fpid_pin.cli.operators import operators_table
+    """Say how good a fractional operator is."""
+    from fpid_pin import checks
+    from fpid_pin.cli.table import print_table, say
+    from fpid_pin.exceptions import ArgumentError
+    from fpid_pin.fractional import Crone, ExponentialSum, report
 
-    text = operators_table(
-        order or [0.1, 0.5, 0.9], step, horizon, design=design, modes=modes, tolerance=tolerance,
-        band=band, n=n, widening=widening, plot=plot,
-    )  # fmt: skip
-    typer.echo(text)
+    crone = checks.choice("design", design, ("exponential_sum", "crone")) == "crone"
+    step = checks.number("step", step, low=checks.STEPS[0], high=checks.STEPS[1])
+    horizon = checks.number("horizon", horizon, above=0.0, high=step * checks.MOST_ROWS)
+    chosen = Crone(*band, n, widening) if crone else ExponentialSum(modes, tolerance)
+    found = report(chosen, order or [0.1, 0.5, 0.9], step=step, horizon=horizon)
+    if plot is not None:
+        try:
+            found.plot(plot)
+        except ValueError as error:
+            raise ArgumentError("plot", "a file that can be written", f"{plot} ({error})") from None
+    say(*found.heading)
+    print_table(found.rows, "")
 
 
 @app.command()
 def arms() -> None:
-    """List the arms that work by name, with their limits and friction."""
-    from fpid_pin.cli.arms import arms_table
-    from fpid_pin.cli.screen import screen
+    """List the arms that work by name, with limits and friction."""
+    from fpid_pin.cli.arms import arm_rows
+    from fpid_pin.cli.table import print_table
 
-    screen().print(arms_table())
+    print_table(arm_rows(), "Arms")
 
 
 @app.command()
@@ -159,12 +216,13 @@ def inspect(
     keep: Tip = None,
     package_dir: PackageDirs = None,
     tool: Tool = None,
+    inertia: Inertia = None,
 ) -> None:
-    """Say what there is to know of an arm: limits, inertia, suggested gains, margins."""
+    """Say what there is to know of an arm, with suggested gains."""
     from fpid_pin.cli.arm_argument import arm_table
     from fpid_pin.cli.inspect import run_inspect
 
-    table = arm_table(arm, lock or (), keep, package_dir or (), tool)
+    table = arm_table(arm, lock or (), keep, package_dir or (), tool, inertia)
     run_inspect(table, bandwidth, step, picture)
 
 
@@ -176,29 +234,38 @@ def init(
     keep: Tip = None,
     package_dir: PackageDirs = None,
     tool: Tool = None,
+    inertia: Inertia = None,
 ) -> None:
-    """Write a configuration for an arm that `compare` runs as it is."""
+    """Write a configuration that `compare` runs as it is."""
     from fpid_pin.cli.arm_argument import arm_table
     from fpid_pin.cli.init import run_init
 
-    run_init(arm, arm_table(arm, lock or (), keep, package_dir or (), tool), out)
+    run_init(arm, arm_table(arm, lock or (), keep, package_dir or (), tool, inertia), out)
 
 
 @app.command()
 def view(
     files: Annotated[list[Path], typer.Argument(metavar="RUN.npz ...", help="Recorded runs.")],
-    html: Annotated[Path | None, typer.Option(help="Write one page that opens anywhere.")] = None,
+    html: Page = None,
     caption: Annotated[list[str] | None, typer.Option(help="A caption a run; repeat.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
+    browser: Browser = True,
+    port: Port = None,
 ) -> None:
-    """Show recorded runs in meshcat: in a browser, or as one self-contained page."""
-    from fpid_pin.cli.view import run_view
+    """Show recorded runs in meshcat: in a browser, or as one page."""
+    from fpid_pin.cli.table import say, say_written
+    from fpid_pin.files import require_file
+    from fpid_pin.simulation import Run
+    from fpid_pin.view import export_html, play
 
-    run_view(
-        files, html=html, captions=caption or (), fps=fps,
-        browser=browser, port=port,
+    if html is not None:
+        require_file(html)
+    runs = [Run.load(file) for file in files]
+    if html is not None:
+        say_written(export_html(runs, html, captions=caption or None, fps=fps))
+        return
+    play(
+        runs, fps=fps, captions=caption or None, open_browser=browser, port=port, announce=say
     )  # fmt: skip
 
 
@@ -209,44 +276,87 @@ def playground(
     controller: Annotated[str | None, typer.Option(help="Which controller; none: all.")] = None,
     allow_import: AllowImport = False,
 ) -> None:
-    """Write one page with sliders that simulates again as they move; it needs no network."""
-    from fpid_pin.cli.playground import run_playground
+    """Write one page with sliders that simulates as they move."""
+    from fpid_pin.cli.configuration import load
+    from fpid_pin.cli.playground import write_playground
+    from fpid_pin.cli.table import say, say_written
+    from fpid_pin.files import require_file
 
-    run_playground(config, html, controller)
+    require_file(html)
+    found = load(config)
+    name = None if controller is None else found.chosen(controller)
+    for line in write_playground(found, html, name):
+        say(f"fpid-pin: left out: {line}", error=True)
+    say_written(html)
 
 
 @app.command()
 def live(
     config: ConfigFile,
-    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    controller: Chosen = None,
     duration: Annotated[float | None, typer.Option(help="[s]; none: until Ctrl-C.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 40.0,
-    browser: Annotated[bool, typer.Option(help="Open the browser.")] = True,
-    port: Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")] = None,
+    browser: Browser = True,
+    port: Port = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
     push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
     baseline: Annotated[float, typer.Option(help="Run so long without the view first [s].")] = 0.0,
     allow_import: AllowImport = False,
 ) -> None:
-    """Run the control loop in real time and watch it; key presses push a joint."""
-    from fpid_pin.cli.live import run_live
+    """Run the control loop in real time; keys push a joint."""
+    import numpy as np
 
-    run_live(
-        config, controller=controller, duration=duration, fps=fps, browser=browser, port=port,
-        joint=joint, push=push, baseline=baseline,
+    from fpid_pin import checks
+    from fpid_pin.cli.configuration import load
+    from fpid_pin.cli.table import say
+    from fpid_pin.view.live_session import HELP
+    from fpid_pin.view.live_session import live as show
+
+    found = load(config)
+    experiment, law = found.experiment, found.controllers[
+        found.chosen(controller or next(iter(found.controllers)))
+    ]  # fmt: skip
+    if checks.number("--baseline", baseline, low=0.0):
+        say(f"{baseline:g} s without the view, to compare ...")
+        alone = show(experiment, law, duration=baseline, view=False)
+        say(f"without the view: {alone.timing}")
+    say(HELP)
+    told = show(
+        experiment, law, duration=duration, fps=fps, open_browser=browser, port=port,
+        push_joint=joint or 0, push_torque=push, announce=say,
     )  # fmt: skip
+    say(f"with the view:    {told.timing}")
+    if told.send_times.size:
+        median = 1e3 * float(np.median(told.send_times))
+        sent = f"{told.send_times.size} frames sent, median {median:.3f} ms each"
+        say(f"{sent}, {told.dropped} dropped")
+    if told.fault:
+        say(told.fault)
 
 
 @app.command()
 def export(
     config: ConfigFile,
     out: Annotated[Path, typer.Option("--out", help="A new folder.")],
-    controller: Annotated[str | None, typer.Option(help="Which controller, by name.")] = None,
+    controller: Chosen = None,
     horizon: Annotated[float, typer.Option(help="Longest time that it will run [s].")] = 3600.0,
     ticks: Annotated[int, typer.Option(help="Length of its test vectors.")] = 2000,
     allow_import: AllowImport = False,
 ) -> None:
-    """Write a controller as C99 for a robot, with test vectors that prove it."""
-    from fpid_pin.cli.export import run_export
+    """Write a controller as C99, with test vectors."""
+    from fpid_pin.cli.configuration import load
+    from fpid_pin.cli.table import say
+    from fpid_pin.export import export_c
 
-    run_export(config, out, controller, horizon, ticks)
+    found = load(config)
+    name, experiment = found.chosen(controller), found.experiment
+    options = f"--horizon {horizon:g} --ticks {ticks}"
+    folder = export_c(
+        found.controllers[name], experiment.arm, experiment.step, out, horizon=horizon,
+        ticks=ticks, experiment=experiment,
+        toml=f"# Exported: controller {name!r}, {options}.\n{found.text}",
+    )  # fmt: skip
+    say(f"{folder}: fpid.h, fpid.c, fpid_parameters.c, example, check, README.md")
+
+
+app.add_typer(campaign.app, name="campaign")

@@ -1,16 +1,102 @@
-"""What a configuration file describes, once it is read."""
+"""The TOML configuration, format 1: what a file says, checked whole, as descriptions.
+
+    format = 1
+    import           a Python file, or several, with kinds of one's own (see `fpid_pin.own_code`)
+    [arm]            kind and the arguments of that kind of arm
+    [plant]          arguments of Plant, and payload = {mass, com, frame}
+    [reference]      kind and its arguments
+    [[disturbance]]  kind and its arguments; several add up
+    [sensors]        arguments of Sensors
+    [simulation]     step, duration, integrator, dynamics, seed, runaway_speed, q0, v0
+    [[controller]]   kind, name and arguments of the controller
+    [[condition]]    name, and plant, sensors, disturbance in place of those above
+    [tune]           see `plans.read_plan`
+    [campaign]       see `plans.read_campaign`
+
+Keys are the constructors' arguments. Every fault is reported at once, each with its key path.
+"""
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
-from typing import Any
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
 
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks, descriptions, own_code
+from fpid_pin.arms import Arm
+from fpid_pin.checks import Array, Number, Text
+from fpid_pin.cli.progress import say_if_compiling
 from fpid_pin.control import Controller
-from fpid_pin.simulation import Experiment
+from fpid_pin.descriptions import Description
+from fpid_pin.disturbances import Disturbance, Sum
+from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
+from fpid_pin.references import Reference
+from fpid_pin.simulation import Experiment, Plant, Sensors
+from fpid_pin.text import named, shown
+
+FORMAT = 1
+#: No configuration is longer; an endless device is [bytes].
+MOST_BYTES = 1 << 24
+#: Faults told of one file, each in a line.
+MOST_FAULTS = 40
+SIMULATION_KEYS = (
+    "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
+)  # fmt: skip
+Table = Annotated[Mapping[str, Any], checks.Plain(Mapping, "a table")]
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)
+class Payload(Description):
+    """A body that the plant holds, and no controller knows of."""
+
+    mass: Annotated[float, Number("kg", low=0.0)]
+    com: Annotated[ArrayLike, Array("m", shape=(3,))] = (0.0, 0.0, 0.0)
+    frame: Annotated[str | None, Text] = None
+
+
+@dataclass(frozen=True, eq=False)
+class PlantTable(Plant):
+    """A plant as files have it."""
+
+    payload: Payload | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Surroundings(Description):
+    """What a condition may have otherwise."""
+
+    plant: PlantTable | None = None
+    sensors: Sensors | None = None
+    disturbance: Sequence[Disturbance] | None = None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Condition(Surroundings):
+    """One [[condition]]."""
+
+    name: Annotated[str, Text]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class File(Surroundings):
+    """A whole file, as it is written."""
+
+    arm: Arm
+    reference: Reference
+    controller: Sequence[Controller]
+    simulation: Table = field(default_factory=dict)
+    condition: Sequence[Condition] = ()
+    tune: Table = field(default_factory=dict)
+    campaign: Table = field(default_factory=dict)
+    title: Annotated[str, Text] = ""
+
+
+@dataclass(frozen=True, eq=False)
 class Config:
     """What a configuration file describes.
 
@@ -19,7 +105,7 @@ class Config:
     path, text
         Where it came from, and all of it.
     title
-        For reports.
+        For reports; the file's name where it has none.
     experiment
         The nominal one.
     controllers
@@ -38,3 +124,203 @@ class Config:
     conditions: dict[str, Experiment]
     tune: Mapping[str, Any]
     campaign: Mapping[str, Any]
+
+    def chosen(self, name: str | None) -> str:
+        """Return which controller ``--controller`` chose, by its name; None: the only one.
+
+        Raises
+        ------
+        ConfigError
+            A name that is not there; none where there are several.
+        """
+        if name is None and len(self.controllers) > 1:
+            several = ", ".join(map(named, self.controllers))
+            fault = f"expected one controller, or --controller NAME, got {several}"
+            raise ConfigError.of(self.path, [fault])
+        try:
+            found = name or next(iter(self.controllers))
+            return checks.choice("--controller", found, self.controllers)
+        except ArgumentError as error:
+            raise ConfigError.of(self.path, [error]) from None
+
+
+def load(path: str | Path) -> Config:
+    """Read and check a configuration file.
+
+    Raises
+    ------
+    ConfigError
+        A line for every fault: file, key path, what was expected, what came.
+    """
+    path = Path(path)
+    try:
+        with open(path, "rb") as file:
+            data = file.read(MOST_BYTES + 1)
+        if len(data) > MOST_BYTES:
+            raise ConfigError.of(path, [f"expected at most {MOST_BYTES} bytes, got more"])
+        # Line ends as TOML and the results' copy have them.
+        text = data.decode("utf-8").replace("\r\n", "\n")
+    except FileNotFoundError:
+        raise ConfigError.of(path, ["no such file"]) from None
+    except OSError as error:
+        raise ConfigError.of(path, [f"cannot be read ({error.strerror})"]) from None
+    except ValueError:
+        raise ConfigError.of(path, ["cannot be read (not a text file)"]) from None
+    return parse(text, str(path), path.parent)
+
+
+def demo_config() -> Config:
+    """Return the configuration that `demo` runs, from the package."""
+    text = resources.files("fpid_pin.cli").joinpath("demo.toml").read_text(encoding="utf-8")
+    return parse(text, "demo.toml", Path.cwd())
+
+
+def parse(text: str, name: str, folder: Path) -> Config:
+    """Check a configuration's text; `folder` is where its relative paths start."""
+    faults: list[FpidError] = []
+    try:
+        try:
+            table = tomllib.loads(text)
+        except ValueError as error:
+            raise ConfigError.of(name, [f"not valid TOML: {error}"]) from None
+        config = _read(table, folder, name, text, faults)
+    except RecursionError:
+        raise ConfigError.of(name, ["not valid TOML: nested too deeply"]) from None
+    if faults or config is None:
+        # Conditions share what is wrong with the nominal experiment.
+        told = list(dict.fromkeys(map(str, faults)))
+        more = [f"faults: expected none, got {len(told)}"] if told[MOST_FAULTS:] else []
+        raise ConfigError.of(name, told[:MOST_FAULTS] + more)
+    return config
+
+
+def _read(
+    table: dict[str, Any], folder: Path, name: str, text: str, faults: list[FpidError]
+) -> Config | None:
+    """Build what a table describes; every fault is appended to `faults`."""
+    number = table.pop("format", "none")
+    # Of "true" and 1.0 Python says that they are 1.
+    if type(number) is not int or number != FORMAT:
+        faults.append(ArgumentError("format", f"{FORMAT}", shown(number)))
+        return None
+    if not _import(table.pop("import", []), folder, faults):
+        # Without them their kinds are unknown, which would be told over and over.
+        return None
+    reference = table.get("reference")
+    if isinstance(reference, dict):
+        cls = descriptions.kinds(Reference).get(str(reference.get("kind")))
+        if cls is not None and "arm" in descriptions.keys(cls) and "arm" in table:
+            # A circle of the tool is one of this arm's, if nothing else is said.
+            reference.setdefault("arm", table["arm"])
+    file: File | None = descriptions.build(_rooted(table, folder), File, "", faults)
+    if file is None:
+        return None
+    if not file.controller:
+        faults.append(ArgumentError("controller", "at least one [[controller]]", "none"))
+    labels = [law.name or getattr(law, "_kind", "law") for law in file.controller]
+    for path, names in (("controller", labels), ("condition", [c.name for c in file.condition])):
+        for k, label in enumerate(names):
+            if not label or label in names[:k]:
+                got = f"{shown(label)} again" if label else "none"
+                faults.append(ArgumentError(f"{path}.{k}.name", "a name of its own", got))
+    simulation = known("simulation", file.simulation, SIMULATION_KEYS, faults)
+    if faults:
+        return None
+    nominal = _experiment(file, file, simulation, "", faults)
+    conditions = {
+        c.name: _experiment(file, c, simulation, f"condition.{k}.", faults)
+        for k, c in enumerate(file.condition)
+    }
+    if faults:
+        return None
+    say_if_compiling()
+    for label, law in zip(labels, file.controller, strict=True):
+        try:
+            law.start(nominal.arm, step=nominal.step)
+        except FpidError as error:
+            faults.append(moved(error, f"controller {shown(label)}"))
+    controllers = dict(zip(labels, file.controller, strict=True))
+    return Config(
+        name, text, file.title or Path(name).stem, nominal, controllers,
+        conditions or {"nominal": nominal}, file.tune, file.campaign,
+    )  # fmt: skip
+
+
+def _import(value: Any, folder: Path, faults: list[FpidError]) -> bool:
+    files = [value] if isinstance(value, str) else value
+    if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
+        faults.append(ArgumentError("import", "a path, or a list of them", shown(value)))
+        return False
+    try:
+        own_code.load([folder / file for file in files])
+    except FpidError as error:
+        faults.append(error)
+        return False
+    return True
+
+
+def _rooted(value: Any, folder: Path) -> Any:
+    """Let relative paths start at the configuration's folder."""
+    if isinstance(value, list):
+        return [_rooted(item, folder) for item in value]
+    if not isinstance(value, dict):
+        return value
+    table = {key: _rooted(item, folder) for key, item in value.items()}
+    if isinstance(table.get("path"), str):
+        table["path"] = str(folder / table["path"])
+    return table
+
+
+def _experiment(
+    file: File, own: Surroundings, simulation: Mapping[str, Any], path: str,
+    faults: list[FpidError],
+) -> Any:  # fmt: skip
+    """Build the experiment of a condition, with what it does not say as the file has it."""
+    plant, sensors, disturbance = (
+        getattr(file, name) if getattr(own, name) is None else getattr(own, name)
+        for name in ("plant", "sensors", "disturbance")
+    )
+    parts: dict[str, Any] = {}
+    if plant is not None:
+        parts = {key: getattr(plant, key) for key in descriptions.keys(Plant)}
+        if plant.payload is not None:
+            load = {key: getattr(plant.payload, key) for key in descriptions.keys(Payload)}
+            try:
+                parts["arm"] = (plant.arm or file.arm).with_payload(**load)
+            except FpidError as error:
+                faults.append(moved(error, f"{path}plant.payload"))
+    pushes = [*(() if plant is None or plant.disturbance is None else (plant.disturbance,))]
+    pushes += disturbance or ()
+    if pushes:
+        parts["disturbance"] = Sum(pushes) if pushes[1:] else pushes[0]
+    table = {"arm": file.arm, "reference": file.reference, "sensors": sensors, **simulation}
+    found: list[FpidError] = []
+    if parts:
+        table["plant"] = Plant(**parts)
+    experiment = descriptions.build(table, Experiment, "", found)
+    for fault in found:
+        inner = isinstance(fault, ArgumentError) and fault.name.split(".")[0] in SIMULATION_KEYS
+        faults.append(moved(fault, "simulation") if inner else fault)
+    return experiment
+
+
+def known(
+    path: str, table: Mapping[str, Any], keys: tuple[str, ...], faults: list[FpidError]
+) -> dict[str, Any]:
+    """Return what a table has under `keys`; every other key is a fault.
+
+    Only what this returns may become arguments of a call: a key can be called ``self``.
+    """
+    for key in table:
+        try:
+            checks.choice(f"{path}.{key}".strip(".") or '""', key, keys)
+        except ArgumentError as error:
+            faults.append(error)
+    return {key: table[key] for key in keys if key in table}
+
+
+def moved(error: FpidError, path: str) -> FpidError:
+    """Return an error with its argument's name under a table's path."""
+    if isinstance(error, ArgumentError):
+        return ArgumentError(f"{path}.{error.name}", error.expected, error.got)
+    return error

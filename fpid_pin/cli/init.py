@@ -12,7 +12,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.cli.arm_argument import arm_of_table
-from fpid_pin.cli.screen import say, screen
+from fpid_pin.cli.table import say
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import kind_of, put_text
 
@@ -104,7 +104,7 @@ def run_init(text: str, table: dict[str, Any], out: Path) -> None:
     arm = arm_of_table(table)
     written = configuration(arm, _relative(table, out), asked=text, file=out)
     put_text(out, written)
-    say(screen(), f"Written: {out} (fpid-pin compare {out})")
+    say(f"Written: {out} (fpid-pin compare {out})")
 
 
 def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) -> str:

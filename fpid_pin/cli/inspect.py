@@ -13,7 +13,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.cli.arm_argument import arm_of_table
-from fpid_pin.cli.screen import say, screen
+from fpid_pin.cli.table import Row, print_table, say
 from fpid_pin.control import AdaptiveFpid, gain_ceilings, stability_report, suggest_gains
 from fpid_pin.control.law import Controller
 from fpid_pin.text import visible
@@ -27,7 +27,6 @@ Column = Sequence[object] | FloatArray
 def run_inspect(table: dict[str, Any], bandwidth: float, step: float, picture: Path | None) -> None:
     """Print all of it; draw the arm where a picture is asked for."""
     arm = arm_of_table(table)
-    console = screen()
     if picture is not None:
         from fpid_pin.view import plots
         from fpid_pin.view.portrait import portrait
@@ -35,25 +34,29 @@ def run_inspect(table: dict[str, Any], bandwidth: float, step: float, picture: P
         # First: a name that no picture can have is told before a page of numbers.
         plots.save_figure(portrait(arm), picture)
     # All of it before the first line: what is refused leaves no half of a page.
-    for line in list(described(arm, bandwidth, step)):
-        say(console, line)
+    for part in list(described(arm, bandwidth, step)):
+        if isinstance(part, str):
+            say(*(_wrapped(part) or [""]))
+        else:
+            print_table(part, "")
     if picture is not None:
-        say(console, f"Written: {picture}")
+        say(f"Written: {picture}")
 
 
-def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator[str]:
-    """Yield what `inspect` prints; a line is longer than 80 only where a name is."""
+def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator[str | list[Row]]:
+    """Yield what `inspect` prints: paragraphs, and tables as rows."""
     few = "" if arm.n == 1 else "s"
-    yield from _wrapped(
+    yield (
         f"{arm.name}: {arm.n} joint{few}, gravity {arm.gravity:.4g} m/s^2, tool frame {arm.tool}"
     )
     if arm.credit:
-        yield from _wrapped(arm.credit)
+        yield (arm.credit)
     units = "angles in rad, speeds in rad/s, efforts in N m"
     if PRISMATIC in arm.joint_kinds:
         units += "; of prismatic joints m, m/s and N"
-    yield from ("", *_wrapped(f"Joints and their limits, - where none is given ({units})"))
-    yield from _table(
+    yield ""
+    yield f"Joints and their limits, - where none is given ({units})"
+    yield _rows(
         {
             "kind": arm.joint_kinds,
             "lower": arm.lower,
@@ -66,27 +69,24 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
     weight = arm.gravity_vector(arm.home)
     weight = np.where(np.abs(weight) > 1e-9 * np.abs(weight).max(), weight, 0.0)
     part = np.abs(weight) / arm.effort_limit
-    yield from (
-        "",
-        *_wrapped(
-            "At home: the inertia that the joint feels, M_jj [kg m^2] or [kg]; its weight G_j, and "
-            "which part of its effort that takes; viscous and dry friction"
-        ),
+    yield ""
+    yield (
+        "At home: the inertia that the joint feels, M_jj [kg m^2] or [kg]; its weight G_j, and "
+        "which part of its effort that takes; viscous and dry friction"
     )
-    yield from _table(
+    yield _rows(
         {
             "home": arm.home,
             "M_jj": np.diag(arm.mass_matrix(arm.home)),
             "G_j": weight,
             "of effort": [f"{100.0 * x:.0f} %" if x > 0.0 else "-" for x in part],
-            "F_v": _or_dash(arm.viscous_friction),
-            "F_d": _or_dash(arm.dry_friction),
+            "F_v": np.where(arm.viscous_friction, arm.viscous_friction, np.nan),
+            "F_d": np.where(arm.dry_friction, arm.dry_friction, np.nan),
         }
     )
     found = list(oddities(arm))
     yield from ["", "What looks wrong:"] if found else []
-    for line in found:
-        yield from _wrapped(f"- {line}")
+    yield from (f"- {line}" for line in found)
     law = suggest_gains(arm, bandwidth, step=step)
     yield from _gains(arm, law, bandwidth, step)
     yield from _margins(arm, law, step)
@@ -113,7 +113,7 @@ def oddities(arm: Arm) -> Iterator[str]:
         yield f"the zero pose is outside the limits: {of(outside)}"
 
 
-def _gains(arm: Arm, law: AdaptiveFpid, w: float, step: float) -> Iterator[str]:
+def _gains(arm: Arm, law: AdaptiveFpid, w: float, step: float) -> Iterator[str | list[Row]]:
     n = arm.n
     gains = {
         name: np.broadcast_to(np.asarray(getattr(law, name), dtype=np.float64), (n,))
@@ -122,11 +122,11 @@ def _gains(arm: Arm, law: AdaptiveFpid, w: float, step: float) -> Iterator[str]:
     lam, mu = gains["integral_order"], gains["derivative_order"]
     ceilings = gain_ceilings(arm, law, step=step)
     yield ""
-    yield from _wrapped(
+    yield (
         f"Suggested FPID: suggest_gains(arm, bandwidth={w:g}), at a step of {1e3 * step:g} ms; "
         "u = scale (Kp e + Ki I^lambda e + Kd D^mu e), and the gains' ceilings (gain_ceilings)"
     )
-    yield from _table(
+    yield _rows(
         {
             "scale": law.scale_on(arm),
             "lambda": lam,
@@ -150,25 +150,25 @@ def _gains(arm: Arm, law: AdaptiveFpid, w: float, step: float) -> Iterator[str]:
         ]
         if found:
             lowered += 1
-            yield from _wrapped(f"joint {j + 1} lowered: {', '.join(found)} of what was asked")
+            yield (f"joint {j + 1} lowered: {', '.join(found)} of what was asked")
     if lowered:
-        yield from _wrapped(
+        yield (
             "(a step bears no more at some pose; a shorter step or a lower derivative order does)"
         )
     else:
         yield "Nothing had to be lowered."
 
 
-def _margins(arm: Arm, law: Controller, step: float) -> Iterator[str]:
+def _margins(arm: Arm, law: Controller, step: float) -> Iterator[str | list[Row]]:
     report = stability_report(arm, law, step=step)
     pole = report.dominant_pole
     stable = "stable" if report.stable else "UNSTABLE"
     yield ""
-    yield from _wrapped(
+    yield (
         f"Margins at home: {stable}, dominant pole {pole.real:.3g} ± {abs(pole.imag):.3g}j 1/s; "
         "each joint's gain may rise and fall by these factors, the others as they are"
     )
-    yield from _table(
+    yield _rows(
         {
             "gain up": [*report.gain_margin, report.common_gain_margin],
             "gain down": [*report.gain_reduction, report.common_gain_reduction],
@@ -176,31 +176,21 @@ def _margins(arm: Arm, law: Controller, step: float) -> Iterator[str]:
             "delay, ms": [*(1e3 * report.delay_margin), 1e3 * report.common_delay_margin],
             "crossover, rad/s": [*report.crossover, np.nan],
         },
-        [*map(str, range(1, arm.n + 1)), "all"],
+        [*range(1, arm.n + 1), "all"],
     )
 
 
-def _or_dash(values: FloatArray) -> list[object]:
-    return [value if value else "-" for value in values]
+def _rows(columns: Mapping[str, Column], labels: Sequence[object] = ()) -> list[Row]:
+    """Return rows numbered from 1, or by labels; what is not finite is left open."""
+    numbers = labels or range(1, len(next(iter(columns.values()))) + 1)
+    return [
+        {"#": label} | {head: _finite(column[k]) for head, column in columns.items()}
+        for k, label in enumerate(numbers)
+    ]
 
 
-def _table(columns: Mapping[str, Column], labels: Sequence[str] | None = None) -> Iterator[str]:
-    """Yield rows of right-aligned columns, numbered from 1; a last column of names is left."""
-    rows = len(next(iter(columns.values())))
-    cells = {"#": list(labels or map(str, range(1, rows + 1)))}
-    cells |= {head: [_cell(value) for value in values] for head, values in columns.items()}
-    widths = {head: max(len(head), *map(len, column)) for head, column in cells.items()}
-    for line in ([*cells], *([column[k] for column in cells.values()] for k in range(rows))):
-        yield "  ".join(
-            cell if head == "name" else cell.rjust(widths[head])
-            for head, cell in zip(cells, line, strict=True)
-        )
-
-
-def _cell(value: object) -> str:
-    if not isinstance(value, float):
-        return visible(str(value))
-    return f"{value:.4g}" if np.isfinite(value) else "-"
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _wrapped(text: str) -> list[str]:

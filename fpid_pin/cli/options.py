@@ -23,3 +23,4 @@ AllowImport = Annotated[
 ]
 Workers = Annotated[int | None, typer.Option(help="Threads, or processes for laws in Python.")]
 Dask = Annotated[str | None, typer.Option(help="Or a scheduler: tcp://127.0.0.1:8786.")]
+Page = Annotated[Path | None, typer.Option(help="Write one page that opens anywhere.")]

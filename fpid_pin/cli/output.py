@@ -1,15 +1,16 @@
-"""Folders of results that appear whole or not at all, power loss included."""
+"""Folders of results that appear whole or not at all, power loss included, and names in them."""
 
 from __future__ import annotations
 
 import errno
 import os
 import shutil
-from collections.abc import Iterator
+import unicodedata
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from fpid_pin.exceptions import FileFormatError
+from fpid_pin.exceptions import ConfigError, FileFormatError
 from fpid_pin.files import (
     discard,
     hidden_folder,
@@ -24,6 +25,8 @@ from fpid_pin.files import (
 #: The file that says that a folder is ours to replace, and lists what in it is ours.
 MARK = ".fpid_pin"
 _HEAD = "made by fpid-pin; what is listed here is replaced, all else is kept\n"
+#: Bytes that the usual file systems give a name, and of the longest ending of a file.
+MOST_BYTES, _ENDING = 255, len(".npz")
 #: What a write is refused with; such an error names no file.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
@@ -143,3 +146,55 @@ def _restore(path: Path) -> None:
         os.rename(_old(path), path)
     else:
         discard(_old(path))
+
+
+def slug(name: str) -> str:
+    """Return the letters and digits of a name, small, with single hyphens for all else."""
+    # One form of each letter: some file systems take two forms of it for one name.
+    text = unicodedata.normalize("NFC", name.lower())
+    kept = "".join(c if c.isalnum() else "-" for c in text)
+    return "-".join(part for part in kept.split("-") if part)
+
+
+def file_names(
+    labels: Sequence[Sequence[str]], *, prefix: str = "", taken: Collection[str] = ()
+) -> list[str]:
+    """Return a file name of its own, without ending, for each label.
+
+    Parameters
+    ----------
+    labels
+        Their parts: condition and controller, for example.
+    prefix
+        What all begin with.
+    taken
+        Names that are given already.
+
+    Raises
+    ------
+    ConfigError
+        A name that no file can have, for its length.
+
+    Examples
+    --------
+    >>> file_names([["PID +"], ["PID -"], ["tuned"]], taken=["tuned"])
+    ['pid', 'pid-2', 'tuned-2']
+    """
+    given = set(taken)
+    names = []
+    for label in labels:
+        stem = prefix + ("-".join(filter(None, map(slug, label))) or "run")
+        name, number = stem, 1
+        while name in given:
+            number += 1
+            name = f"{stem}-{number}"
+        size = len(name.encode()) + _ENDING
+        if size > MOST_BYTES:
+            parts = ", ".join(f"{part[:40]!r}{'...' * (len(part) > 40)}" for part in label)
+            raise ConfigError(
+                f"{parts}: expected a name that makes a file's, of {MOST_BYTES} bytes at most, "
+                f"got {size}"
+            )
+        given.add(name)
+        names.append(name)
+    return names

@@ -5,26 +5,29 @@ from __future__ import annotations
 import dataclasses
 import filecmp
 import shutil
-from collections.abc import Sequence
-from concurrent.futures import Executor
-from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 
-from fpid_pin.cli import summary
-from fpid_pin.cli.config import load
-from fpid_pin.cli.executors import executor_for
-from fpid_pin.cli.keep import ALL, Keep
+from fpid_pin.cli.campaign import executor_of
+from fpid_pin.cli.comparison import simulate_pairs
+from fpid_pin.cli.configuration import load
 from fpid_pin.cli.output import output_folder
-from fpid_pin.cli.screen import print_table, say, screen
-from fpid_pin.cli.search_bar import search_bar
-from fpid_pin.cli.summary import Row
-from fpid_pin.cli.tune_parameters import explore, what_mattered
-from fpid_pin.cli.tune_plan import Plan, read_plan
-from fpid_pin.cli.tune_results import compare, draw, write
+from fpid_pin.cli.plans import read_plan
+from fpid_pin.cli.progress import progress_bar
+from fpid_pin.cli.results import OutputOptions
+from fpid_pin.cli.table import print_table, say
+from fpid_pin.cli.tuned import (
+    cost_rows,
+    explore,
+    rivals,
+    search_figures,
+    what_mattered,
+    write_tuned,
+)
 from fpid_pin.exceptions import FpidError
 from fpid_pin.files import discard, replacing
+from fpid_pin.simulation import entry
 from fpid_pin.tuning import TuningResult, tune
 
 #: The checkpoint within the folder of results.
@@ -36,7 +39,7 @@ def run_tuning(
     out: Path,
     resume: bool = False,
     workers: int | None = None,
-    keep: Keep = ALL,
+    options: OutputOptions | None = None,
     dask: str | None = None,
 ) -> TuningResult:
     """Search as a configuration says, and write the folder `out`.
@@ -48,6 +51,7 @@ def run_tuning(
     ConfigError, FileFormatError, TuningError
         What is wrong, `out` cannot be written (before the search starts), or see `tune`.
     """
+    scheduler = executor_of(workers, dask)
     config = load(path)
     plan = read_plan(config)
     experiments = list(plan.experiments.values())
@@ -55,25 +59,39 @@ def run_tuning(
     # Entered before hours are spent: what cannot be written is told now.
     with output_folder(out) as folder:
         _take_up(checkpoint, out / KEPT, resume)
-        with ExitStack() as stack:
-            pool = stack.enter_context(executor_for(workers, dask, experiments, [plan.controller]))
+        with (
+            scheduler as far,
+            entry.executor_of(far, workers, experiments, [plan.controller]) as pool,
+        ):
+            settings = dataclasses.replace(
+                plan.settings, executor=pool, checkpoint=checkpoint, resume=resume
+            )
             try:
-                result = _search(plan, pool, checkpoint, resume)
+                with progress_bar("search") as bar:
+                    result = tune(
+                        experiments, plan.controller, plan.space, plan.cost, settings, progress=bar
+                    )
             except KeyboardInterrupt:
-                say(screen(error=True), f"{checkpoint}: --resume goes on from here")
+                say(f"{checkpoint}: --resume goes on from here", error=True)
                 raise
             except FpidError:
                 # Refused before it went on, a search has not touched what it took up.
                 _drop_copy(checkpoint, out / KEPT)
                 raise
             along = explore(plan, result, pool)
-            figures = draw(plan, result, along, pool)
-        entries = compare(plan, result)
-        rows = write(folder, out, config, plan, result, entries, figures, along, keep)
+            figures = search_figures(plan, result, along, pool)
+        entries = simulate_pairs(plan.experiments, rivals(plan, result), taken=["checkpoint"])
+        options = options or OutputOptions()
+        write_tuned(folder, out, config, plan, result, entries, figures, along, options)
         # In the folder before this takes its place: at no moment is there one without it.
         shutil.copyfile(checkpoint, folder / KEPT)
     discard(checkpoint)
-    _show(rows, result, what_mattered(along), out)
+    say(*result.advice, *what_mattered(along))
+    print_table(cost_rows(plan, entries), "Tuned")
+    say(str(result))
+    for name, value in result.parameters.items():
+        say(f"  {name}: {', '.join(f'{v:.4g}' for v in np.atleast_1d(value))}")
+    say(f"{out}: tuned.toml, report.html, figures, history.csv, summary, runs (.npz)")
     return result
 
 
@@ -93,30 +111,3 @@ def _drop_copy(checkpoint: Path, kept: Path) -> None:
     both = checkpoint.is_file() and kept.is_file()
     if both and filecmp.cmp(checkpoint, kept, shallow=False):
         discard(checkpoint)
-
-
-def _search(plan: Plan, pool: Executor | None, checkpoint: Path, resume: bool) -> TuningResult:
-    settings = dataclasses.replace(
-        plan.settings, executor=pool, checkpoint=checkpoint, resume=resume
-    )
-    with search_bar() as told:
-        return tune(
-            list(plan.experiments.values()),
-            plan.controller,
-            plan.space,
-            plan.cost,
-            settings,
-            progress=told,
-        )
-
-
-def _show(rows: Sequence[Row], result: TuningResult, more: Sequence[str], out: Path) -> None:
-    console = screen()
-    for line in (*result.advice, *more):
-        say(console, line)
-    print_table(console, summary.rich_table(rows, "Tuned"))
-    say(console, str(result))
-    for name, value in result.parameters.items():
-        shown = ", ".join(f"{v:.4g}" for v in np.atleast_1d(value))
-        say(console, f"  {name}: {shown}")
-    say(console, f"{out}: tuned.toml, report.html, figures, history.csv, summary, runs (.npz)")

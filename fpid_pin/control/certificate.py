@@ -107,8 +107,7 @@ def certify_gains(
     Raises
     ------
     ArgumentError
-        A fractional design that keeps the past instead of modes, orders that adapt, or no gain that
-        may move.
+        A fractional design without modes, orders that adapt, or no gain that may move.
 
     Notes
     -----
@@ -190,12 +189,8 @@ def norm_bound(
     the imaginary axis. Where eigenvalues that are near it show larger norms, gamma rises (Bruinsma
     and Steinbuch, Systems & Control Letters 14, 1990).
 
-    Parameters
-    ----------
-    system, response
-        The system, and its response at angles of z, (K,) [rad], as (K, outputs, inputs).
-    most
-        The largest norm that is known.
+    `response` is the system's at angles of z, (K,) [rad], as (K, outputs, inputs); `most` is the
+    largest norm that is known, that at z = -1 among others.
     """
     eye = np.eye(len(system.a))
     inverse = np.linalg.inv(eye + system.a)

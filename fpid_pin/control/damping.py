@@ -117,7 +117,7 @@ class GainBox:
         """Return the box whose sides are nearer, in ratio: at part 0 it is `initial` alone.
 
         The low side comes nearer with the square of `part`: it is of less use to adaptation, and
-        where an arm topples, low Kp is what breaks the loop.
+        where gravity is unstable, low Kp is what breaks the loop.
         """
         low = self.initial * (self.low / self.initial) ** part**2
         return GainBox(low, self.initial, self.initial * (self.high / self.initial) ** part)

@@ -13,6 +13,7 @@ from fpid_pin import checks
 from fpid_pin.checks import Check, FloatArray, OneOf, PerJoint
 from fpid_pin.control.law import Controller
 from fpid_pin.control.operators import INITIALISATIONS, Derivative, Integral, Operator
+from fpid_pin.control.parameters import rows_on
 from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.descriptions import described
 from fpid_pin.fractional import Design, ExponentialSum
@@ -159,14 +160,8 @@ class AdaptiveFpid(Controller):
 
     def rates(self, n: int) -> FloatArray:
         """Return gamma of Kp, Ki, Kd, lambda and mu on an arm with n joints, (5, n)."""
-        found = []
-        for name, rows in (("learning_rate", 3), ("order_learning_rate", 2)):
-            rate = np.asarray(getattr(self, name))
-            if rate.ndim == 2 and rate.shape != (rows, n):
-                raise checks.ArgumentError(name, f"shape ({rows}, {n})", f"{rate.shape}")
-            one = rate if rate.ndim == 2 else checks.per_joint(name, rate, n)
-            found.append(np.broadcast_to(one, (rows, n)))
-        return np.concatenate(found)
+        rows = {"learning_rate": 3, "order_learning_rate": 2}
+        return np.concatenate([rows_on(k, getattr(self, k), count, n) for k, count in rows.items()])
 
     def order_bounds(self, n: int) -> FloatArray:
         """Return the least and the largest lambda and mu, (bound, 2, n).

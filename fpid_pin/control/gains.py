@@ -41,6 +41,9 @@ FRICTION_ERROR, WEIGHT_ERROR, EFFORT_ERROR = 0.09, 0.5, 0.05
 #: Error that adaptation takes for large [rad], and the time in which it then doubles a gain [s]:
 #: slow beside any loop of a few rad/s.
 LEARNING_ERROR, LEARNING_TIME = 0.05, 5.0
+#: Part of what was asked from which on a gain counts as lowered: by a hundredth or so, where the
+#: search ends depends on the last bits of a machine's linear algebra.
+LOWERED = 0.95
 #: How much adaptation may raise a gain, where the sampled loop allows, and lower it.
 RAISE, LOWER = 4.0, 0.7
 
@@ -178,9 +181,9 @@ def explain_gains(
     gains = nearest_gains(loops, bound, wanted, part=MOST_PART, damping=least)
     found = loops.ratios(gains)
     for joint, ratio in zip(arm.joint_names, (gains / wanted).T, strict=True):
-        if ratio.min() < 0.99:
+        if ratio.min() < LOWERED:
             names = zip(("Kp", "Ki", "Kd"), ratio, strict=True)
-            cut = ", ".join(f"{k} at {100.0 * x:.2g} %" for k, x in names if x < 0.99)
+            cut = ", ".join(f"{k} at {100.0 * x:.2g} %" for k, x in names if x < LOWERED)
             notes.append(f"joint {joint}: {cut} of what {w:g} rad/s ask for, to be damped")
     short = float((least - found).max())
     if short > 2.0 * SLACK:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import Flag, FloatArray, Number, OneOf, PerJoint
 from fpid_pin.control.operators import Derivative, Integral, Operator
-from fpid_pin.control.parameters import SCALES, is_number, joint_scale
+from fpid_pin.control.parameters import is_number
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.descriptions import Description
 from fpid_pin.fractional import Design, ExponentialSum
@@ -101,7 +101,7 @@ class Controller(Description, ABC):
     adapts: ClassVar[Any] = None
     control: ClassVar[Any] = None
 
-    scale: Annotated[str | ArrayLike, OneOf(*SCALES), PerJoint(above=0.0)] = "none"
+    scale: Annotated[str | ArrayLike, OneOf("none", "inertia"), PerJoint(above=0.0)] = "none"
     feedforward: Annotated[bool, Flag] = False
     observer: Annotated[float, Number("rad/s", low=0.0)] = 0.0
     supervisor: Supervisor | None = None
@@ -115,12 +115,9 @@ class Controller(Description, ABC):
         _ = self.bandwidth  # refuses two observers that differ
 
     def check_fields(self) -> None:
-        """Check that no field of a law of one's own hides something that all laws have.
+        """Refuse a field of a law of one's own that hides something that all laws have.
 
-        Raises
-        ------
-        ArgumentError
-            One does: a field ``bandwidth`` would be taken for the observer's.
+        A field ``bandwidth`` would be taken for the observer's.
         """
         for field in dataclasses.fields(self):
             if field.name not in _OPTIONS and hasattr(Controller, field.name):
@@ -176,8 +173,12 @@ class Controller(Description, ABC):
         return np.zeros((0, 0))
 
     def scale_on(self, arm: Arm) -> FloatArray:
-        """Return the scale on an arm, (n,)."""
-        return joint_scale(self.scale, arm)
+        """Return the factor of the law's own torque on each joint of an arm, (n,)."""
+        if isinstance(self.scale, str) and self.scale == "none":
+            return np.ones(arm.n)
+        if isinstance(self.scale, str):
+            return np.diag(arm.mass_matrix(arm.home)).copy()
+        return checks.per_joint("scale", self.scale, arm.n)
 
     def begin(self, state: Any) -> None:
         """Prepare what a law in plain Python remembers; see `control.state.State`."""

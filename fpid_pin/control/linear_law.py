@@ -36,18 +36,10 @@ class LinearLaw:
 
         u = torque s,    m+ = following s,    y = direct s + out x,    x+ = decay x + drive s
 
-    Attributes
-    ----------
-    torque
-        (n, signals) [N m over the signal's unit].
-    following
-        What the law leaves for its next tick, (memory, signals).
-    direct
-        What the newest samples make of the operators' outputs, (outputs, signals). An output may
-        depend on others, of operators that come before it.
-    drive, out, decay
-        Of the modes: (modes, signals), (outputs, modes), and decay a sample, (modes,). Each mode
-        belongs to one output.
+    `torque`, (n, signals), is in N m over the signal's unit; `following`, (memory, signals), what
+    the law leaves for its next tick; `direct`, (outputs, signals), what the newest samples make of
+    the operators' outputs, of which one may depend on those before it. Each mode belongs to one
+    output: `drive` is (modes, signals), `out` (outputs, modes), `decay` a sample's, (modes,).
     """
 
     torque: FloatArray
@@ -103,9 +95,8 @@ def linearised(
     Raises
     ------
     ArgumentError
-        A fractional design that keeps the past instead of modes; a torque that jumps, as sgn
-        without a boundary layer does; a law in plain Python that keeps a past of its own, such as
-        a `Bank`, of which nothing says how it goes on.
+        A fractional design without modes; a torque that jumps, as sgn without a boundary layer
+        does; a law in plain Python that keeps a past of its own, such as a `Bank`'s.
     """
     # Imported late: it loads numba.
     from fpid_pin.control.tick_at_rest import TickAtRest
@@ -145,7 +136,7 @@ def _with_operators(tick: Any, slopes: FloatArray) -> LinearLaw:
             # Not measured: taken to be constant over the step.
             now[1] = before[1] = (sources[k] - before[0]) / tick.step
         last[2 * k : 2 * k + 2] = now
-        rule = tick.modes.at(j, i).recursion()
+        rule = tick.recursion(j, i)
         direct[k] = rule.now @ now + rule.before @ before
         drive.append(rule.drive_now @ now + rule.drive_before @ before)
         weights.append(rule.weights)

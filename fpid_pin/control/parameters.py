@@ -1,9 +1,9 @@
-"""Parameters of laws: checked once, scaled by the arm."""
+"""Parameters of laws on an arm, and the gains of the disturbance observer."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,10 +11,6 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
-
-SCALES = ("none", "inertia")
 #: Largest bandwidth of an observer, times the step. There what it estimates, once cancelled, still
 #: bears two samples of delay that nobody told it of, or a model 5.7 times too heavy; from 1.4 on
 #: two samples make it unstable. The noise of xi is 0.44 sigma/step there where that of speeds is
@@ -22,16 +18,12 @@ SCALES = ("none", "inertia")
 FASTEST = 1.0
 
 
-def joint_scale(scale: str | ArrayLike, arm: Arm) -> FloatArray:
-    """Return the factor of the gains on each joint of `arm`, (n,).
-
-    ``"none"``: 1, gains in N m/rad; ``"inertia"``: M_jj at the arm's home, gains in 1/s^2.
-    """
-    if isinstance(scale, str):
-        if checks.choice("scale", scale, SCALES) == "none":
-            return np.ones(arm.n)
-        return np.diag(arm.mass_matrix(arm.home)).copy()
-    return checks.per_joint("scale", scale, arm.n, above=0.0)
+def rows_on(name: str, value: ArrayLike, rows: int, n: int) -> FloatArray:
+    """Return numbers that a description has checked, a scalar, (n,) or (rows, n), as (rows, n)."""
+    array = np.asarray(value, dtype=np.float64)
+    if array.ndim and array.shape not in ((n,), (rows, n)):
+        raise checks.ArgumentError(name, f"shape ({n},) or ({rows}, {n})", f"shape {array.shape}")
+    return np.broadcast_to(array, (rows, n))
 
 
 def is_number(value: Any) -> bool:

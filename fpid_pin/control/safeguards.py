@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray, Number, PerJoint
+from fpid_pin.control.parameters import rows_on
 from fpid_pin.descriptions import Description, described
 
 
@@ -57,12 +58,5 @@ class Safeguards(Description):
         """Return the least and the largest Kp, Ki, Kd of an arm with n joints, (3, n) each."""
         if guard is None:
             return np.full((3, n), -np.inf), np.full((3, n), np.inf)
-        return _bound("minimum", guard.minimum, n), _bound("maximum", guard.maximum, n)
-
-
-def _bound(name: str, value: ArrayLike, n: int) -> FloatArray:
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim and array.shape not in ((n,), (3, n)):
-        expected = f"shape ({n},) or (3, {n})"
-        raise checks.ArgumentError(f"safeguards.{name}", expected, f"shape {array.shape}")
-    return np.broadcast_to(array, (3, n))
+        low = rows_on("safeguards.minimum", guard.minimum, 3, n)
+        return low, rows_on("safeguards.maximum", guard.maximum, 3, n)

@@ -8,7 +8,7 @@ leaves, and what the operators are given. The operators themselves are left out.
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.state import ADAPT, MODEL, SIGNALS, TORQUES, State
 from fpid_pin.fractional import Design
-from fpid_pin.fractional.design import modes_of
+from fpid_pin.fractional.design import Recursion, modes_of
 from fpid_pin.kernels.records import FEEDFORWARD, GIVEN, INTEGRAL
 
 if TYPE_CHECKING:
@@ -34,9 +34,9 @@ PROBES = 4
 class TickAtRest:
     """One tick of a law on an arm that rests at a pose.
 
-    Of its operators it has the records `ops`, (n, operators), which of them sum their signal up
-    themselves, `summed`, and the `modes`. `memory` are the places of m in all numbers of the law,
-    its own arrays after them; `own` says which of m are not among those that every law is given.
+    `ops`, (n, operators), are its operators' records, `summed` says which sum their signal up
+    themselves. `memory` are the places of m in all numbers of the law, its own arrays after them;
+    `own` says which of m are not among those that every law is given.
     """
 
     def __init__(
@@ -48,11 +48,10 @@ class TickAtRest:
         law = dataclasses.replace(law, supervisor=None, feedforward=False)
         self._state = state = State(law, free, step=step, horizon=horizon)
         self._pose, self.n, self.step = np.asarray(q, dtype=float), arm.n, step
-        self.modes: Any = None
+        self._design = law.fractional_design if design is None else design
         if state.orders.size:
-            design = law.fractional_design if design is None else design
-            self.modes = modes_of(design, state.orders, step=step, horizon=horizon)
-            state.use_modes(*self.modes.records())
+            modes = modes_of(self._design, state.orders, step=step, horizon=horizon)
+            state.use_modes(*modes.records())
         self.ops, robot = state.c.ops, state.c.robot
         self.summed = self.ops["kind"] == INTEGRAL
         # Operators of given signals come first, before the law's surface.
@@ -80,6 +79,12 @@ class TickAtRest:
     def size(self) -> int:
         """How many numbers go in."""
         return int(2 * self.n + self.ops.size + len(self.memory))
+
+    def recursion(self, joint: int, operator: int) -> Recursion:
+        """Return the difference equation of an operator, by its place in `ops`."""
+        order, state = self._state.orders[joint, operator], self._state
+        modes = modes_of(self._design, order, step=state.step, horizon=state.horizon)
+        return modes.recursion()
 
     def _left(self) -> FloatArray:
         """Return all numbers as they are now."""

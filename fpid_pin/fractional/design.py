@@ -171,16 +171,12 @@ class Modes:
         """Whether all orders use the same poles, so that an order can change without a bump."""
         return self.poles.ndim == 1
 
-    def operator(self) -> dict[str, FloatArray]:
-        """Return what depends on the order in a record of `kernels.operator`, by name."""
-        return {"order": self.order, "c1": self.now, "c0": self.before, "c2": self.mean}
-
     def records(self, initialisation: str = "caputo") -> Records:
         """Return new records, at t = 0, for the kernels."""
         shape = self.order.shape
         ops = np.zeros(shape, OPERATOR)
-        for name, value in self.operator().items():
-            ops[name] = value
+        ops["order"] = self.order
+        ops["c1"], ops["c0"], ops["c2"] = self.now, self.before, self.mean
         ops["initial_mode"] = INITIAL_MODES[initialisation]
         if initialisation == "grunwald_letnikov":
             ops["initial_output"] = self.initial_output
@@ -194,16 +190,6 @@ class Modes:
     def table(self) -> FloatArray:
         """Return c1, c0, c2 and the modes' weights of each order, (3 + modes, orders)."""
         return np.vstack([self.now, self.before, self.mean, self.weights])
-
-    def at(self, *index: int) -> Modes:
-        """Return the modes of one of the orders."""
-        place: Any = (slice(None), *index)
-        newest = (self.now, self.before, self.mean, self.initial_output)
-        poles = self.poles if self.shared_poles else self.poles[place]
-        return Modes(
-            np.asarray(self.order)[index], self.step, poles, self.weights[place],
-            *(np.asarray(weight)[index] for weight in newest),
-        )  # fmt: skip
 
     def recursion(self) -> Recursion:
         """Return the difference equation of a single order."""

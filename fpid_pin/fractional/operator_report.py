@@ -173,15 +173,32 @@ class OperatorReport(Shown):
         timeit(call, number=20)
         return min(repeat(call, number=40, repeat=5)) / 40
 
-    def __str__(self) -> str:
+    @property
+    def heading(self) -> list[str]:
+        """What was measured and what a sample costs, in lines."""
         one, many = self.cost
-        lines = [
+        return [
             f"{self.design}, step {self.step:g} s, horizon {self.horizon:g} s,"
             f" {self.states} numbers a signal",
             f"cost of a sample: {one * 1e6:.1f} us for one signal,"
             f" {many / 240 * 1e9:.0f} ns a signal for 240",
             f"magnitude and phase over {self.band[0]:.3g} .. {self.band[1]:.3g} rad/s;"
             " trusted: within 1 %; noise: output for one unit a sample",
+        ]
+
+    @property
+    def rows(self) -> list[dict[str, float]]:
+        """The table: a row for each order, by the columns' heads."""
+        return [
+            {f"{title} [{unit}]" if unit else title: float(f"{getattr(self, name)[k]:.2g}")
+             for name, title, unit, _ in _COLUMNS}
+            | {"order": float(order)}
+            for k, order in enumerate(self.order)
+        ]  # fmt: skip
+
+    def __str__(self) -> str:
+        lines = [
+            *self.heading,
             "".join(f"{title:>{width}}" for _, title, _, width in _COLUMNS),
             "".join(f"{unit:>{width}}" for _, _, unit, width in _COLUMNS),
         ]

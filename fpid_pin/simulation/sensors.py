@@ -45,7 +45,7 @@ class Sensors(Description):
     velocity_bias: Annotated[ArrayLike, PerJoint("rad/s")] = 0.0
     velocity: Annotated[str, OneOf("measured", "differentiated")] = "measured"
     velocity_cutoff: Annotated[float, Number("rad/s", above=0.0)] = 500.0
-    delay: Annotated[int, Whole(low=0)] = 0
+    delay: Annotated[int, Whole(low=0, high=1_000_000)] = 0
 
 
 class SensorState:

@@ -242,7 +242,7 @@ def test_bad_arguments_are_named_on_one_line(call, message):
     [
         ({"kind": "planer"}, r"did you mean planar\?"),
         ({"kind": "planar", "lengths": [1.0]}, r"arm\.masses: expected a value, got none"),
-        ({"kind": "urdf"}, r"arm\.path: expected a URDF file, got none"),
+        ({"kind": "urdf"}, r"path: expected the path of a URDF file, got None"),
         ({"kind": "two_link", "changes": [{"paylod": {}}]}, r"did you mean payload\?"),
         ({"kind": "two_link", "changes": [{"payload": {}}]}, r"payload\.mass: expected a value"),
         ({"kind": "two_link", "changes": [{"payload": {"m": 1}}]}, r"key in changes\.0\.payload"),

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mjcf_arm import TEXT
 
+import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.exceptions import ArgumentError, ArmError, FpidError, FpidWarning
@@ -370,3 +371,25 @@ def test_what_is_no_arm_is_refused_on_one_line(case, tmp_path):
         Arm.from_mjcf(write(tmp_path, text))
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path))
+
+
+def test_the_suggested_law_tracks_in_mujoco_as_here(tmp_path):
+    """The loop stepped by MuJoCo: its damping is implicit, too; without limits, dry friction."""
+    text = TEXT.replace('frictionloss="0.3"', "")
+    path = write(tmp_path, text, "lifter.xml")
+    arm = Arm.from_mjcf(path)
+    law = fp.suggest_gains(arm, 8.0)
+    reference = fp.references.Sinusoid(amplitude=(0.2, 0.05, 0.3), offset=arm.home)
+    run = fp.simulate(fp.Experiment(arm, reference, duration=1.0), law)
+    m = mujoco.MjModel.from_xml_path(str(path))
+    m.opt.timestep, m.opt.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_EULER
+    off = mujoco.mjtDisableBit
+    m.opt.disableflags |= int(off.mjDSBL_CONTACT | off.mjDSBL_LIMIT | off.mjDSBL_ACTUATION)
+    d, loop = mujoco.MjData(m), law.start(arm, step=1e-3, horizon=1.0)
+    d.qpos[:], d.qvel[:] = run.q[0], run.v[0]
+    errors = []
+    for q_ref, v_ref, a_ref in zip(*reference.sample(run.t), strict=True):
+        errors.append(q_ref - d.qpos)
+        d.qfrc_applied[:] = loop.torque(d.qpos, d.qvel, q_ref, v_ref, a_ref)
+        mujoco.mj_step(m, d)
+    assert np.abs(np.array(errors) - run.error).max() < 1e-8

@@ -115,15 +115,6 @@ def test_prismatic_joints_can_be_locked(tmp_path):
     assert descriptions.from_dict(descriptions.to_dict(long), Arm) == long
 
 
-def test_a_tree_is_refused_and_one_branch_of_it_is_an_arm(tmp_path):
-    parts = [link("base"), link("a"), link("b"), link("c")]
-    parts += [joint("one", "base", "a"), joint("left", "a", "b"), joint("right", "a", "c")]
-    path = write(tmp_path, robot(*parts))
-    with pytest.raises(ArmError, match=r"branches at joint 'one' into 'left', 'right'"):
-        Arm.from_urdf(path)
-    assert Arm.from_urdf(path, lock={"right": 0.5}).joint_names == ("one", "left")
-
-
 def test_links_may_share_their_names_with_joints(tmp_path):
     parts = [link("base"), link("one"), link("two"), link("three")]
     parts += [joint("one", "base", "one"), joint("two", "one", "two")]

@@ -45,16 +45,9 @@ def test_angles_turn_counter_clockwise_in_the_vertical_plane():
 
 def test_no_limits_and_no_friction_are_given():
     arm = Arm.two_link()
-    assert arm.n == 2
-    assert arm.joint_names == ("joint1", "joint2")
-    assert arm.gravity == 9.8
-    assert np.isinf(arm.effort_limit).all()
-    assert np.isinf(arm.velocity_limit).all()
-    assert np.isinf(arm.lower).all()
-    assert np.isinf(arm.upper).all()
-    assert not arm.viscous_friction.any()
-    assert not arm.dry_friction.any()
-    assert not arm.home.any()
+    assert (arm.joint_names, arm.gravity) == (("joint1", "joint2"), 9.8)
+    assert np.isinf([arm.effort_limit, arm.velocity_limit, arm.lower, arm.upper]).all()
+    assert not np.any([arm.viscous_friction, arm.dry_friction, arm.home])
 
 
 def test_the_planar_constructor_gives_the_same_robot():

@@ -4,20 +4,19 @@ import re
 from pathlib import Path
 
 from fpid_pin.campaign.quantities import QUANTITIES
-from fpid_pin.cli.campaign_plan import read_campaign
 from fpid_pin.cli.commands import app
-from fpid_pin.cli.config import parse
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config, parse
+from fpid_pin.cli.plans import read_campaign
 
 PAGE = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text(encoding="utf-8")
 
 
 def test_its_configuration_is_one(tmp_path):
     (table,) = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
-    plan = read_campaign(parse(demo_config().text + table, "page.toml", tmp_path))
-    assert plan.runs == 10_000
-    assert plan.study.experiment.dynamics == "compiled"
-    assert "viscous_friction.1" in plan.study.parameters
+    study, runs = read_campaign(parse(demo_config().text + table, "page.toml", tmp_path))
+    assert runs == 10_000
+    assert study.experiment.dynamics == "compiled"
+    assert "viscous_friction.1" in study.parameters
 
 
 def test_its_table_has_every_quantity():

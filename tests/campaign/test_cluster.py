@@ -13,7 +13,7 @@ from bounded import PATIENCE, finished, started
 from studies import bits, study
 
 from fpid_pin.campaign import cluster, dask_executor, load, local_cluster, run
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError, FpidError
 

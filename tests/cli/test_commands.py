@@ -5,7 +5,7 @@ import csv
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.kernels import compiled
@@ -89,12 +89,11 @@ def test_run_takes_one_controller_by_name_and_says_whether_all_joints_are_meant(
 
 
 def test_the_demo_is_the_paper_s_comparison(tmp_path, monkeypatch, capsys):
-    from fpid_pin.cli import experiments
+    from fpid_pin.cli import configuration
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(
-        experiments, "demo_config", lambda: experiments.parse(SHORT, "demo.toml", tmp_path)
-    )
+    short = configuration.parse(SHORT, "demo.toml", tmp_path)
+    monkeypatch.setattr(configuration, "demo_config", lambda: short)
     assert main(["demo"]) == 0
     names = {path.name for path in (tmp_path / "runs" / "demo").iterdir()}
     assert {"fig4.svg", "fig5.svg", "gains.svg", "report.html"} <= names
@@ -142,9 +141,9 @@ def test_wrong_input_is_plain_lines_and_status_2(arguments, message, config, cap
 
 
 def test_a_folder_that_cannot_be_written_is_refused_before_any_work(config, capsys, monkeypatch):
-    from fpid_pin.cli import pairs
+    from fpid_pin.cli import comparison
 
-    monkeypatch.setattr(pairs, "simulate", None)  # Any work would fail otherwise.
+    monkeypatch.setattr(comparison, "simulate", None)  # Any work would fail otherwise.
     (config.parent / "file").write_text("not a folder")
     for out in ("file", "file/x"):
         assert main(["compare", str(config), "--out", out]) == 2

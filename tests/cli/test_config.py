@@ -9,8 +9,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.cli.config import load, parse
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config, load, parse
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ConfigError
 
@@ -87,17 +86,19 @@ def spoilt(value):
     return TEXT.replace("amplitude = [0.4, 0.6]", f"amplitude = {value}")
 
 
-DEEP, LONG = "at most 32 tables and lists within each other", "a whole number of 64 bits"
+DEEP = "not valid TOML: nested too deeply"
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (spoilt("[" * 5000 + "]" * 5000), f"disturbance.amplitude: expected {DEEP}"),
-        (spoilt("{a=" * 5000 + "1" + "}" * 5000), f"disturbance.amplitude: expected {DEEP}"),
-        (TEXT + "\n[" + "a." * 5000 + "a]\nb = 1", f"a.a.a: expected {DEEP}"),
-        (spoilt("1" * 5000), f"disturbance.amplitude: expected {LONG}, got one of 5000 digits"),
-        (spoilt("9223372036854775808"), f"disturbance.0.amplitude: expected {LONG}"),
+        (spoilt("[" * 5000 + "]" * 5000), DEEP),
+        (spoilt("{a=" * 5000 + "1" + "}" * 5000), DEEP),
+        (spoilt("[" * 100 + "]" * 100), "disturbance.0.amplitude: expected numbers, got"),
+        (TEXT + "\n[" + "a." * 5000 + "a]\nb = 1", DEEP),
+        (spoilt("1" * 5000), "not valid TOML: .* 5000 digits"),
+        (TEXT.replace("step = 1e-3", "step = 1e-3\nseed = 18446744073709551616"),
+         "simulation.seed: expected a whole number of 64 bits, got 18446744073709551616"),
         (re.sub(r"\[\[controller\]\].*", "", TEXT, flags=re.S).replace(
             "format = 1", "format = 1\ncontroller = []"),
          r"controller: expected at least one \[\[controller\]\], got none"),
@@ -158,7 +159,7 @@ def test_conditions_replace_parts_of_the_nominal_experiment():
     ("text", "message"),
     [
         ('[[condition]]\nname = "x"\nplants = {}', r"condition.0.plants: .*did you mean plant\?"),
-        ("[[condition]]\nplant = {}", "condition.0.name: expected a name of its own"),
+        ("[[condition]]\nplant = {}", "condition.0.name: expected a value, got none"),
         ('[[condition]]\nname = "x"\nplant = { payload = { mass = -1.0 } }', "mass"),
         ("[plant]\neffort_limit = 0.0", "plant.effort_limit: expected a number > 0"),
     ],

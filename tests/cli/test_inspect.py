@@ -10,7 +10,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
-from fpid_pin.cli.config import load
+from fpid_pin.cli.configuration import load
 from fpid_pin.cli.init import frictions, payload, rounded, swing
 from fpid_pin.cli.inspect import oddities
 from fpid_pin.cli.main import main

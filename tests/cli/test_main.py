@@ -29,7 +29,7 @@ def test_what_the_system_refuses_is_one_line_and_status_2(monkeypatch, capsys, e
     def fail():
         raise error
 
-    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", fail)
+    monkeypatch.setattr("fpid_pin.cli.arms.arm_rows", fail)
     assert main(["arms"]) == 2
     assert capsys.readouterr().err == f"fpid-pin: {line}\n"
 
@@ -38,7 +38,7 @@ def test_our_own_faults_are_not_hidden(monkeypatch):
     def fail():
         raise ZeroDivisionError("a fault of ours")
 
-    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", fail)
+    monkeypatch.setattr("fpid_pin.cli.arms.arm_rows", fail)
     with pytest.raises(ZeroDivisionError):
         main(["arms"])
 
@@ -82,7 +82,7 @@ def test_ctrl_c_is_heard_also_where_python_would_lose_it(monkeypatch, capsys, lo
         pytest.fail("Ctrl-C was lost")
 
     before = signal.getsignal(signal.SIGINT), sys.unraisablehook
-    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", work)
+    monkeypatch.setattr("fpid_pin.cli.arms.arm_rows", work)
     assert main(["arms"]) == 130
     assert capsys.readouterr().err.strip() == "fpid-pin: stopped"
     assert (signal.getsignal(signal.SIGINT), sys.unraisablehook) == before
@@ -99,7 +99,7 @@ def test_what_ctrl_c_has_left_half_made_does_not_complain(monkeypatch, capsys):
 
     told = []
     monkeypatch.setattr(sys, "unraisablehook", told.append)
-    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", HalfMade)
+    monkeypatch.setattr("fpid_pin.cli.arms.arm_rows", HalfMade)
     assert main(["arms"]) == 130
     assert capsys.readouterr().err == "fpid-pin: stopped\n"
     assert told == []
@@ -112,7 +112,7 @@ def test_ctrl_c_that_a_library_made_an_error_of_is_still_ctrl_c(monkeypatch, cap
         except KeyboardInterrupt:
             raise ImportError("initialisation failed") from None
 
-    monkeypatch.setattr("fpid_pin.cli.arms.arms_table", work)
+    monkeypatch.setattr("fpid_pin.cli.arms.arm_rows", work)
     assert main(["arms"]) == 130
     assert capsys.readouterr().err == "fpid-pin: stopped\n"
 

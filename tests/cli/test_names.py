@@ -11,10 +11,9 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
-from fpid_pin.cli.config import load
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config, load
 from fpid_pin.cli.main import main
-from fpid_pin.cli.names import file_names
+from fpid_pin.cli.output import file_names
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ConfigError

@@ -1,7 +1,7 @@
 """What a first user stumbled over, each once."""
 
 import fpid_pin as fp
-from fpid_pin.cli.config import load
+from fpid_pin.cli.configuration import load
 from fpid_pin.cli.main import main
 from fpid_pin.simulation import Run
 from fpid_pin.view import plots

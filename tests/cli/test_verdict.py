@@ -8,9 +8,8 @@ import pytest
 from rich.console import Console
 
 import fpid_pin as fp
-from fpid_pin.cli import summary, verdict
+from fpid_pin.cli import comparison, table
 from fpid_pin.cli.main import main
-from fpid_pin.cli.screen import print_table, screen
 from fpid_pin.costs import Metrics
 from fpid_pin.simulation.blocks import Outcome
 
@@ -23,16 +22,16 @@ def entry(condition, controller, tail, outcome=COMPLETED):
     metrics = Metrics(**{name: np.array([3.0, 4.0]) for name in names})
     metrics = dataclasses.replace(metrics, rms_tail=tail * np.array([3.0, 4.0]))
     run = SimpleNamespace(metrics=metrics, outcome=outcome, name=controller)
-    return summary.Entry(condition, controller, run, f"{controller}.npz")
+    return comparison.Entry(condition, controller, run, f"{controller}.npz")
 
 
 @pytest.fixture(autouse=True)
 def _no_limits(monkeypatch):
-    monkeypatch.setattr(summary, "limit_report", lambda run: getattr(run, "limits", []))
+    monkeypatch.setattr(comparison, "limit_report", lambda run: getattr(run, "limits", []))
 
 
 def ranked(*entries, metric="tail"):
-    return verdict.rank(entries, verdict.MEASURES[metric])
+    return comparison.rank(entries, comparison.MEASURES[metric])
 
 
 FIELD = [
@@ -49,14 +48,13 @@ def test_figures_are_over_all_joints_and_infinite_where_a_run_ended():
     assert ranking.values == pytest.approx(
         rms * np.array([[1e-3, 2e-3, 3e-3], [9e-3, 5e-3, np.inf], [2e-3, 3e-3, 4e-3]])
     )
-    assert ranking.order(1) == [1, 0, 2]
     assert ranking.conditions[ranking.hardest] == "storm"
     assert ranking.is_best("calm", "A")
     assert not ranking.is_best("storm", "C")
 
 
 def test_the_answer_says_who_is_best_where_and_the_worst_of_each():
-    first, second, third = verdict.answer(FIELD, ranked(*FIELD))
+    first, second, third = comparison.answer(FIELD, ranked(*FIELD))
     assert first == "Least RMS error of the last half: A under calm and rain; B under storm."
     assert (
         second
@@ -69,17 +67,17 @@ def test_where_all_ended_early_nobody_is_best():
     gone = Outcome(False, 0.3, "joint1", "speed is not finite")
     lost = [entry("calm", "A", 1.0, gone), entry("calm", "B", 1.0, gone)]
     ranking = ranked(*lost)
-    assert verdict.answer(lost, ranking)[0].endswith("nobody under calm, where all ended early.")
+    assert comparison.answer(lost, ranking)[0].endswith("nobody under calm, where all ended early.")
     assert not ranking.is_best("calm", "A")
     assert not np.isfinite(ranking.values).any()
 
 
 def test_one_condition_names_the_margin_and_one_controller_has_no_rival():
     pair = [entry("nominal", "A", 1e-3), entry("nominal", "B", 2e-3)]
-    assert verdict.answer(pair, ranked(*pair))[0] == (
+    assert comparison.answer(pair, ranked(*pair))[0] == (
         "Least RMS error of the last half: A, 3.54 mrad; next B, 7.07 mrad."
     )
-    assert verdict.answer(pair[:1], ranked(*pair[:1])) == []
+    assert comparison.answer(pair[:1], ranked(*pair[:1])) == []
 
 
 def test_limits_are_told_by_condition_and_quantity():
@@ -89,14 +87,14 @@ def test_limits_are_told_by_condition_and_quantity():
         limit(joint, "effort", 5.0, 0.1, 5.0, part, "N m")
         for joint, part in (("j1", 0.25), ("j2", 0.5))
     ]
-    assert verdict.limit_lines([one]) == [
+    assert comparison.limit_lines([one]) == [
         "Limits passed by A: effort limit of j1 25 % and j2 50 % of the time."
     ]
-    assert [row["part [%]"] for row in summary.limit_rows([one])] == [25.0, 50.0]
+    assert [row["part [%]"] for row in comparison.limit_rows([one])] == [25.0, 50.0]
 
 
 def test_every_measure_has_a_value():
-    for metric in verdict.MEASURES:
+    for metric in comparison.MEASURES:
         ranking = ranked(*FIELD, metric=metric)
         assert np.isfinite(ranking.values[0]).all()
         assert np.isinf(ranking.values[1, 2])
@@ -110,21 +108,21 @@ NAMES = [
 @pytest.mark.parametrize("width", [80, 60])
 def test_no_number_is_cut_in_a_narrow_terminal(width, capsys):
     field = [entry("a condition", name, 10.0 ** (7 - k)) for k, name in enumerate(NAMES)]
-    rows = summary.run_rows(field, ranked(*field))
+    rows = comparison.screen_rows(comparison.run_rows(field, ranked(*field)))
     console = Console(force_terminal=True, width=width, color_system=None)
-    print_table(console, summary.rich_table(rows, "title"))
+    table.print_table(rows, "title", console=console)
     printed = capsys.readouterr().out
     if width == 80:
         assert max(map(len, printed.splitlines())) <= width
     assert "…" not in printed
     assert "..." not in printed
     for head in ("tail (all joints) [mrad]", "energy (all joints) [N²m²s]", "cost (33)"):
-        assert all(summary._short(row[head]) in printed for row in rows)
+        assert all(table._short(row[head]) in printed for row in rows)
     # In a pipe a table is as wide as it has to be: names are whole, too.
-    print_table(screen(), summary.rich_table(rows, "title"))
+    table.print_table(rows, "title")
     piped = capsys.readouterr().out
     assert all(name in piped for name in NAMES)
-    assert all(summary._short(row["energy (all joints) [N²m²s]"]) in piped for row in rows)
+    assert all(table._short(row["energy (all joints) [N²m²s]"]) in piped for row in rows)
 
 
 CONFIG = """

@@ -82,21 +82,6 @@ def test_the_record_satisfies_the_law(scale):
         assert np.abs(np.diff(gains, axis=0) - growth[:-1]).max() < 1e-7 * np.abs(growth).max()
 
 
-def test_rates_may_be_one_or_one_a_joint_or_a_row_each_for_lambda_and_mu():
-    """What a rate of 0 leaves alone stays, whatever the bounds of those that move."""
-    one, each = ran(moving(0.5)), ran(moving((0.5, 0.5)))
-    assert (one.torque == each.torque).all()
-    assert (one.torque == ran(moving([[0.5, 0.5], [0.5, 0.5]])).torque).all()
-    lame = ran(moving((0.5, 0.0), integral_order_bounds=(0.1, 0.5)))
-    assert (lame.integral_order[:, 1] == 1.0 - (1.0 - 0.931)).all()
-    assert (lame.derivative_order[:, 1] == 0.932).all()
-    assert (lame.integral_order[:, 0] <= 0.5).all()
-    assert np.ptp(lame.derivative_order[:, 0]) > 0.1
-    rows = ran(moving([[0.0, 0.0], [0.5, 0.5]]))
-    assert np.ptp(rows.integral_order) == pytest.approx(0.03)
-    assert (np.ptp(rows.derivative_order, axis=0) > 0.1).all()
-
-
 def test_orders_stay_within_their_bounds_from_the_start():
     controller = moving(
         100.0, integral_order_bounds=(0.2, 0.9), derivative_order_bounds=(0.5, 0.92),
@@ -234,5 +219,5 @@ def test_bad_arguments_of_the_rule_give_one_clear_line():
         adapt_orders(dataclasses.replace(PAPER, derivative_order=0.2), arm)
     three = moving(np.ones((2, 3)), kp=1.0, ki=1.0, kd=1.0, integral_order=1.0,
                    derivative_order=1.0)  # fmt: skip
-    with pytest.raises(ArgumentError, match=r"order_learning_rate: expected shape \(2, 2\)"):
+    with pytest.raises(ArgumentError, match=r"order_learning_rate: .*\(2,\) or \(2, 2\)"):
         three.start(arm, step=1e-3)

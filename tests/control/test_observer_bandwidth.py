@@ -8,7 +8,6 @@ import pytest
 from scipy.optimize import brentq
 
 import fpid_pin as fp
-from fpid_pin import descriptions
 from fpid_pin.control import suggest_observer
 from fpid_pin.control.linear import linear_arm
 from fpid_pin.control.linear_law import linearised
@@ -97,17 +96,6 @@ def test_late_measurements_cost_bandwidth_and_then_all_of_it():
     assert omega >= suggest_observer(arm, law, delay=0.004) > 0.0
     with pytest.warns(FpidWarning, match="two_link: the law alone is not stable .* 60 ms late"):
         assert suggest_observer(arm, law, delay=0.06) == 0.0
-
-
-def test_it_comes_with_the_gains():
-    arm, law, omega = suggested("two_link")
-    table = {"kind": "suggested_fpid", "feedforward": True, "observer": "suggested"}
-    ours = descriptions.from_dict({**table, "adaptive": False}, fp.Controller).on(arm)
-    assert ours.feedforward
-    assert ours.observer == omega
-    assert np.array_equal(ours.kd, law.kd)
-    slower = fp.suggest_gains(arm, adaptive=False, observer="suggested", step=2e-3)
-    assert slower.observer == suggest_observer(arm, slower, step=2e-3) < omega
 
 
 @pytest.mark.parametrize(

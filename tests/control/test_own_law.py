@@ -196,28 +196,6 @@ def test_options_that_cannot_be_are_one_line(make, line):
     assert str(caught.value) == line
 
 
-@pytest.mark.parametrize("kind", ["sampled", "paper"])
-@pytest.mark.filterwarnings("ignore:supervisor.disturbance_bound:fpid_pin.FpidWarning")
-def test_a_supervisor_is_the_same_for_every_form_of_one_law(kind):
-    """And it does what it is for: V leaves the set without it."""
-    push = fp.Plant(disturbance=fp.disturbances.Cosine((30.0, 12.0), frequency=1.0))
-    experiment = paper(2.0, plant=push)
-    guard = fp.Supervisor(3.0, 1.0, (30.0, 12.0), kind=kind, boundary_layer=3.0)
-    runs = fp.simulate(experiment, [form(15.0, 5.0, supervisor=guard) for form in PDS])
-    for run in runs[1:]:
-        same_run(run, runs[0])
-
-    def most(run):
-        e, rate = run.error, run.v_ref - run.v
-        return (0.5 * (1.75 * e**2 + 2.0 * e * rate + 1.5 * rate**2)).sum(axis=1).max()
-
-    alone = fp.simulate(experiment, JointPd(15.0, 5.0))
-    assert most(alone) > 1.5 * guard.threshold
-    assert np.abs(runs[0].torque - alone.torque).max() > 1.0
-    if kind == "sampled":
-        assert most(runs[0]) < 1.01 * guard.threshold
-
-
 # ---------------------------------------------------------------------- populations
 
 

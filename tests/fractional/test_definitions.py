@@ -10,7 +10,6 @@ from scipy.special import binom, gamma
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional import (
     L1,
-    Crone,
     GrunwaldLetnikov,
     caputo,
     grunwald_letnikov,
@@ -131,13 +130,6 @@ def test_any_axis_an_order_for_each_channel_and_exact_ends(function):
     assert np.abs(difference - np.diff(SIGNAL) / STEP).max() < 1e-10
     if rule is not None:  # else by the spline
         assert np.abs(function(SIGNAL, 1.0, STEP) - RATE).max() < 1e-6
-
-
-def test_a_filter_serves_as_well():
-    got, want = (
-        caputo(SIGNAL, 0.5, STEP, rate=RATE, design=d) for d in (Crone(1e-3, 1e4, 12), None)
-    )
-    assert np.abs(got - want).max() < 0.03 * np.abs(want).max()
 
 
 @settings(max_examples=25)

@@ -34,11 +34,6 @@ def test_a_design_survives_its_table_and_pickling_and_takes_orders_of_any_shape(
     assert np.isfinite(weights).all()
 
 
-def test_designs_are_equal_where_kind_and_fields_are():
-    assert ExponentialSum(24) == ExponentialSum()
-    assert Crone(1, 10, 2) == Crone(1.0, 10.0, 2)
-
-
 def test_a_design_of_ones_own_is_equal_to_itself_or_as_it_says():
     class Plain(Design):
         def coefficients(self, order, *, step, horizon):

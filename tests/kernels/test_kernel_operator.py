@@ -75,14 +75,6 @@ def test_smooth_signals_have_their_derivatives(order):
         assert np.abs(got[1:] - truth).max() < limit * np.abs(truth).max()
 
 
-def test_a_rate_that_is_singular_in_its_slope_costs_the_first_samples_only():
-    order = 0.5
-    got, truth = recorded(order, T**1.5, 1.5 * np.sqrt(T))[1:, 0], of_power(order, 1.5)
-    error = np.abs(got - truth) / truth.max()
-    assert error.max() < 1e-3
-    assert error[20:].max() < 1e-5
-
-
 @pytest.mark.parametrize("initialisation", ["caputo", "riemann_liouville", "grunwald_letnikov"])
 def test_orders_0_and_1_are_the_signal_and_its_rate(initialisation):
     f, rate = np.cos(5.0 * T), -5.0 * np.sin(5.0 * T)
@@ -116,18 +108,6 @@ def test_a_filter_at_rest_answers_a_step_with_its_own_step_response():
             others = np.prod(p - poles[poles != p])
             total += gain * np.prod(p - zeros) / (p * others) * np.exp(p * T)
         assert got[:, column] == pytest.approx(total, rel=1e-9)
-
-
-def test_a_rate_that_is_constant_over_a_step_is_the_l1_rule():
-    order = 0.6
-    f = np.random.default_rng(1).normal(size=SAMPLES).cumsum()
-    change = np.diff(f, prepend=f[0])
-    got = recorded(order, f, change / STEP, differenced=True)[:, 0]
-    j = np.arange(SAMPLES)
-    weights = ((j + 1.0) ** (1 - order) - j ** (1 - order)) * STEP**-order
-    weights *= float(mp.rgamma(2 - order))
-    want = np.convolve(change, weights)[:SAMPLES]
-    assert np.abs(got - want).max() < 1e-8 * np.abs(want).max()
 
 
 def streamed(records, f, rate, holds):

@@ -11,7 +11,7 @@ import pytest
 from bounded import finished
 
 import fpid_pin as fp
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config
 
 pytestmark = pytest.mark.torture
 HERE = Path(__file__).parent

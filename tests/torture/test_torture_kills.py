@@ -13,7 +13,7 @@ import pytest
 from bounded import started, wait_until
 
 import fpid_pin as fp
-from fpid_pin.cli.experiments import demo_config
+from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 
 pytestmark = pytest.mark.torture

@@ -13,10 +13,8 @@ from hypothesis import strategies as st
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.campaign import Distribution, Scenarios
-from fpid_pin.cli.campaign_plan import read_campaign
-from fpid_pin.cli.config import parse
-from fpid_pin.cli.experiments import demo_config
-from fpid_pin.cli.tune_plan import read_plan
+from fpid_pin.cli.configuration import demo_config, parse
+from fpid_pin.cli.plans import read_campaign, read_plan
 from fpid_pin.control import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.disturbances import Disturbance

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.cli.config import load
+from fpid_pin.cli.configuration import load
+from fpid_pin.cli.plans import read_plan
 from fpid_pin.cli.tune import run_tuning
-from fpid_pin.cli.tune_plan import read_plan
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.exceptions import ConfigError, FileFormatError, TuningError
 

@@ -11,7 +11,7 @@ import pytest
 from bounded import until
 
 import fpid_pin as fp
-from fpid_pin.cli.config import load, parse
+from fpid_pin.cli.configuration import load, parse
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError, DesignError, ExportError
 from fpid_pin.view.playground_page import playground_html
@@ -367,7 +367,7 @@ def test_rk4_is_refused():
 
 
 def test_the_command_leaves_out_what_a_page_cannot_hold(tmp_path, capsys):
-    from fpid_pin.cli.experiments import demo_config
+    from fpid_pin.cli.configuration import demo_config
 
     config = tmp_path / "demo.toml"
     config.write_text(demo_config().text, encoding="utf-8")

@@ -12,7 +12,7 @@ from bounded import finished
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
-from fpid_pin.cli.config import parse
+from fpid_pin.cli.configuration import parse
 from fpid_pin.control.law import Derivative
 from fpid_pin.view.document import asset
 from fpid_pin.view.playground_page import playground_html

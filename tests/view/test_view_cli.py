@@ -1,12 +1,9 @@
 import importlib.util
-import io
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
-from fpid_pin.cli.live import run_live
-from fpid_pin.cli.view import run_view
+from fpid_pin.cli.commands import live, view
 from fpid_pin.exceptions import ArgumentError, ConfigError, FileFormatError
 
 ROOT = Path(__file__).parents[2]
@@ -24,20 +21,15 @@ kd = 8.0
 """
 
 
-@pytest.fixture
-def console():
-    return Console(file=io.StringIO(), width=200)
-
-
-def test_view_writes_a_page_of_several_files(make_run, two_link, tmp_path, console):
+def test_view_writes_a_page_of_several_files(make_run, two_link, tmp_path, capsys):
     files = [make_run(two_link, name=n).save(tmp_path / f"{n}.npz") for n in ("a", "b")]
-    run_view(files, html=tmp_path / "out.html", captions=["left", "right"], console=console)
+    view(files, html=tmp_path / "out.html", caption=["left", "right"])
     text = (tmp_path / "out.html").read_text()
     assert "left / right" in text
-    assert "opens in any browser" in console.file.getvalue()
+    assert "opens in any browser" in capsys.readouterr().out
 
 
-def test_view_names_what_is_wrong_with_a_file(wave, tmp_path, console):
+def test_view_names_what_is_wrong_with_a_file(wave, tmp_path):
     whole = wave.save(tmp_path / "run.npz").read_bytes()
     (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
     (tmp_path / "text.npz").write_text("not a run")
@@ -47,28 +39,28 @@ def test_view_names_what_is_wrong_with_a_file(wave, tmp_path, console):
         ("none.npz", "no such file"),
     ):
         with pytest.raises(FileFormatError, match=message):
-            run_view([tmp_path / name], html=tmp_path / "out.html", console=console)
+            view([tmp_path / name], html=tmp_path / "out.html")
     assert not (tmp_path / "out.html").exists()
     with pytest.raises(ArgumentError, match="captions"):
-        run_view([tmp_path / "run.npz"], html=tmp_path / "o.html", captions="ab", console=console)
+        view([tmp_path / "run.npz"], html=tmp_path / "o.html", caption=["a", "b"])
 
 
-def test_live_prints_lateness_with_and_without_the_view(tmp_path, console):
+def test_live_prints_lateness_with_and_without_the_view(tmp_path, capsys):
     file = tmp_path / "job.toml"
     file.write_text(CONFIG)
-    run_live(file, duration=0.5, baseline=0.3, browser=False, console=console)
-    text = console.file.getvalue()
+    live(file, duration=0.5, baseline=0.3, browser=False)
+    text = capsys.readouterr().out
     for words in ("without the view: 300 ticks", "with the view:    500 ticks", "frames sent"):
         assert words in text
     assert text.count("99.9th percentile") == 2
     assert text.count("deadlines missed") == 2
 
 
-def test_live_names_a_controller_that_is_not_there(tmp_path, console):
+def test_live_names_a_controller_that_is_not_there(tmp_path):
     file = tmp_path / "job.toml"
     file.write_text(CONFIG)
     with pytest.raises(ConfigError, match="--controller: expected one of one, got 'two'"):
-        run_live(file, controller="two", console=console)
+        live(file, controller="two")
 
 
 def test_the_script_of_the_pictures_runs(tmp_path, monkeypatch, make_run, two_link):

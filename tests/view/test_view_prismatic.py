@@ -6,7 +6,7 @@ from bounded import until
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
-from fpid_pin.cli.summary import Entry, joint_rows
+from fpid_pin.cli.comparison import Entry, joint_rows
 from fpid_pin.view import export_html, plots
 from fpid_pin.view.portrait import portrait
 from fpid_pin.view.shapes import solid_surface
