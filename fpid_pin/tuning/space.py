@@ -6,20 +6,22 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from functools import cache
-from typing import Any, get_args, get_type_hints
+from typing import Annotated, Any, get_args, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin import checks, descriptions
+from fpid_pin.checks import Flag, FloatArray, OneOf, PerJoint
 from fpid_pin.control.law import Controller
+from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
 
 
+@described("gene")
 @dataclasses.dataclass(frozen=True, eq=False)
-class Gene:
+class Gene(Description):
     """Bounds of one parameter.
 
     Parameters
@@ -33,10 +35,16 @@ class Gene:
         One value for all joints; otherwise each joint has its own.
     """
 
-    low: ArrayLike
-    high: ArrayLike
-    scale: str = "linear"
-    shared: bool = False
+    low: Annotated[ArrayLike, PerJoint()]
+    high: Annotated[ArrayLike, PerJoint()]
+    scale: Annotated[str, OneOf("linear", "log")] = "linear"
+    shared: Annotated[bool, Flag] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        low = checks.floats("low", self.low, above=0.0 if self.scale == "log" else None)
+        if not np.all(low < np.asarray(self.high)):
+            raise ArgumentError("high", f"more than low ({_brief(low)})", _brief(self.high))
 
 
 class Space:
@@ -77,10 +85,7 @@ class Space:
 
     def to_dict(self) -> dict[str, Any]:
         """Return the table of the space: plain numbers and strings."""
-        tables = {name: dataclasses.asdict(gene) for name, gene in self.genes.items()}
-        for table in tables.values():
-            table |= {end: np.asarray(table[end]).tolist() for end in ("low", "high")}
-        return tables
+        return {name: descriptions.to_dict(gene) for name, gene in self.genes.items()}
 
     def bind(self, controller: Controller, n: int) -> BoundSpace:
         """Meet the controller whose parameters are to change, on an arm with `n` joints.
@@ -93,31 +98,19 @@ class Space:
 
 def _gene(path: str, given: Gene | Sequence[Any] | Mapping[str, Any]) -> Gene:
     """Return the gene that was meant, checked."""
-    if isinstance(given, Mapping):
-        for key in given:
-            checks.choice(f"{path}.{key}", key, [f.name for f in dataclasses.fields(Gene)])
-        for key in ("low", "high"):
-            if key not in given:
-                raise ArgumentError(f"{path}.{key}", "a number", "none")
-        given = Gene(**given)
-    elif not isinstance(given, Gene):
+    if isinstance(given, Gene):
+        return given
+    if not isinstance(given, Mapping):
         expected = 'bounds (low, high), then "log" or "shared" as needed'
         if isinstance(given, str) or not isinstance(given, Sequence) or len(given) < 2:
             raise ArgumentError(path, expected, shown(given))
         words = [checks.choice(path, word, ("linear", "log", "shared")) for word in given[2:]]
         if len(set(words)) < len(words) or {"linear", "log"} <= set(words):
             raise ArgumentError(path, expected, shown(given))
-        given = Gene(given[0], given[1], "log" if "log" in words else "linear", "shared" in words)
-    checks.choice(f"{path}.scale", given.scale, ("linear", "log"))
-    checks.instance(f"{path}.shared", given.shared, bool, "true or false")
-    positive = 0.0 if given.scale == "log" else None
-    low = checks.floats(f"{path}.low", given.low, above=positive, max_ndim=1)
-    high = checks.floats(f"{path}.high", given.high, max_ndim=1)
-    if low.ndim and high.ndim and low.shape != high.shape:
-        raise ArgumentError(path, "bounds of one length", f"shapes {low.shape} and {high.shape}")
-    if not np.all(low < high):
-        raise ArgumentError(path, "low < high", f"({_brief(low)}, {_brief(high)})")
-    return dataclasses.replace(given, low=low, high=high)
+        scale = "log" if "log" in words else "linear"
+        low, high = given[:2]
+        given = {"low": low, "high": high, "scale": scale, "shared": "shared" in words}
+    return descriptions.from_dict(given, Gene, path)
 
 
 def _brief(bound: ArrayLike) -> str:

@@ -68,12 +68,12 @@ def test_a_table_says_the_same_as_arguments():
     ("genes", "said"),
     [
         ({}, "space: expected at least one parameter, got none"),
-        ({"kp": (1, 1)}, "space.kp: expected low < high, got (1, 1)"),
+        ({"kp": (1, 1)}, "space.kp.high: expected more than low (1), got 1"),
         ({"kp": (0, 1, "log")}, "space.kp.low: expected a number > 0, got 0"),
         ({"kp": (0, 1, "logs")}, "did you mean log?"),
         ({"kp": 3}, "space.kp: expected bounds (low, high)"),
         ({"kp": {"low": 1, "high": 2, "scael": "log"}}, "did you mean scale?"),
-        ({"kp": ((1, 2), (3, 4, 5))}, "space.kp: expected bounds of one length"),
+        ({"kp": ((1, 2), (3, 4, 5))}, "space.kp.high: expected one length for all joints"),
     ],
 )
 def test_bounds_at_fault_are_named(genes, said):

@@ -92,7 +92,10 @@ plant = { payload = { mass = 0.5 } }
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (("kp = [1, 100", "kp = [100, 1"), "tune.space.kp: expected low < high, got (100, 1)"),
+        (
+            ("kp = [1, 100", "kp = [100, 1"),
+            "tune.space.kp.high: expected more than low (100), got 1",
+        ),
         (("population = 6", "populatoin = 6"), "did you mean population?"),
         (("map_points = 3", 'controller = "PID"'), "tune.controller: expected one of"),
         (("w2 = 0.0", "w2 = -1.0"), "tune.cost.w2: expected a number >= 0, got -1"),
