@@ -74,7 +74,7 @@ def campaign(made: Study, plants: int, workers: int, dask: bool = False) -> tupl
         if dask:
             cluster = stack.enter_context(fp.campaign.local_cluster(workers))
             executor = stack.enter_context(
-                fp.campaign.dask_executor(cluster.address, patience=60.0)
+                fp.campaign.dask_executor(cluster.scheduler_address, patience=60.0)
             )
         ways = {"executor": executor} if dask else {"workers": workers}
         clock, spent = time.perf_counter(), time.process_time()

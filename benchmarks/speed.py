@@ -206,13 +206,14 @@ def search(generations: int) -> list[str]:
     began = time.perf_counter()
     result = fp.tune(
         e, law, Space(integral_order=(0, 1), derivative_order=(0, 1)), QuadraticCost(1.0, 0.0),
-        SearchSettings(generations=generations, reuse=False, workers=2),
+        SearchSettings(generations=generations, workers=2),
     )  # fmt: skip
     seconds = time.perf_counter() - began
-    steps = result.evaluations * (e.rows - 1)
+    steps = result.simulations * (e.rows - 1)
     unit = turn_by_turn([aba_calls(e.arm)], 25)[0] / 1000
     return [
-        f"60 x {generations} candidates of 20 s, two threads: {seconds:.1f} s, "
+        f"60 x {generations} candidates of 20 s, {result.simulations} simulated, two threads: "
+        f"{seconds:.1f} s, "
         f"{1e9 * seconds / steps:.0f} ns a step by the clock, {seconds / steps / unit:.3f} "
         f"pin.aba; cost {result.cost:.5f}"
     ]

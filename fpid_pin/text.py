@@ -7,9 +7,10 @@ what is shown has them written out. What a message quotes may be as long as a fi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
-__all__ = ["MOST", "cut", "listed", "named", "shown", "visible"]
+__all__ = ["MOST", "cut", "differences", "listed", "named", "shown", "visible"]
 
 #: Characters of a line in an error message, and of what it quotes.
 MOST = 200
@@ -82,3 +83,20 @@ def listed(names: Iterable[object], write: Callable[[object], str] = named) -> s
     """Return names as messages list them: the first few, each as `write` has it."""
     several = list(names)
     return ", ".join(map(write, several[:_LISTED])) + (", ..." if several[_LISTED:] else "")
+
+
+def differences(there: Any, here: Any, path: str = "") -> list[str]:
+    """Return how two plain tables differ: a line for each key, with its path and both values."""
+    if isinstance(there, Mapping) and isinstance(here, Mapping):
+        keys = sorted({*there, *here})
+        pairs = [(key, there.get(key), here.get(key)) for key in keys]
+        if there == here and list(there) != list(here):
+            return [f"{path or 'keys'} in another order"]
+    elif isinstance(there, list) and isinstance(here, list) and len(there) == len(here):
+        pairs = [(k, *pair) for k, pair in enumerate(zip(there, here, strict=True))]
+    elif there == here or (there != there and here != here):
+        return []
+    else:
+        return [f"{path} is {named(there)} there and {named(here)} here"]
+    dot = f"{path}." if path else ""
+    return [line for key, one, two in pairs for line in differences(one, two, f"{dot}{key}")]

@@ -147,7 +147,7 @@ ROOMS = {
     "simulation": {"Outcome", "cost_of", "limit_report", "metrics_of"},
     "tuning": {
         "Gene", "RobustCost", "SearchProgress", "SearchSettings", "Space", "WorkerPool", "cost_map",
-        "cross_check", "scenarios",
+        "scenarios",
     },
     "view": {"export_html", "live", "play", "plot", "plots"},
 }  # fmt: skip

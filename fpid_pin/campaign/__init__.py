@@ -1,15 +1,13 @@
 """Robustness campaigns: the same controllers on thousands of other plants, all recorded."""
 
-from fpid_pin.campaign.cluster import dask_executor
-from fpid_pin.campaign.data import CampaignData
+from fpid_pin.campaign.cluster import dask_executor, local_cluster
+from fpid_pin.campaign.data import CampaignData, export
 from fpid_pin.campaign.distributions import Choices, Distribution, LogUniform, Normal, Uniform
 from fpid_pin.campaign.driver import load, run
-from fpid_pin.campaign.loopback import local_cluster
 from fpid_pin.campaign.replayed import Replay, replay
 from fpid_pin.campaign.report import report_html
 from fpid_pin.campaign.scenarios import Scenarios
 from fpid_pin.campaign.study import Study
-from fpid_pin.campaign.table import export
 from fpid_pin.campaign.worst_plant import attack
 
 __all__ = [

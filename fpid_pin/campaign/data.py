@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.extras import needed
+from fpid_pin.files import replacing
 
 #: How a run can end. The first two are a success.
 OUTCOMES = ("completed", "saturated", "diverged", "failed")
-#: Figures of a run and their units.
+#: Figures of a run and their units, and how the joints' become one (see `costs.over_joints`).
 METRICS = {
     "rms": "rad",
     "rms_tail": "rad",
@@ -22,6 +26,10 @@ METRICS = {
     "peak_torque": "N m",
     "total_variation": "N m",
 }
+OVER_JOINTS = {
+    "rms": "rms", "rms_tail": "rms", "energy": "sum", "peak_torque": "worst",
+    "total_variation": "sum",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +52,8 @@ class CampaignData:
         One of `OUTCOMES` and, where there is something to say, why: (runs, controllers).
     metrics
         By the names of `METRICS`, (runs, controllers); NaN where a run was not completed. Errors
-        are root mean squares over all joints, of the whole run or its last half; energy and
-        variation are sums over the joints, the peak is the largest of them.
+        are root mean squares over the joints, of the whole run or its last half; energy and
+        variation are sums over the joints, the peak is the worst joint's.
     dynamics
         Which ones: ``"compiled"`` or ``"pinocchio"``.
     """
@@ -72,18 +80,48 @@ class CampaignData:
         ended = (self.outcome == "completed") | (self.outcome == "saturated")
         return np.asarray(ended & np.isfinite(self.metrics["rms"]))
 
-    def to_dataframe(self) -> Any:
-        """Return a pandas frame, one row a run and controller (extra ``pandas``)."""
-        pandas = needed("pandas", "pandas")
-        runs, columns = self.outcome.shape
+    def columns(self) -> dict[str, NDArray[Any]]:
+        """Return a table by column, a row a run and controller, in the order of both."""
+        runs, several = self.outcome.shape
         table: dict[str, Any] = {
-            "run": np.repeat(np.arange(runs), columns),
+            "run": np.repeat(np.arange(runs), several),
             "controller": np.tile(np.array(self.controllers, dtype=object), runs),
             "outcome": self.outcome.ravel().astype(object),
             "cause": self.cause.ravel().astype(object),
-            "dynamics": self.dynamics,
+            "dynamics": np.full(runs * several, self.dynamics, dtype=object),
         }
         table |= {name: values.ravel() for name, values in self.metrics.items()}
-        for label, values in zip(self.parameters, self.samples.T, strict=True):
-            table[label] = np.repeat(values, columns)
-        return pandas.DataFrame(table)
+        samples = zip(self.parameters, self.samples.T, strict=True)
+        return table | {label: np.repeat(values, several) for label, values in samples}
+
+    def to_dataframe(self) -> Any:
+        """Return the columns as a `pandas.DataFrame` (extra ``pandas``)."""
+        return needed("pandas", "pandas").DataFrame(self.columns())
+
+
+def export(data: CampaignData, path: str | Path) -> Path:
+    """Write the table of a campaign, by its suffix: ``.csv``, or ``.parquet`` (extra ``parquet``).
+
+    Numbers have every digit: two campaigns of the same results give the same bytes of CSV.
+
+    Raises
+    ------
+    ArgumentError
+        Another suffix.
+    FileFormatError
+        It cannot be written.
+    """
+    path, table = Path(path), data.columns()
+    if path.suffix not in (".csv", ".parquet"):
+        raise ArgumentError("file", "a name that ends with .csv or .parquet", path.name)
+    with replacing(path) as temporary:
+        if path.suffix == ".csv":
+            with open(temporary, "w", newline="", encoding="utf-8") as file:
+                # Floats by their repr: the shortest text that is that number.
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(table)
+                writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+        else:
+            arrow = needed("pyarrow", "parquet").table(table)
+            needed("pyarrow.parquet", "parquet").write_table(arrow, temporary, compression="zstd")
+    return path

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,15 +27,17 @@ class Distribution(Description, ABC):
         Whether all joints have the same number; else each has its own, independently.
     """
 
+    _possible: ClassVar[tuple[str, ...]] = ("low", "high")
+
     shared: Annotated[bool, Flag] = False
 
     @abstractmethod
     def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
         """Return the values at `u` in [0, 1], (runs, numbers), none beyond [`low`, `high`]."""
 
-    @abstractmethod
     def numbers(self) -> dict[str, FloatArray]:
         """Return by field the numbers that have to be possible values themselves."""
+        return {name: np.asarray(getattr(self, name)) for name in self._possible}
 
 
 def _ordered(low: FloatArray, high: FloatArray) -> None:
@@ -60,10 +62,6 @@ class Uniform(Distribution):
         a, b = np.asarray(self.low), np.asarray(self.high)
         return np.asarray(a + (b - a) * u)
 
-    def numbers(self) -> dict[str, FloatArray]:
-        """See `Distribution.numbers`."""
-        return {"low": np.asarray(self.low), "high": np.asarray(self.high)}
-
 
 @described("log_uniform")
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -82,10 +80,6 @@ class LogUniform(Distribution):
         a, b = np.asarray(self.low), np.asarray(self.high)
         return np.asarray(np.clip(a * (b / a) ** u, a, b))
 
-    def numbers(self) -> dict[str, FloatArray]:
-        """See `Distribution.numbers`."""
-        return {"low": np.asarray(self.low), "high": np.asarray(self.high)}
-
 
 @described("normal")
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -97,6 +91,8 @@ class Normal(Distribution):
     mean, std
         Of the distribution before it is cut.
     """
+
+    _possible = ("mean",)
 
     mean: Annotated[ArrayLike, PerJoint()]
     std: Annotated[ArrayLike, PerJoint(above=0.0)]
@@ -111,15 +107,13 @@ class Normal(Distribution):
         part = first + np.clip(u, _EDGE, 1.0 - _EDGE) * (last - first)
         return np.asarray(np.clip(mean + std * ndtri(part), low, high))
 
-    def numbers(self) -> dict[str, FloatArray]:
-        """See `Distribution.numbers`."""
-        return {"mean": np.asarray(self.mean)}
-
 
 @described("choices")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Choices(Distribution):
     """One of several `values`, equally likely; the same list for every joint."""
+
+    _possible = ("values",)
 
     values: Annotated[ArrayLike, PerJoint()]
 
@@ -128,7 +122,3 @@ class Choices(Distribution):
         values = np.atleast_1d(np.asarray(self.values))
         place = np.minimum((u * len(values)).astype(np.int64), len(values) - 1)
         return np.asarray(values[place])
-
-    def numbers(self) -> dict[str, FloatArray]:
-        """See `Distribution.numbers`."""
-        return {"values": np.asarray(self.values)}

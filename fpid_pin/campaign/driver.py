@@ -2,26 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from concurrent.futures import Executor
+from itertools import groupby
 from pathlib import Path
 
-from fpid_pin import checks, own_code
-from fpid_pin.campaign import stopping
-from fpid_pin.campaign.chunk import Job
+import numpy as np
+
+from fpid_pin import checks
+from fpid_pin.campaign.chunk import run_chunk
 from fpid_pin.campaign.data import CampaignData
-from fpid_pin.campaign.execution import carry_out, pieces
 from fpid_pin.campaign.ledger import Ledger
-from fpid_pin.campaign.scenarios import BLOCK
 from fpid_pin.campaign.study import Study
-from fpid_pin.exceptions import ArgumentError
+from fpid_pin.exceptions import ArgumentError, WorkersDied
 from fpid_pin.files import locked
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.entry import executor_of, warm
-from fpid_pin.simulation.workers import check_workers
+from fpid_pin.simulation.workers import spread
 
-#: Runs of a task, and pieces that wait for each worker: none is idle while its last is recorded.
-CHUNK, AHEAD = 64, 2
+#: Runs of a task.
+CHUNK = 64
 
 
 def run(
@@ -32,7 +32,6 @@ def run(
     executor: Executor | None = None,
     workers: int | None = None,
     chunk: int = CHUNK,
-    until: str | Callable[[CampaignData], bool] | None = None,
     progress: ProgressCallback | None = None,
 ) -> CampaignData:
     """Simulate runs 0 to `runs` - 1 of a campaign and record them; go on where a ledger ends.
@@ -52,10 +51,6 @@ def run(
         run after another.
     chunk
         Runs of a task. Neither it nor the executor changes a bit of what is recorded.
-    until
-        When it is enough: ``"success +- 0.01"``, ``"A - B"`` (see `stopping.parse`) or a function.
-        It is asked about the first 256, 512, ... runs as they are there; where it says so the
-        campaign ends with them, however many were under way.
     progress
         Called now and then with a `Progress`.
 
@@ -68,70 +63,47 @@ def run(
     ------
     ArgumentError, FileFormatError
         Before anything is simulated: see `Ledger`.
+    WorkersDied
+        Workers died twice over the same runs, which are named; what was recorded stays.
     """
     checks.instance("study", study, Study, "a Study")
     runs = checks.integer("runs", runs, low=1)
     chunk = checks.integer("chunk", chunk, low=1)
-    check_workers(executor, workers)
     points = study.scenarios.points
-    if points is not None and runs > len(points):  # type: ignore[arg-type]
-        raise ArgumentError("runs", f"at most {len(points)} (the points given)", runs)  # type: ignore[arg-type]
-    rule = stopping.parse(until, study.names) if isinstance(until, str) else until
+    if points is not None and runs > len(np.asarray(points)):
+        raise ArgumentError("runs", f"at most {len(np.asarray(points))} (the points given)", runs)
     nominal, laws = [study.experiment] * len(study.laws), study.laws
-    job = Job(study, own=own_code.loaded())
     with (
-        locked(ledger),
-        Ledger(ledger, study) as book,
         executor_of(executor, workers, nominal, laws) as pool,
+        locked(ledger),
+        Ledger(ledger, study, runs) as book,
     ):
         recorded = book.recorded()
-        runs = max(runs, max(recorded, default=-1) + 1)
-        book.plan(runs)
-        missing = [k for k in range(runs) if k not in recorded]
+        missing = [k for k in range(book.planned) if k not in recorded]
         if missing and pool is not None:
             # So that workers find the kernels compiled.
             warm(nominal, laws)
-        window = AHEAD * workers_of(pool)
-        watch = _Watch(book, rule)
-        if watch.ended(recorded):
-            return book.data()
-        for done in carry_out(job, pieces(missing, chunk), pool, window):
-            book.record(done)
-            recorded.update(range(done.first, done.first + len(done.ends)))
-            if progress is not None:
-                progress(Progress(len(recorded) / runs))
-            if watch.ended(recorded):
-                break
+        todo, done = pieces(missing, chunk), len(recorded)
+        try:
+            for k, results in spread(run_chunk, [(study, *piece) for piece in todo], pool):
+                book.record(todo[k][0], results)
+                done += len(results.ends)
+                if progress is not None:
+                    progress(Progress(done / (len(recorded) + len(missing))))
+        except WorkersDied as error:
+            first, last = todo[error.task]
+            raise WorkersDied(f"runs {first} to {last - 1}: {error}", error.task) from None
         return book.data()
 
 
-class _Watch:
-    """Asks a rule about the first runs, each multiple of `BLOCK` once and in order.
+def pieces(missing: Sequence[int], size: int) -> list[tuple[int, int]]:
+    """Cut runs into pieces of neighbours, at most `size` each: (first, last + 1).
 
-    What it sees does not depend on when chunks come back.
+    They end where multiples of `size` are, so that a campaign that goes on cuts as it did before.
     """
-
-    def __init__(self, book: Ledger, until: Callable[[CampaignData], bool] | None) -> None:
-        self._book, self._until, self._next = book, until, BLOCK
-        self._whole = 0
-
-    def ended(self, recorded: set[int]) -> bool:
-        """Return whether the rule is content, having dropped what was recorded beyond."""
-        if self._until is None:
-            return False
-        while self._whole in recorded:
-            self._whole += 1
-        while self._next <= self._whole:
-            if self._until(self._book.data(self._next)):
-                self._book.keep(self._next)
-                return True
-            self._next += BLOCK
-        return False
-
-
-def workers_of(executor: Executor | None) -> int:
-    """Return how many tasks an executor works on at once, where it tells."""
-    return int(getattr(executor, "_max_workers", 2))
+    cut = groupby(enumerate(missing), lambda item: (item[1] - item[0], item[1] // size))
+    several = [[run for _, run in group] for _, group in cut]
+    return [(group[0], group[-1] + 1) for group in several]
 
 
 def load(ledger: str | Path) -> CampaignData:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from fpid_pin import checks
+from fpid_pin.campaign.distributions import Distribution
 from fpid_pin.checks import FloatArray
 from fpid_pin.disturbances import Cosine
 from fpid_pin.exceptions import ArgumentError
@@ -23,26 +25,32 @@ class Quantity:
     ----------
     unit
         Of its values.
-    each
-        ``"link"`` or ``"joint"`` where there is one number for each, ``""`` where there is one.
+    single
+        Whether there is one number; else one for each joint, or link.
     low, above
-        Least value, or what it has to be more than; -inf: any.
+        Least value, or what it has to be more than; None: any.
     whole
         Whether values are rounded to whole numbers.
     """
 
     unit: str
-    each: str = "joint"
-    low: float = -np.inf
-    above: float = -np.inf
+    single: bool = False
+    low: float | None = None
+    above: float | None = None
     whole: bool = False
+
+    def at(self, spread: Distribution, u: FloatArray) -> FloatArray:
+        """Return the values at points of [0, 1], (runs, numbers)."""
+        low = next((x for x in (self.low, self.above) if x is not None), -np.inf)
+        found = spread.quantile(u, low, np.inf)
+        return np.round(found) if self.whole else found
 
 
 #: By key. Masses and inertias are factors of the nominal ones, all else takes the nominal's place.
 QUANTITIES = {
-    "mass": Quantity("1", "link", above=0.0),
-    "inertia": Quantity("1", "link", above=0.0),
-    "payload": Quantity("kg", "", low=0.0),
+    "mass": Quantity("1", above=0.0),
+    "inertia": Quantity("1", above=0.0),
+    "payload": Quantity("kg", single=True, low=0.0),
     "viscous_friction": Quantity("N m s/rad", low=0.0),
     "dry_friction": Quantity("N m", low=0.0),
     "disturbance_amplitude": Quantity("N m"),
@@ -50,92 +58,89 @@ QUANTITIES = {
     "disturbance_phase": Quantity("rad"),
     "position_noise": Quantity("rad", low=0.0),
     "velocity_noise": Quantity("rad/s", low=0.0),
-    "delay": Quantity("samples", "", low=0.0, whole=True),
+    "delay": Quantity("samples", single=True, low=0.0, whole=True),
     "q0": Quantity("rad"),
     "v0": Quantity("rad/s"),
     "reference_amplitude": Quantity("rad"),
     "reference_frequency": Quantity("rad/s", low=0.0),
     "reference_phase": Quantity("rad"),
 }
-_REFERENCE = "reference_"
-_DISTURBANCE = "disturbance_"
+_REFERENCE, _DISTURBANCE = "reference_", "disturbance_"
 
 
-def require_possible(experiment: Experiment, key: str) -> None:
-    """Refuse a quantity that the experiment does not have.
+def units_of(labels: Iterable[str]) -> tuple[str, ...]:
+    """Return the units of uncertain numbers by their labels: ``"payload"``, ``"mass.0"``."""
+    return tuple(QUANTITIES[label.split(".")[0]].unit for label in labels)
 
-    Raises
-    ------
-    ArgumentError
-        A reference without such a number, or a disturbance that is no cosine.
-    """
+
+def require_values(key: str, spread: Distribution) -> Distribution:
+    """Refuse a distribution with values that its quantity cannot have."""
+    path = f"uncertain.{key}"
+    quantity = QUANTITIES[checks.choice(path, key, QUANTITIES)]
+    checks.instance(path, spread, Distribution, "a distribution")
+    for name, numbers in spread.numbers().items():
+        checks.floats(f"{path}.{name}", numbers, low=quantity.low, above=quantity.above)
+        if quantity.whole and name == "values" and (numbers != np.round(numbers)).any():
+            raise ArgumentError(f"{path}.{name}", "whole numbers", numbers.tolist())
+        if (quantity.single or spread.shared) and name != "values" and numbers.ndim:
+            raise ArgumentError(f"{path}.{name}", "one number", f"shape {numbers.shape}")
+    if quantity.single and spread.shared:
+        raise ArgumentError(f"{path}.shared", "false, as there is one number", "true")
+    return spread
+
+
+def require_quantity(experiment: Experiment, key: str, spread: Distribution) -> int:
+    """Return how many numbers a quantity has; refuse one that the experiment does not have."""
+    path, name = f"uncertain.{key}", key.partition("_")[2]
     if key.startswith(_REFERENCE):
-        name = key.removeprefix(_REFERENCE)
         reference: Any = experiment.reference
         fields = dataclasses.fields(reference) if dataclasses.is_dataclass(reference) else ()
         if name not in {field.name for field in fields}:
             kind = getattr(type(reference), "_kind", type(reference).__name__)
-            raise ArgumentError(key, f"a reference with {name} (a sinusoid)", kind)
+            raise ArgumentError(path, f"a reference with {name} (a sinusoid)", kind)
     elif key.startswith(_DISTURBANCE):
-        plant = experiment.plant or Plant()
-        if not isinstance(plant.disturbance, Cosine):
-            kind = getattr(type(plant.disturbance), "_kind", "none")
-            raise ArgumentError(key, "one [[disturbance]] of kind cosine", kind)
+        disturbance = (experiment.plant or Plant()).disturbance
+        if not isinstance(disturbance, Cosine):
+            kind = getattr(type(disturbance), "_kind", "none")
+            raise ArgumentError(path, "one [[disturbance]] of kind cosine", kind)
+    if QUANTITIES[key].single or spread.shared:
+        return 1
+    for name, numbers in spread.numbers().items():
+        if name != "values":
+            checks.per_joint(f"{path}.{name}", numbers, experiment.arm.n)
+    return experiment.arm.n
 
 
 def varied(nominal: Experiment, values: Mapping[str, FloatArray], seed: int) -> Experiment:
     """Return an experiment with other true values; what the controller believes in stays.
 
-    Parameters
-    ----------
-    nominal
-        With what is not varied.
-    values
-        By the keys of `QUANTITIES`, (1,) or (n,).
-    seed
-        Of its sensors' noise.
-
-    Raises
-    ------
-    FpidError
-        Values that together are none of an experiment.
+    `values` are by the keys of `QUANTITIES`, (1,) or (n,); `seed` is that of its sensors' noise.
     """
-    value = {key: numbers if len(numbers) > 1 else numbers[0] for key, numbers in values.items()}
-    parts: dict[str, Any] = {"plant": _plant(nominal, value), "seed": seed}
-    sensed = _some(value, "position_noise", "velocity_noise")
-    if "delay" in value:
-        sensed["delay"] = int(value["delay"])
-    if sensed:
-        parts["sensors"] = dataclasses.replace(nominal.sensors or Sensors(), **sensed)
-    moved = _under(value, _REFERENCE)
-    if moved:
-        reference: Any = nominal.reference
-        parts["reference"] = dataclasses.replace(reference, **moved)
-    return dataclasses.replace(nominal, **parts, **_some(value, "q0", "v0"))
+    value: dict[str, Any] = {k: v if len(v) > 1 else v[0] for k, v in values.items()}
 
+    def some(*keys: str, prefix: str = "") -> dict[str, Any]:
+        return {key: value[prefix + key] for key in keys if prefix + key in value}
 
-def _plant(nominal: Experiment, value: Mapping[str, Any]) -> Plant:
-    plant = nominal.plant or Plant()
-    changed = _some(value, "viscous_friction", "dry_friction")
-    arm = nominal.arm if plant.arm is None else plant.arm
-    carried: list[dict[str, Any]] = []
-    scaled = _some(value, "mass", "inertia")
-    if scaled:
-        carried.append({"scaled_links": scaled})
+    cosine, plant = ("amplitude", "frequency", "phase"), nominal.plant or Plant()
+    changed = some("viscous_friction", "dry_friction")
+    scaled = some("mass", "inertia")
+    carried: list[dict[str, Any]] = [{"scaled_links": scaled}] if scaled else []
     if "payload" in value:
         carried.append({"payload": {"mass": float(value["payload"])}})
     if carried:
+        arm = nominal.arm if plant.arm is None else plant.arm
         changed["arm"] = arm.with_changes(*carried)
-    pushed = _under(value, _DISTURBANCE)
+    pushed = some(*cosine, prefix=_DISTURBANCE)
     if pushed:
         disturbance: Any = plant.disturbance
         changed["disturbance"] = dataclasses.replace(disturbance, **pushed)
-    return dataclasses.replace(plant, **changed) if changed else plant
-
-
-def _some(value: Mapping[str, Any], *keys: str) -> dict[str, Any]:
-    return {key: value[key] for key in keys if key in value}
-
-
-def _under(value: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    return {key.removeprefix(prefix): v for key, v in value.items() if key.startswith(prefix)}
+    parts = some("q0", "v0") | {"plant": dataclasses.replace(plant, **changed), "seed": seed}
+    sensed = some("position_noise", "velocity_noise", "delay")
+    if sensed:
+        sensed |= {key: int(number) for key, number in some("delay").items()}
+        parts["sensors"] = dataclasses.replace(nominal.sensors or Sensors(), **sensed)
+    moved = some(*cosine, prefix=_REFERENCE)
+    if moved:
+        reference: Any = nominal.reference
+        parts["reference"] = dataclasses.replace(reference, **moved)
+    return dataclasses.replace(nominal, **parts)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 from fpid_pin import checks
@@ -44,11 +44,8 @@ class Replay:
 
         They are on the machine that recorded them; another processor's sine may differ in it.
         """
-        return _key(self.recorded) == _key(self.again)
-
-
-def _key(end: Ended) -> tuple[str, str, tuple[str, ...]]:
-    return end.outcome, end.cause, tuple(x.hex() for x in end.figures)
+        # Python writes every digit of a number, and NaN is NaN.
+        return repr(astuple(self.recorded)) == repr(astuple(self.again))
 
 
 def replay(ledger: str | Path, run: int, controller: str | None = None) -> Replay:
@@ -76,12 +73,12 @@ def replay(ledger: str | Path, run: int, controller: str | None = None) -> Repla
         run = checks.integer("run", run, low=0)
         name = checks.choice("controller", controller or book.controllers[0], book.controllers)
         before = book.end(run, name)
+        if before.outcome == "failed":
+            raise SimulationError(f"run {run}: {before.cause}; there is nothing to replay")
         study = book.study()
-    if before.outcome == "failed":
-        raise SimulationError(f"run {run}: {before.cause}; there is nothing to replay")
-    sample = study.bound.samples(run, run + 1)[0]
+    sample = study.samples(run, run + 1)[0]
     law = study.controllers[name]
-    again, nominal = simulate([study.bound.experiment(run, sample), study.experiment], law)
+    again, nominal = simulate([study.experiment_of(run, sample), study.experiment], law)
     now = ended(study.experiment.arm.joint_names, again.outcome, again.metrics)
-    values = dict(zip(study.bound.parameters, sample.tolist(), strict=True))
+    values = dict(zip(study.parameters, sample.tolist(), strict=True))
     return Replay(again, nominal, run, name, values, before, now)

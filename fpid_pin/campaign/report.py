@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpid_pin.campaign import figures, sensitivity_figures
+from fpid_pin.campaign import figures
 from fpid_pin.campaign.answers import answer
 from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.statistics import (
     Difference,
     best_shares,
+    comparisons,
     leader,
-    paired_difference,
     quantile,
     scored,
     spearman,
@@ -23,7 +23,6 @@ from fpid_pin.campaign.statistics import (
     tornado,
     worst_runs,
 )
-from fpid_pin.campaign.stopping import rate_interval
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import put_text
 from fpid_pin.view.document import Link, as_text
@@ -43,24 +42,27 @@ _CAPTIONS = {
     "scatter": "Every plant; colour: RMS error, cross: lost",
 }
 _NOTES = {
-    "success": (
+    "Success": (
         "A run succeeds when it ends, in its torque limits or at them, with finite errors. Best: "
         "share of all plants with the least RMS error. Wilson's intervals hold for a number of "
-        "runs that was fixed beforehand; those in the last columns also where the campaign was "
-        "stopped for what it showed."
+        "runs that was fixed beforehand."
     ),
-    "metrics": "Of all plants; inf: so many were lost. 10 % of the plants are worse than p90.",
-    "pairs": (
+    "Errors and effort": (
+        "Of all plants; inf: so many were lost. 10 % of the plants are worse than p90. Over the "
+        "joints: errors are root mean squares, energy and variation sums, the peak is the worst "
+        "joint's."
+    ),
+    "Paired differences": (
         "First less second on the same plants; less is better. Medians and their bootstrap "
         "intervals are of the plants on which both succeeded; a plant that one of them has lost "
         "counts for the other. Every interval is of 95 % by itself."
     ),
-    "sensitivity": (
+    "Sensitivity": (
         "Spearman's rank correlation of a parameter with the RMS error, with its 95 % interval, "
         "and the median error in its lowest and highest fifth; lost runs count as the worst."
     ),
-    "worst": "Those that were lost first, in the order of their numbers.",
-}  # fmt: skip
+    "The ten worst runs": "Those that were lost first, in the order of their numbers.",
+}
 
 
 def report_html(
@@ -91,76 +93,66 @@ def report_html(
     """
     if data.runs == 0:
         raise ArgumentError("data", "at least one run", "none")
+    several = range(len(data.controllers))
     marks = {name: colour(k) for k, name in enumerate(data.controllers)}
-    differences = _differences(data)
-    told = answer(data, differences.get("rms", []))
+    differences = {name: comparisons(data, name) for name in figures.SHOWN}
+    told = answer(data, differences["rms"])
     parts = [answer_html([*told, f"Dynamics: {data.dynamics}."])]
 
-    def add(heading: str, content: str, note: str) -> None:
-        parts.append(section(heading, f"<p>{as_text(_NOTES[note])}</p>{content}"))
+    def add(heading: str, content: str) -> None:
+        parts.append(section(heading, f"<p>{as_text(_NOTES[heading])}</p>{content}"))
 
-    add("Success", table_html(_success(data), marks), "success")
-    add("Errors and effort", table_html(_metrics(data), marks), "metrics")
-    if differences:
-        tables = [_pairs(data, several) for several in differences.values()]
+    add("Success", table_html(_success(data), marks))
+    add("Errors and effort", table_html(_metrics(data), marks))
+    if len(several) > 1:
         heads = [as_text(figures.label(metric)) for metric in differences]
-        add("Paired differences", _folded(heads, tables, 0, marks), "pairs")
+        tables = [_pairs(data, found) for found in differences.values()]
+        add("Paired differences", _folded(heads, tables, 0, marks))
     drawn = "".join(figure_html(_CAPTIONS[name], figure) for name, figure in _figures(data))
     parts.append(section("Figures", f'<div class="figures roomy">{drawn}</div>'))
-    first, names = leader(data), [_marked(name, k) for k, name in enumerate(data.controllers)]
-    if data.parameters:
-        add("Sensitivity", _folded(names, _sensitivities(data), first), "sensitivity")
-    lost = [data.runs - int(count) for count in data.success.sum(axis=0)]
-    heads = [
-        f"{name}: {count} lost" if count else name for name, count in zip(names, lost, strict=True)
+    names = [
+        f'<i class="swatch" style="background: {colour(k)}"></i>{as_text(data.controllers[k])}'
+        for k in several
     ]
-    tables = [_worst(data, k, replay_link) for k in range(len(names))]
-    add("The ten worst runs", _folded(heads, tables, first), "worst")
+    first, lost = leader(data), data.runs - data.success.sum(axis=0)
+    if data.parameters:
+        add("Sensitivity", _folded(names, _sensitivities(data), first))
+    heads = [f"{names[k]}: {lost[k]} lost" if lost[k] else names[k] for k in several]
+    tables = [_worst(data, k, replay_link) for k in several]
+    add("The ten worst runs", _folded(heads, tables, first))
     return put_text(path, page_html(data.title or "Campaign", parts))
-
-
-def _differences(data: CampaignData) -> dict[str, list[Difference]]:
-    count = len(data.controllers)
-    pairs = [(a, b) for a in range(count) for b in range(a + 1, count)]
-    if not pairs:
-        return {}
-    return {
-        name: [paired_difference(data, *pair, name) for pair in pairs] for name in figures.SHOWN
-    }
 
 
 def _success(data: CampaignData) -> Table:
     best, rates = best_shares(data), success_rates(data)
-    rows: list[dict[str, object]] = []
-    for k, name in enumerate(data.controllers):
-        ends, counts = data.outcome[:, k], int(data.success[:, k].sum())
-        always = rate_interval(counts, data.runs)
-        rows.append({
+    return [
+        {
             "controller": name,
             "success, %": 100.0 * rates[k].estimate,
             "from, %": 100.0 * rates[k].low,
             "to, %": 100.0 * rates[k].high,
             "best, %": 100.0 * float(best[k]),
-            "saturated": int((ends == "saturated").sum()),
-            "diverged": int((ends == "diverged").sum()),
-            "failed": int((ends == "failed").sum()),
-            "from, at any stop, %": 100.0 * always.low,
-            "to, at any stop, %": 100.0 * always.high,
-        })  # fmt: skip
-    return rows
+        }
+        | {
+            end: int((data.outcome[:, k] == end).sum())
+            for end in ("saturated", "diverged", "failed")
+        }
+        for k, name in enumerate(data.controllers)
+    ]
 
 
 def _metrics(data: CampaignData) -> Table:
-    rows: list[dict[str, object]] = []
-    for k, name in enumerate(data.controllers):
-        row: dict[str, object] = {"controller": name}
-        for metric in data.metrics:
-            unit = METRICS.get(metric, "").replace("^2", "²")
-            head, scores = metric.replace("_", " "), scored(data, metric)[:, k]
-            row[f"{head}, median, {unit}"] = quantile(scores, 0.5)
-            row[f"{head}, p90, {unit}"] = quantile(scores, 0.9)
-        rows.append(row)
-    return rows
+    shares = {"median": 0.5, "p90": 0.9}
+    return [
+        {"controller": name}
+        | {
+            f"{metric.replace('_', ' ')}, {what}, {METRICS.get(metric, '').replace('^2', '²')}":
+                quantile(scored(data, metric)[:, k], share)
+            for metric in data.metrics
+            for what, share in shares.items()
+        }
+        for k, name in enumerate(data.controllers)
+    ]  # fmt: skip
 
 
 def _pairs(data: CampaignData, several: list[Difference]) -> Table:
@@ -203,31 +195,27 @@ def _sensitivities(data: CampaignData) -> list[Table]:
 def _figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
     yield "distributions", figures.distributions(data)
     yield "violins", figures.violins(data)
-    if (sensitivity_figures.effects(tornado(data)) >= 0.0).any():
-        yield "tornado", sensitivity_figures.tornado_plot(data)
-    pair = sensitivity_figures.two_that_matter(data)
+    if (figures.effects(tornado(data)) >= 0.0).any():
+        yield "tornado", figures.tornado_plot(data)
+    pair = figures.two_that_matter(data)
     if pair is not None:
-        yield "scatter", sensitivity_figures.scatter(data, *pair)
+        yield "scatter", figures.scatter(data, *pair)
 
 
 def _worst(data: CampaignData, controller: int, replay_link: ReplayLink | None) -> Table:
     errors, name = scored(data)[:, controller], data.controllers[controller]
+    heads = [
+        f"{x}, {unit}" if unit else x for x, unit in zip(data.parameters, data.units, strict=True)
+    ]
     rows: list[dict[str, object]] = []
     for run in worst_runs(data, controller):
+        href = None if replay_link is None else replay_link(run, name)
         row: dict[str, object] = {"run": run}
-        if replay_link is not None:
-            href = replay_link(run, name)
-            row["replay"] = "" if href is None else Link("replay", href)
-        ended = str(data.outcome[run, controller])
-        row |= {"outcome": ended, "RMS error, rad": float(errors[run])}
-        named = zip(data.parameters, data.units, data.samples[run], strict=True)
-        row |= {f"{label}, {unit}" if unit else label: float(x) for label, unit, x in named}
+        row |= {} if replay_link is None else {"replay": href and Link("replay", href)}
+        row |= {"outcome": str(data.outcome[run, controller]), "RMS error, rad": float(errors[run])}
+        row |= zip(heads, data.samples[run].tolist(), strict=True)
         rows.append(row | {"cause": str(data.cause[run, controller])})
     return rows
-
-
-def _marked(name: str, k: int) -> str:
-    return f'<i class="swatch" style="background: {colour(k)}"></i>{as_text(name)}'
 
 
 def _folded(

@@ -2,13 +2,13 @@
 
 A run that was lost (diverged, failed) has no error; here it counts as one worse than any number,
 infinity, so that no controller gains by losing the plants that are hard. Intervals are of 95 %,
-each by itself, for a number of runs that was fixed beforehand; `stopping` has those that are valid
-however often one looks.
+each by itself, for a number of runs that was fixed beforehand.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -35,35 +35,14 @@ class Interval(NamedTuple):
     high: float
 
 
-def wilson(successes: int, runs: int, confidence: float = CONFIDENCE) -> Interval:
-    """Return the share of successes with its score interval.
+def wilson(successes: int, runs: int) -> Interval:
+    """Return the share of successes with its score interval (Wilson 1927), by SciPy."""
+    from scipy.stats import binomtest
 
-    With z the normal quantile of (1 + confidence)/2, p the share and n the runs, its ends are
-
-        (p + z^2/(2 n) -+ z sqrt(p (1 - p)/n + z^2/(4 n^2))) / (1 + z^2/n)
-
-    which, unlike p -+ z sqrt(p (1 - p)/n), says something where all or none succeed.
-
-    Source: E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209.
-
-    Raises
-    ------
-    ArgumentError
-        Not 0 <= successes <= runs.
-    """
-    from scipy.special import ndtri
-
-    runs = checks.integer("runs", runs, low=0)
-    successes = checks.integer("successes", successes, low=0, high=runs)
     if runs == 0:
         return Interval(float("nan"), 0.0, 1.0)
-    z2 = float(ndtri(0.5 + confidence / 2.0)) ** 2
-    share = successes / runs
-    middle = share + z2 / (2.0 * runs)
-    spread = np.sqrt(z2 * (share * (1.0 - share) / runs + z2 / (4.0 * runs**2)))
-    low, high = (middle - spread) / (1.0 + z2 / runs), (middle + spread) / (1.0 + z2 / runs)
-    # Exact there, but for rounding.
-    return Interval(share, low if successes else 0.0, high if successes < runs else 1.0)
+    found = binomtest(successes, runs).proportion_ci(CONFIDENCE, "wilson")
+    return Interval(successes / runs, float(found.low), float(found.high))
 
 
 def success_rates(data: CampaignData) -> list[Interval]:
@@ -76,15 +55,6 @@ def scored(data: CampaignData, metric: str = "rms") -> FloatArray:
     checks.choice("metric", metric, data.metrics)
     values = data.metrics[metric]
     return np.where(data.success & ~np.isnan(values), values, np.inf)
-
-
-def ecdf(scores: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return values in order, and the share of all runs that are at most so large.
-
-    It ends at the share of runs that were not lost, not at one.
-    """
-    finite = np.sort(scores[np.isfinite(scores)])
-    return finite, np.arange(1, len(finite) + 1) / max(len(scores), 1)
 
 
 def quantile(scores: FloatArray, share: float) -> float:
@@ -126,8 +96,7 @@ def paired_difference(
 ) -> Difference:
     """Return how two controllers, by column, differ on the same plants.
 
-    The median, as a few plants that are nearly lost would rule a mean. It knows nothing of plants
-    that either has lost; `Difference.better` does, where a plant that is lost is worse than any.
+    The median, as a few plants that are nearly lost would rule a mean.
     """
     scores = scored(data, metric)
     a, b = scores[:, first], scores[:, second]
@@ -139,6 +108,13 @@ def paired_difference(
     )
 
 
+def comparisons(data: CampaignData, metric: str = "rms") -> list[Difference]:
+    """Return how all pairs of controllers differ; the leader is the first one of its pairs."""
+    first = leader(data)
+    order = sorted(range(len(data.controllers)), key=lambda k: k != first)
+    return [paired_difference(data, *pair, metric) for pair in combinations(order, 2)]
+
+
 def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
     """Return a median with its bootstrap interval; the same seed, the same ends.
 
@@ -146,11 +122,10 @@ def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
     """
     from scipy.stats import bootstrap
 
-    if len(values) == 0:
-        return Interval(float("nan"), float("nan"), float("nan"))
-    estimate = float(np.median(values))
+    nan = float("nan")
+    estimate = float(np.median(values)) if len(values) else nan
     if len(values) < FEWEST:
-        return Interval(estimate, float("nan"), float("nan"))
+        return Interval(estimate, nan, nan)
     found = bootstrap(
         (values,), np.median, confidence_level=CONFIDENCE, n_resamples=RESAMPLES,
         method="percentile", batch=max(_BATCH // len(values), 1), vectorized=True,
@@ -174,29 +149,22 @@ def spearman(data: CampaignData, metric: str = "rms") -> FloatArray:
     Source: D. G. Bonett and T. A. Wright, Psychometrika 65 (2000) 23.
     """
     from scipy.special import ndtri
+    from scipy.stats import spearmanr
 
     scores = scored(data, metric)
-    rho = _rank_correlations(data.samples, scores).T
-    ends = np.full((*rho.shape, 2), np.nan)
-    if data.runs > 3:
-        width = ndtri(0.5 + CONFIDENCE / 2.0) * np.sqrt((1.0 + rho**2 / 2.0) / (data.runs - 3))
-        with np.errstate(divide="ignore"):  # arctanh(1) is infinite, and its tanh 1 again
-            z = np.arctanh(rho)
-        ends = np.tanh(np.stack([z - width, z + width], axis=-1))
-    return np.concatenate([rho[..., np.newaxis], ends], axis=-1)
-
-
-def _rank_correlations(x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return Spearman's rho of every column of `x` and of `y`, (columns of x, columns of y)."""
-    from scipy.stats import rankdata
-
-    if len(x) < 4:
-        return np.full((x.shape[1], y.shape[1]), np.nan)
-    ranks = [rankdata(table, axis=0) - (len(x) + 1) / 2.0 for table in (x, y)]
-    lengths = [np.sqrt((table**2).sum(axis=0)) for table in ranks]
-    products = np.einsum("ri,rj->ij", *ranks)
-    with np.errstate(invalid="ignore"):  # 0/0 where all ranks are one
-        return np.asarray(np.clip(products / np.multiply.outer(*lengths), -1.0, 1.0))
+    found = np.full((scores.shape[1], len(data.parameters), 3), np.nan)
+    for k, j in np.ndindex(found.shape[:2]):
+        x, y = data.samples[:, j], scores[:, k]
+        if data.runs > 3 and (x != x[0]).any() and (y != y[0]).any():
+            found[k, j] = spearmanr(x, y).statistic
+    rho = found[..., 0]
+    with np.errstate(divide="ignore", invalid="ignore"):  # fewer runs; arctanh(1) is infinite
+        width = np.sqrt((1.0 + rho**2 / 2.0) / (data.runs - 3))
+        ends = np.arctanh(rho)[..., np.newaxis] + np.multiply.outer(
+            width * ndtri(0.5 + CONFIDENCE / 2.0), (-1.0, 1.0)
+        )
+    found[..., 1:] = np.tanh(ends)
+    return found
 
 
 def tornado(data: CampaignData, metric: str = "rms") -> FloatArray:

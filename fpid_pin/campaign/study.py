@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from fpid_pin import checks, descriptions
-from fpid_pin.campaign.scenarios import BoundScenarios, Scenarios
+from fpid_pin.campaign.quantities import QUANTITIES, require_quantity, varied
+from fpid_pin.campaign.scenarios import Scenarios
+from fpid_pin.checks import FloatArray
 from fpid_pin.control import Controller
 from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.simulation import Experiment
-from fpid_pin.text import shown
 
 #: Of a study's table.
 FORMAT = 1
@@ -39,7 +41,8 @@ class Study(Description):
     Raises
     ------
     ArgumentError
-        No controller; a quantity that the experiment does not have.
+        No controller; a quantity that the experiment does not have; numbers for another number of
+        joints.
     """
 
     experiment: Experiment
@@ -57,12 +60,26 @@ class Study(Description):
         # Dynamics written out: what is recorded says it, and a replay has the same bits.
         experiment = self.experiment.with_dynamics("compiled")
         self._set(controllers=dict(self.controllers), experiment=experiment)
-        self.scenarios.bind(self.experiment)
+        points, size = np.asarray(self.scenarios.points), len(self.parameters)
+        if points.ndim and points.shape[1] != size:
+            raise ArgumentError("points", f"shape (runs, {size})", f"shape {points.shape}")
 
     @cached_property
-    def bound(self) -> BoundScenarios:
-        """The scenarios of its experiment."""
-        return self.scenarios.bind(self.experiment)
+    def _counts(self) -> dict[str, int]:
+        """Return how many numbers each uncertain quantity has."""
+        spreads = self.scenarios.uncertain.items()
+        return {key: require_quantity(self.experiment, key, spread) for key, spread in spreads}
+
+    @cached_property
+    def parameters(self) -> tuple[str, ...]:
+        """Labels of a sample's numbers: ``"payload"``, ``"viscous_friction.0"``."""
+        alone = {key: QUANTITIES[key].single or spread.shared
+                 for key, spread in self.scenarios.uncertain.items()}  # fmt: skip
+        return tuple(
+            key if alone[key] else f"{key}.{j}"
+            for key, count in self._counts.items()
+            for j in range(count)
+        )
 
     @cached_property
     def laws(self) -> tuple[Controller, ...]:
@@ -74,6 +91,22 @@ class Study(Description):
     def names(self) -> tuple[str, ...]:
         """Names of the controllers, in order."""
         return tuple(self.controllers)
+
+    def _split(self, numbers: FloatArray) -> dict[str, FloatArray]:
+        """Return the columns of each quantity, of numbers (..., parameters)."""
+        ends = np.cumsum(list(self._counts.values()))[:-1]
+        return dict(zip(self._counts, np.split(numbers, ends, axis=-1), strict=True))
+
+    def samples(self, first: int, last: int) -> FloatArray:
+        """Return the values of runs `first` to `last` - 1, (runs, parameters)."""
+        points = self.scenarios.cube(first, last, len(self.parameters))
+        spreads = self.scenarios.uncertain
+        parts = [QUANTITIES[key].at(spreads[key], u) for key, u in self._split(points).items()]
+        return np.concatenate(parts, axis=1)
+
+    def experiment_of(self, run: int, sample: FloatArray) -> Experiment:
+        """Return the experiment of a run from its sample, (parameters,)."""
+        return varied(self.experiment, self._split(sample), self.scenarios.noise_seed(run))
 
     def to_dict(self) -> dict[str, Any]:
         """Return the table that `from_dict` rebuilds the study from."""
@@ -87,14 +120,7 @@ class Study(Description):
 
     @classmethod
     def from_dict(cls, table: Any, name: str = "campaign") -> Study:
-        """Return the study that a table holds.
-
-        Raises
-        ------
-        FileFormatError
-            Another format, or a description that cannot be rebuilt: one of a class of the user's
-            own whose file has not been imported.
-        """
+        """Return the study that a table holds, or say in a line why there is none."""
         if not isinstance(table, Mapping) or table.get("format") != FORMAT:
             raise FileFormatError(f"{name}: expected a campaign of format {FORMAT}, got another")
         faults: list[FpidError] = []
@@ -117,26 +143,3 @@ class Study(Description):
     def text(self) -> str:
         """The table as JSON, every digit of every number."""
         return json.dumps(self.to_dict())
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of what decides the results: two studies of one digest are one campaign."""
-        table = self.to_dict()
-        del table["title"]
-        return hashlib.sha256(json.dumps(table).encode()).hexdigest()
-
-
-def difference(here: Mapping[str, Any], there: Mapping[str, Any], path: str = "") -> str:
-    """Return the first key at which two tables differ, and both values; empty where none does."""
-    for key in sorted({*here, *there}):
-        one, other = here.get(key), there.get(key)
-        where = f"{path}.{key}" if path else str(key)
-        if isinstance(one, Mapping) and isinstance(other, Mapping):
-            found = difference(one, other, where)
-            if found:
-                return found
-        elif one != other:
-            return f"{where} is {shown(other)} there and {shown(one)} here"
-    if list(here) != list(there):
-        return f"{path} are in another order" if path else "its keys are in another order"
-    return ""

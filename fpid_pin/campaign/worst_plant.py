@@ -2,42 +2,33 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from fpid_pin import checks, own_code
-from fpid_pin.campaign.chunk import Ended, Job
+from fpid_pin import checks
+from fpid_pin.campaign.chunk import run_chunk
 from fpid_pin.campaign.data import CampaignData
-from fpid_pin.campaign.driver import run, workers_of
-from fpid_pin.campaign.execution import carry_out, pieces
+from fpid_pin.campaign.driver import pieces, run
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
+from fpid_pin.control import Controller
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.entry import executor_of
-
-#: Worse than any error of a run that came to its end [rad].
-_LOST = 1e6
+from fpid_pin.simulation.workers import spread, workers_of
 
 
 def attack(
-    study: Study,
-    ledger: str | Path,
-    *,
-    population: int = 32,
-    generations: int = 40,
-    executor: Executor | None = None,
-    workers: int | None = None,
+    study: Study, ledger: str | Path, *, population: int = 32, generations: int = 40,
+    executor: Executor | None = None, workers: int | None = None,
     progress: ProgressCallback | None = None,
-) -> CampaignData:
-    """Search each controller's worst plant by differential evolution, and record what was found.
+) -> CampaignData:  # fmt: skip
+    """Search each controller's worst plant, by SciPy's differential evolution, and record it.
 
-    The search is over the unit cube of the scenarios, by ``scipy.optimize``: a run that does not
-    come to its end is worse than one that does, and else the larger RMS error.
+    A run that does not come to its end is worse than one that does, and else the larger RMS error.
 
     Parameters
     ----------
@@ -47,67 +38,42 @@ def attack(
         A new file: run k is the worst plant of controller k, under every controller; it can be
         replayed, as it is a campaign of those points.
     population, generations
-        Of the search: plants that are tried for each controller are at most their product.
-    executor, workers
-        See `run`; each generation's plants are dealt out to them.
-    progress
-        Called now and then.
+        Plants tried at once for each controller, and how often.
+    executor, workers, progress
+        See `run`; each generation's plants are dealt out.
     """
-    checks.integer("population", population, low=5)
-    checks.integer("generations", generations, low=1)
-    with executor_of(executor, workers, [study.experiment], study.laws) as pool:
-        points = []
-        for k, name in enumerate(study.names):
-
-            def told(part: float, k: int = k) -> None:
-                if progress is not None:
-                    progress(Progress((k + part) / len(study.names)))
-
-            alone = dataclasses.replace(study, controllers={name: study.controllers[name]})
-            points.append(_worst(alone, population, generations, pool, told))
-        found = dataclasses.replace(study.scenarios, points=np.array(points))
-        worst = dataclasses.replace(study, scenarios=found, title=f"{study.title}: worst plants")
-        return run(worst, ledger, len(points), executor=pool)
-
-
-def _worst(
-    study: Study,
-    population: int,
-    generations: int,
-    executor: Executor | None,
-    told: Callable[[float], None],
-) -> FloatArray:
-    """Return the point of the unit cube at which the study's one controller does worst."""
     # Imported late: scipy is heavy.
     from scipy.optimize import differential_evolution
     from scipy.stats import qmc
 
-    size, seed = len(study.bound.parameters), study.scenarios.seed
-    doublings = math.ceil(math.log2(population))
-    start = qmc.Sobol(size, rng=np.random.default_rng(seed)).random_base2(doublings)[:population]
-    parts = workers_of(executor)
-    done = 0
+    checks.integer("population", population, low=5)
+    checks.integer("generations", generations, low=1)
+    size, seed, calls = len(study.parameters), study.scenarios.seed, 0
+    start = qmc.Sobol(size, rng=np.random.default_rng(seed))
+    first = start.random_base2(math.ceil(math.log2(population)))[:population]
 
-    def harm(points: FloatArray) -> FloatArray:
-        nonlocal done
-        scenarios = dataclasses.replace(study.scenarios, points=np.atleast_2d(points.T))
-        job = Job(dataclasses.replace(study, scenarios=scenarios), own=own_code.loaded())
-        count = len(np.atleast_2d(points.T))
-        todo = pieces(range(count), -(-count // parts))
-        cost = np.empty(count)
-        for part in carry_out(job, todo, executor, parts):
-            cost[part.first :][: len(part.ends)] = [-_badness(end) for (end,) in part.ends]
-        done += 1
-        told(min(done / (generations + 1), 1.0))
-        return cost
+    with executor_of(executor, workers, [study.experiment], study.laws) as pool:
 
-    best = differential_evolution(
-        harm, [(0.0, 1.0)] * size, init=start, maxiter=generations, rng=np.random.default_rng(seed),
-        polish=False, updating="deferred", vectorized=True, tol=0.0,
-    )  # fmt: skip
-    return np.asarray(np.clip(best.x, 0.0, 1.0))
+        def cost(columns: FloatArray, law: Controller) -> FloatArray:
+            nonlocal calls
+            points, errors = np.atleast_2d(columns.T), np.empty(columns.size // size)
+            scenarios = replace(study.scenarios, points=points)
+            alone = replace(study, controllers={"searched": law}, scenarios=scenarios)
+            cuts = pieces(range(len(errors)), -(-len(errors) // workers_of(pool)))
+            for k, done in spread(run_chunk, [(alone, *cut) for cut in cuts], pool):
+                errors[slice(*cuts[k])] = [end.figures[0] for (end,) in done.ends]
+            calls += 1
+            if progress is not None:
+                progress(Progress(min(calls / len(study.laws) / (generations + 1), 1.0)))
+            return -np.where(np.isfinite(errors), errors, 1e6)  # no run that ends is as bad
 
-
-def _badness(end: Ended) -> float:
-    rms = end.figures[0]
-    return rms if math.isfinite(rms) else _LOST
+        worst = [
+            differential_evolution(
+                cost, [(0.0, 1.0)] * size, (law,), init=first, maxiter=generations, tol=0.0,
+                rng=np.random.default_rng(seed), polish=False, updating="deferred", vectorized=True,
+            ).x.clip(0.0, 1.0)
+            for law in study.laws
+        ]  # fmt: skip
+        scenarios = replace(study.scenarios, points=np.array(worst))
+        found = replace(study, scenarios=scenarios, title=f"{study.title}: worst plants")
+        return run(found, ledger, len(worst), executor=pool)

@@ -23,7 +23,6 @@ app = typer.Typer(
 LedgerFile = Annotated[Path, typer.Argument(metavar="LEDGER", help="Of a campaign.")]
 Runs = Annotated[int | None, typer.Option(help="Plants; those that are there are kept.")]
 Chunk = Annotated[int, typer.Option(help="Plants of a task.")]
-Until = Annotated[str | None, typer.Option(help='Stop when known: "success +- 0.01".')]
 NewLedger = Annotated[Path | None, typer.Option("--out", help="The ledger.")]
 
 
@@ -35,7 +34,6 @@ def run(
     workers: Workers = None,
     dask: Dask = None,
     chunk: Chunk = 64,
-    until: Until = None,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate a campaign, or go on where its ledger ends."""
@@ -45,7 +43,7 @@ def run(
     executor = executor_of(workers, dask)
     study, planned = read_campaign(load(config, allow_import))
     ledger = out or results_path(config, "-campaign.sqlite")
-    _carry_out(study, ledger, planned if runs is None else runs, executor, workers, chunk, until)
+    _carry_out(study, ledger, planned if runs is None else runs, executor, workers, chunk)
 
 
 @app.command()
@@ -55,7 +53,7 @@ def resume(
     workers: Workers = None,
     dask: Dask = None,
     chunk: Chunk = 64,
-    until: Until = None,
+    allow_import: AllowImport = False,
 ) -> None:
     """Go on with a campaign, also to more plants than at first."""
     from fpid_pin.campaign.ledger import Ledger
@@ -63,27 +61,25 @@ def resume(
     executor = executor_of(workers, dask)
     with Ledger(ledger) as book:
         study, planned = book.study(), book.planned
-    _carry_out(study, ledger, planned if runs is None else runs, executor, workers, chunk, until)
+    _carry_out(study, ledger, planned if runs is None else runs, executor, workers, chunk)
 
 
 def _carry_out(
     study: Study, ledger: Path, runs: int, executor: AbstractContextManager[Any],
-    workers: int | None, chunk: int, until: str | None,
+    workers: int | None, chunk: int,
 ) -> None:  # fmt: skip
     from fpid_pin import campaign, checks
-    from fpid_pin.campaign.stopping import parse
     from fpid_pin.cli.progress import progress_bar
     from fpid_pin.cli.table import print_table, say
 
     checks.integer("--runs", runs, low=1)
     checks.integer("--chunk", chunk, low=1)
-    rule = None if until is None else parse(until, study.names)
     many = f"{runs} plants, {len(study.names)} controllers"
     say(f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}", error=True)
     try:
         with executor as pool, progress_bar("campaign") as bar:
             data = campaign.run(
-                study, ledger, runs, executor=pool, workers=workers, chunk=chunk, until=rule,
+                study, ledger, runs, executor=pool, workers=workers, chunk=chunk,
                 progress=bar,
             )  # fmt: skip
     except KeyboardInterrupt:
@@ -91,9 +87,6 @@ def _carry_out(
         raise
     print_table(median_rows(data), f"{data.runs} plants; medians of successes")
     say(f"{ledger}: campaign export, replay and report read it")
-    if rule is not None:
-        known, line = rule.judge(data)
-        say(line if known else f"not known yet: {line}")
 
 
 def executor_of(workers: int | None, dask: str | None) -> AbstractContextManager[Any]:
@@ -152,6 +145,7 @@ def replay(
     run: Annotated[int, typer.Option(help="Number of the plant.")],
     controller: Annotated[str | None, typer.Option(help="By name; none: the first.")] = None,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("replay.html"),
+    allow_import: AllowImport = False,
 ) -> None:
     """Simulate a run again, beside its nominal twin."""
     from fpid_pin import campaign
@@ -215,6 +209,7 @@ def report(
     no_replays: Annotated[
         bool, typer.Option("--no-replays", help="Of the worst runs, none beside it.")
     ] = False,
+    allow_import: AllowImport = False,
 ) -> None:
     """Write a page: success, distributions, the worst runs."""
     from urllib.parse import quote
@@ -264,6 +259,6 @@ def cluster(
     from fpid_pin.cli.table import say
 
     with campaign.local_cluster(workers) as started:
-        say(f"--dask {started.address}")
+        say(f"--dask {started.scheduler_address}")
         say(f"{workers} workers, on this machine only; Ctrl-C ends them")
         threading.Event().wait()

@@ -72,7 +72,8 @@ def run_tuning(
                         experiments, plan.controller, plan.space, plan.cost, settings, progress=bar
                     )
             except KeyboardInterrupt:
-                say(f"{checkpoint}: --resume goes on from here", error=True)
+                if checkpoint.exists():
+                    say(f"{checkpoint}: --resume goes on from here", error=True)
                 raise
             except FpidError:
                 # Refused before it went on, a search has not touched what it took up.

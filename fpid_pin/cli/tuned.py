@@ -18,7 +18,7 @@ from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.plans import Plan
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.results import OutputOptions, condition_figures, dynamics_of, write_results
-from fpid_pin.cli.table import Row
+from fpid_pin.cli.table import Row, comma_separated
 from fpid_pin.control import AdaptiveFpid, Controller
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import cost_of
@@ -64,7 +64,7 @@ def explore(plan: Plan, result: TuningResult, pool: Executor | None) -> Profile 
     """Find the cost along each parameter; None where that is not wanted, or the start was kept."""
     bound = _bound(plan)
     try:
-        bound.point(result.controller, bound.n)
+        bound.point(result.controller)
     except ArgumentError:
         return None  # The start was kept, and lies outside of the space.
     if not plan.profile_points:
@@ -200,7 +200,7 @@ def write_tuned(
     title, figures = f"{config.title}, tuned", figures | condition_figures(entries)
     write_results(folder, config, entries, said, tables, figures, options, title=title)
     (folder / "tuned.toml").write_text(_tuned_toml(config, plan, result, out), encoding="utf-8")
-    (folder / "history.csv").write_text(result.history.comma_separated(), encoding="utf-8")
+    (folder / "history.csv").write_text(comma_separated(result.history.rows()), encoding="utf-8")
 
 
 def _tuned_toml(config: Config, plan: Plan, result: TuningResult, out: Path) -> str:

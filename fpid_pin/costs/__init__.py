@@ -1,12 +1,19 @@
 """What a run is worth: its metrics, costs made of them, eq. (33) and its kin, and of its rows."""
 
-from fpid_pin.costs.cost import Cost, MetricCost, QuadraticCost
-from fpid_pin.costs.figures import METRIC_NAMES, SETTLING_BAND, Metrics
+from fpid_pin.costs.cost import Cost, FromRows, RowCost, Rows
+from fpid_pin.costs.figures import (
+    METRIC_NAMES,
+    REDUCTIONS,
+    SETTLING_BAND,
+    Metrics,
+    over_joints,
+)
+from fpid_pin.costs.metric import MetricCost, QuadraticCost
 from fpid_pin.costs.path import SettlingCost, ToolCost, tool_distance
-from fpid_pin.costs.rows import FromRows, RowCost, Rows
 
 __all__ = [
     "METRIC_NAMES",
+    "REDUCTIONS",
     "SETTLING_BAND",
     "Cost",
     "FromRows",
@@ -17,5 +24,6 @@ __all__ = [
     "Rows",
     "SettlingCost",
     "ToolCost",
+    "over_joints",
     "tool_distance",
 ]

@@ -1,21 +1,18 @@
-"""Costs made of a run's metrics; eq. (33) and its kin."""
+"""What a cost is: one number for a run, of its metrics or of its rows as they stream by."""
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import Any
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from fpid_pin import checks
-from fpid_pin.checks import FloatArray, Number, OneOf, PerJoint
-from fpid_pin.costs.figures import METRIC_NAMES, Metrics
-from fpid_pin.descriptions import Description, described
-
-if TYPE_CHECKING:
-    from fpid_pin.costs.rows import RowCost
+from fpid_pin.checks import FloatArray
+from fpid_pin.costs.figures import Metrics
+from fpid_pin.descriptions import Description
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import shown
 
 
 class Cost(Description, ABC):
@@ -32,57 +29,130 @@ class Cost(Description, ABC):
         return None
 
 
-def _weighted(metric: FloatArray, weights: ArrayLike) -> FloatArray:
-    array = np.asarray(weights)
-    if array.ndim and array.shape != metric.shape:
-        raise checks.ArgumentError("joint_weights", f"shape {metric.shape}", f"{array.shape}")
-    return np.asarray(array * metric)
-
-
-@described("quadratic_cost")
 @dataclass(frozen=True, eq=False)
-class QuadraticCost(Cost):
-    """``I = sum_j c_j int w1 (q_j - q_d,j)^2 + w2 u_j^2 dt``, eq. (33).
+class Rows:
+    """Some consecutive rows of one run, K of them, whose torque was applied.
+
+    Attributes
+    ----------
+    first
+        Number of the first of them in its run.
+    step
+        Sampling period [s].
+    t
+        (K,) [s].
+    q, v, q_ref, v_ref
+        Joint angles, rates and their references [rad], [rad/s], (K, n).
+    torque
+        What the drives gave [N m], (K, n).
+    signals
+        Those of the law that the cost has asked for, (K, n) or (K,).
+    limit
+        Of the torque, (n,) [N m].
+    arm
+        The nominal `Arm`.
+    """
+
+    first: int
+    step: float
+    t: FloatArray
+    q: FloatArray
+    v: FloatArray
+    q_ref: FloatArray
+    v_ref: FloatArray
+    torque: FloatArray
+    signals: Mapping[str, FloatArray]
+    limit: FloatArray
+    arm: Any
+
+    @property
+    def error(self) -> FloatArray:
+        """``e = q_d - q`` [rad], (K, n)."""
+        return self.q_ref - self.q
+
+
+class RowCost(Cost):
+    """A cost of the rows themselves, which come a block at a time and are not kept.
+
+    How many come at once is not promised. `add` may change the state that it was given.
+
+    Attributes
+    ----------
+    signals
+        Of the law, by name, that `add` needs.
+    """
+
+    signals: Sequence[str] = ()
+
+    @abstractmethod
+    def begin(self) -> Any:
+        """Return the state of a run of which no row has come."""
+
+    @abstractmethod
+    def add(self, state: Any, rows: Rows) -> Any:
+        """Return the state with these rows."""
+
+    @abstractmethod
+    def finish(self, state: Any) -> float:
+        """Return the cost of a completed run."""
+
+    def streamed(self) -> RowCost | None:
+        """See `Cost.streamed`."""
+        return self
+
+    def of(self, metrics: Metrics) -> float:
+        """Refuse: metrics do not have it."""
+        raise ArgumentError("cost", "a run (simulation.cost_of) or evaluate", "a run's metrics")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class FromRows(RowCost):
+    """A cost made of functions.
+
+    For worker processes the functions must be found by name: those of a module, not lambdas. A
+    search's checkpoint knows them by their names alone.
 
     Parameters
     ----------
-    w1, w2
-        Weights of error and energy. The paper gives none; with 1 and 1e-4 the two weigh about the
-        same in its experiment.
-    joint_weights
-        c, scalar or (n,).
+    start
+        The state before the first row; every run has a copy of its own.
+    step
+        ``step(state, rows)`` returns the state with `Rows` more.
+    value
+        ``value(state)`` returns the cost; None: the state is it.
+    signals
+        As in `RowCost`: ``("u_fpid",)``.
     """
 
-    w1: Annotated[float, Number(low=0.0)] = 1.0
-    w2: Annotated[float, Number(low=0.0)] = 1e-4
-    joint_weights: Annotated[ArrayLike, PerJoint(low=0.0)] = 1.0
+    start: Any
+    step: Callable[[Any, Rows], Any]
+    value: Callable[[Any], float] | None = None
+    signals: Sequence[str] = ()
 
-    def of(self, metrics: Metrics) -> float:
-        """See `Cost.of`."""
-        each = _weighted(self.w1 * metrics.ise + self.w2 * metrics.energy, self.joint_weights)
-        return float(np.add.reduce(each))
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, given in (("step", self.step), ("value", self.value)):
+            if not callable(given) and not (name == "value" and given is None):
+                raise ArgumentError(f"cost.{name}", "a function", shown(given))
+        names = (self.signals,) if isinstance(self.signals, str) else tuple(self.signals)
+        self._set(signals=names)
 
+    def begin(self) -> Any:
+        """See `RowCost.begin`."""
+        return copy.deepcopy(self.start)
 
-@described("metric_cost")
-@dataclass(frozen=True, eq=False)
-class MetricCost(Cost):
-    """A metric itself, ``iae``, ``settling_time``, ..., of all joints together or of the worst.
+    def add(self, state: Any, rows: Rows) -> Any:
+        """See `RowCost.add`."""
+        return self.step(state, rows)
 
-    Parameters
-    ----------
-    metric
-        A field of `Metrics`.
-    joint_weights
-        Scalar or (n,).
-    joints
-        ``"all"``: their sum; ``"worst"``: the largest.
-    """
+    def finish(self, state: Any) -> float:
+        """See `RowCost.finish`."""
+        return state if self.value is None else self.value(state)
 
-    metric: Annotated[str, OneOf(*METRIC_NAMES)]
-    joint_weights: Annotated[ArrayLike, PerJoint(low=0.0)] = 1.0
-    joints: Annotated[str, OneOf("all", "worst")] = "all"
-
-    def of(self, metrics: Metrics) -> float:
-        """See `Cost.of`."""
-        each = _weighted(getattr(metrics, self.metric), self.joint_weights)
-        return float(np.max(each) if self.joints == "worst" else np.add.reduce(each))
+    def __repr__(self) -> str:
+        # Without addresses: a checkpoint compares it.
+        step, value = (
+            f and f"{f.__module__}.{getattr(f, '__qualname__', type(f).__qualname__)}"
+            for f in (self.step, self.value)
+        )
+        return f"FromRows({shown(self.start)}, {step}, {value}, {self.signals!r})"

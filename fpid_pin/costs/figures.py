@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fpid_pin.checks import FloatArray
 
 #: Errors within it count as settled, where no other band is given [rad].
@@ -62,3 +64,14 @@ class Metrics:
 
 
 METRIC_NAMES = tuple(Metrics.__dataclass_fields__)
+#: Words for what becomes of the joints' figures: their sum, their largest, their root mean square.
+REDUCTIONS = ("sum", "worst", "rms")
+
+
+def over_joints(values: FloatArray, how: str) -> float:
+    """Return one number for a figure of all joints, (n,); `how`: one of `REDUCTIONS`."""
+    if how == "worst":
+        return float(np.max(values))
+    if how == "rms":
+        return float(np.sqrt(np.add.reduce(values**2) / len(values)))
+    return float(np.add.reduce(values))

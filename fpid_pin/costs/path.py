@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import numpy as np
 
 from fpid_pin.checks import FloatArray, Number, OneOf
+from fpid_pin.costs.cost import RowCost, Rows
 from fpid_pin.costs.figures import SETTLING_BAND
-from fpid_pin.costs.rows import RowCost, Rows
 from fpid_pin.descriptions import described
 
 

@@ -1,21 +1,15 @@
 """Tuning of controllers: costs, genetic algorithms, Pareto fronts, checkpoints."""
 
 from fpid_pin.simulation.workers import WorkerPool
-from fpid_pin.tuning.differential_evolution import CrossCheck, cross_check
-from fpid_pin.tuning.gene import Gene
-from fpid_pin.tuning.history import History, ParetoResult, TuningResult
-from fpid_pin.tuning.lowest_cost import tune
-from fpid_pin.tuning.one_at_a_time import Profile, profile
-from fpid_pin.tuning.order_grid import CostMap, cost_map
-from fpid_pin.tuning.pareto_front import pareto
+from fpid_pin.tuning.entry import pareto, tune
+from fpid_pin.tuning.explore import CostMap, Profile, cost_map, profile
+from fpid_pin.tuning.results import History, ParetoResult, TuningResult
 from fpid_pin.tuning.robust import RobustCost, scenarios
-from fpid_pin.tuning.search_progress import SearchProgress
-from fpid_pin.tuning.settings import SearchSettings
-from fpid_pin.tuning.space import Space
+from fpid_pin.tuning.settings import SearchProgress, SearchSettings
+from fpid_pin.tuning.space import Gene, Space
 
 __all__ = [
     "CostMap",
-    "CrossCheck",
     "Gene",
     "History",
     "ParetoResult",
@@ -27,7 +21,6 @@ __all__ = [
     "TuningResult",
     "WorkerPool",
     "cost_map",
-    "cross_check",
     "pareto",
     "profile",
     "scenarios",

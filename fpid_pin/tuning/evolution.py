@@ -23,30 +23,23 @@ class Evolution:
 
     Parameters
     ----------
-    size, costs
-        Coordinates of a point, and costs of each.
-    population
-        Points in a generation.
-    crossover
-        Probability that two parents are crossed at all.
-    mutation
-        Probability that a coordinate is mutated.
-    seed
-        Of every random choice.
     initial
         (k, size), k <= population: points that belong to the first generation.
+    costs
+        How many each point has.
+    population, crossover, mutation, seed
+        See `SearchSettings`.
     """
 
     def __init__(
         self,
-        size: int,
+        initial: FloatArray,
         costs: int,
         *,
         population: int,
         crossover: float,
         mutation: float,
         seed: int,
-        initial: FloatArray | None = None,
     ) -> None:
         from pymoo.algorithms.moo.nsga2 import NSGA2
         from pymoo.algorithms.soo.nonconvex.ga import GA
@@ -57,8 +50,9 @@ class Evolution:
         from pymoo.operators.mutation.pm import PM
 
         Config.warnings["not_compiled"] = False
-        self._costs = costs
-        self._initial = np.empty((0, size)) if initial is None else initial
+        self._initial, self._costs = initial, costs
+        #: The population that survived, and its costs: (population, size), (population, costs).
+        self.points, self.costs = np.empty((0, initial.shape[1])), np.empty((0, costs))
         kind = GA if costs == 1 else NSGA2
         # prob_var = 1: a crossed pair is crossed in all coordinates; PM's own prob = 1: its
         # prob_var alone is then the probability for a coordinate.
@@ -68,70 +62,53 @@ class Evolution:
             mutation=PM(prob=1.0, prob_var=mutation),
             eliminate_duplicates=False,
         )
-        self._algorithm.setup(
-            Problem(n_var=size, n_obj=costs, xl=0.0, xu=1.0),
-            termination=NoTermination(),
-            seed=seed,
-        )
+        problem = Problem(n_var=initial.shape[1], n_obj=costs, xl=0.0, xu=1.0)
+        self._algorithm.setup(problem, termination=NoTermination(), seed=seed)
         self._asked: Any = None
 
     def ask(self) -> FloatArray:
         """Return the points to be evaluated next, (population, size)."""
         first = not self._algorithm.is_initialized
         self._asked = self._algorithm.ask()
-        if first and len(self._initial):
-            points = self._asked.get("X")
+        points = np.array(self._asked.get("X"), dtype=np.float64)
+        if first:
             points[: len(self._initial)] = self._initial
             self._asked.set("X", points)
-        return np.array(self._asked.get("X"), dtype=np.float64)
+        return points.copy()
 
     def tell(self, costs: FloatArray) -> None:
         """Give the costs of what was asked for, (population, costs), +inf where diverged."""
-        told = costs if self._costs == 1 else np.minimum(costs, _HUGE)
-        self._asked.set("F", told)
+        self._asked.set("F", costs if self._costs == 1 else np.minimum(costs, _HUGE))
         self._algorithm.tell(infills=self._asked)
-        self._asked = None
+        self._look()
 
-    @property
-    def points(self) -> FloatArray:
-        """The population that survived, (population, size); empty before the first `tell`."""
+    def _look(self) -> None:
         population = self._algorithm.pop
-        if population is None or len(population) == 0:
-            return np.empty((0, self._algorithm.problem.n_var))
-        return np.array(population.get("X"), dtype=np.float64)
-
-    @property
-    def costs(self) -> FloatArray:
-        """Its costs, (population, costs)."""
-        population = self._algorithm.pop
-        if population is None or len(population) == 0:
-            return np.empty((0, self._costs))
         costs = np.array(population.get("F"), dtype=np.float64)
-        return costs if self._costs == 1 else np.where(costs >= _HUGE, np.inf, costs)
+        self.points = np.array(population.get("X"), dtype=np.float64)
+        self.costs = np.where(costs >= _HUGE, np.inf, costs)
 
     def state(self) -> dict[str, Any]:
-        """Return all that the next generation depends on: arrays, and texts."""
-        state: dict[str, Any] = {"points": self.points, "costs": self.costs}
+        """Return all that the next generation depends on: arrays, and a text."""
+        algorithm, state = self._algorithm, {"points": self.points, "costs": self.costs}
         if self._costs > 1:
-            population = self._algorithm.pop
-            state["rank"] = np.array(population.get("rank"), dtype=np.int64)
-            state["crowding"] = np.array(population.get("crowding"), dtype=np.float64)
-        state["random"] = json.dumps(self._algorithm.random_state.bit_generator.state)
-        state["generation"] = int(self._algorithm.n_iter)
+            state["rank"] = np.array(algorithm.pop.get("rank"), dtype=np.int64)
+            state["crowding"] = np.array(algorithm.pop.get("crowding"), dtype=np.float64)
+        state["random"] = np.array(json.dumps(algorithm.random_state.bit_generator.state))
+        state["generation"] = np.array(algorithm.n_iter)
         return state
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Take up what `state` returned: everything after is the same to the last bit."""
         from pymoo.core.population import Population
 
-        algorithm = self._algorithm
-        costs = state["costs"] if self._costs == 1 else np.minimum(state["costs"], _HUGE)
-        population = Population.new("X", state["points"], "F", costs)
-        if self._costs > 1:
-            population.set("rank", state["rank"].tolist())
-            population.set("crowding", state["crowding"].tolist())
-        algorithm.pop = population
+        algorithm, costs = self._algorithm, state["costs"]
+        told = costs if self._costs == 1 else np.minimum(costs, _HUGE)
+        algorithm.pop = Population.new("X", state["points"], "F", told)
+        for name in ("rank", "crowding") if self._costs > 1 else ():
+            algorithm.pop.set(name, state[name].tolist())
         algorithm.is_initialized = True
         algorithm.n_iter = int(state["generation"])
         algorithm.start_time = 0.0
         algorithm.random_state.bit_generator.state = json.loads(str(state["random"]))
+        self._look()

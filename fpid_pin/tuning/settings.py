@@ -1,19 +1,20 @@
-"""How to search: what `tune`, `pareto` and `cross_check` have in common."""
+"""How to search, and where a search stands."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from fpid_pin import checks
 from fpid_pin.checks import Flag, Number, Whole
 from fpid_pin.control.law import Controller
 from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.workers import check_workers
+from fpid_pin.progress import Progress
+from fpid_pin.simulation.workers import check_workers, workers_of
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,6 @@ class SearchSettings(Description):
         does not depend on the others.
     initial
         Controllers that take part in the first generation of every seed.
-    reuse
-        Take over the cost of a candidate that equals, to the last bit, one of the present
-        population, in place of simulating it again. The result is the same.
     workers
         Number of workers: threads for compiled laws and dynamics, else processes; None: one run
         after another. The result is the same to the last bit whichever is chosen.
@@ -57,7 +55,6 @@ class SearchSettings(Description):
     mutation: Annotated[float, Number(low=0.0, high=1.0)] = 0.03
     seeds: Sequence[int] = (0,)
     initial: Sequence[Controller] = ()
-    reuse: Annotated[bool, Flag] = True
     workers: int | None = None
     executor: Executor | None = None
     checkpoint: str | Path | None = None
@@ -65,39 +62,61 @@ class SearchSettings(Description):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set(seeds=self._checked_seeds(), initial=self._checked_initial())
+        seeds = self.seeds if isinstance(self.seeds, Iterable) else (self.seeds,)
+        seeds = tuple(checks.integer(f"seeds.{k}", seed, low=0) for k, seed in enumerate(seeds))
+        if not seeds or len(set(seeds)) < len(seeds):
+            raise ArgumentError("seeds", "at least one, each once", list(seeds) or "none")
+        if len(self.initial) > self.population:
+            most = f"at most {self.population} (population)"
+            raise ArgumentError("initial", most, len(self.initial))
         check_workers(self.executor, self.workers)
         if self.checkpoint is not None:
             checks.instance("checkpoint", self.checkpoint, (str, Path), "a path")
-            self._set(checkpoint=Path(self.checkpoint))
         elif self.resume:
             raise ArgumentError("resume", "a checkpoint to resume from", "none")
+        self._set(seeds=seeds)
 
-    def _checked_seeds(self) -> tuple[int, ...]:
-        given = _several(self.seeds)
-        seeds = tuple(checks.integer(f"seeds.{k}", seed, low=0) for k, seed in enumerate(given))
-        if not seeds:
-            raise ArgumentError("seeds", "at least one", "none")
-        if len(set(seeds)) < len(seeds):
-            raise ArgumentError("seeds", "each seed once", list(seeds))
-        return seeds
+    @property
+    def candidates(self) -> int:
+        """Candidates in a generation of all seeds."""
+        return self.population * len(self.seeds)
 
-    def _checked_initial(self) -> tuple[Controller, ...]:
-        initial = tuple(self.initial)
-        if len(initial) > self.population:
-            raise ArgumentError("initial", f"at most {self.population} (population)", len(initial))
-        return initial
+    @property
+    def at_once(self) -> int:
+        """How many are simulated at once, where an executor tells."""
+        return self.workers or workers_of(self.executor)
 
 
-def _several(value: Any) -> tuple[Any, ...]:
-    """Return a tuple, also where one thing stands for itself."""
-    alone = isinstance(value, str) or not isinstance(value, Iterable)
-    return (value,) if alone else tuple(value)
+@dataclass(frozen=True)
+class SearchProgress(Progress):
+    """Where a search stands.
+
+    Attributes
+    ----------
+    part
+        Of the whole search, 0 to 1.
+    generation, generations
+        The one at work, from 1; and how many there will be.
+    complete
+        Whether that generation is done, and its checkpoint written.
+    best
+        Lowest cost so far (the first of several), inf before the first generation is done.
+    evaluations
+        Candidates evaluated so far, all seeds together.
+    rate
+        Evaluations a second in this process [1/s], 0 before any is done.
+    seconds_left
+        At that rate [s]; NaN before any is done.
+    """
+
+    generation: int
+    generations: int
+    complete: bool
+    best: float
+    evaluations: int
+    rate: float
+    seconds_left: float
 
 
-def checked(settings: SearchSettings | None) -> SearchSettings:
-    """Return what a search was given; None: the defaults."""
-    if settings is None:
-        return SearchSettings()
-    checks.instance("settings", settings, SearchSettings, "SearchSettings")
-    return settings
+#: What ``progress=`` of a search takes; a `fpid_pin.progress.ProgressCallback` will do as well.
+SearchCallback = Callable[[SearchProgress], None]

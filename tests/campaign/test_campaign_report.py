@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from made_campaigns import arms, campaign
 
-from fpid_pin.campaign import figures, sensitivity_figures
+from fpid_pin.campaign import figures
 from fpid_pin.campaign.answers import answer
 from fpid_pin.campaign.report import report_html
-from fpid_pin.campaign.statistics import paired_difference
+from fpid_pin.campaign.statistics import comparisons
 from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.view.palette import colour
 from fpid_pin.view.style import figure_bytes
@@ -119,7 +119,7 @@ def test_a_campaign_that_says_little_says_so(tmp_path, case, answer):
 
 def test_what_does_not_tell_two_apart_is_said():
     data = campaign([[1.0, 2.0], [2.0, 1.0]] * 20)
-    line = answer(data, [paired_difference(data, 0, 1)])[2]
+    line = answer(data, comparisons(data))[2]
     assert "on 50 % of 40 plants, which does not tell them apart; where both" in line
 
 
@@ -127,7 +127,7 @@ def test_what_does_not_tell_two_apart_is_said():
 def test_the_answer_is_told_from_the_leaders_side(order):
     errors = np.array([[1.0, 3.0]] * 30 + [[2.0, 1.5]] * 10)[:, order]
     data = campaign(errors, names=tuple(np.array(["good", "bad"])[list(order)]))
-    line = answer(data, [paired_difference(data, 0, 1)])[2]
+    line = answer(data, comparisons(data))[2]
     assert line == (
         "Against bad: the smaller error on 75 % of 40 plants; where both succeed, -2 rad in the "
         "median (95 %: -2 to -2)."
@@ -149,7 +149,7 @@ def test_a_controller_has_one_colour_in_every_figure(data):
     drawn = [
         figures.distributions(data),
         figures.violins(data),
-        sensitivity_figures.tornado_plot(data),
+        figures.tornado_plot(data),
     ]
     for figure in drawn:
         text = figure_bytes(figure, "svg").decode()
@@ -163,13 +163,13 @@ def test_curves_end_at_the_success_rate(data):
 
 
 def test_the_scatter_takes_the_parameters_that_matter(data):
-    assert sensitivity_figures.two_that_matter(data)[0] == 0  # the payload
-    assert sensitivity_figures.two_that_matter(campaign(np.ones((9, 1)), np.ones((9, 1)))) is None
+    assert figures.two_that_matter(data)[0] == 0  # the payload
+    assert figures.two_that_matter(campaign(np.ones((9, 1)), np.ones((9, 1)))) is None
 
 
 def test_a_scatter_of_many_plants_is_a_small_file():
     many = arms(20_000, ("A", "B"))
-    assert len(figure_bytes(sensitivity_figures.scatter(many, 0, 1), "svg")) < 1_500_000
+    assert len(figure_bytes(figures.scatter(many, 0, 1), "svg")) < 1_500_000
 
 
 # ---------------------------------------------------------------------- in a browser

@@ -16,7 +16,7 @@ def test_its_configuration_is_one(tmp_path):
     study, runs = read_campaign(parse(demo_config().text + table, "page.toml", tmp_path))
     assert runs == 10_000
     assert study.experiment.dynamics == "compiled"
-    assert "viscous_friction.1" in study.bound.parameters
+    assert "viscous_friction.1" in study.parameters
 
 
 def test_its_table_has_every_quantity():

@@ -1,7 +1,4 @@
 import dataclasses
-import os
-import signal
-import sqlite3
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 
 import numpy as np
@@ -11,9 +8,9 @@ from studies import bits, study
 
 import fpid_pin as fp
 from fpid_pin.campaign import Uniform, load, run
-from fpid_pin.campaign.chunk import Job, run_chunk
-from fpid_pin.campaign.execution import carry_out, pieces
-from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.campaign.driver import pieces
+from fpid_pin.exceptions import ArgumentError, FpidError, WorkersDied
+from fpid_pin.simulation.workers import AHEAD, spread
 
 RUNS = 24
 
@@ -39,9 +36,8 @@ def pushed(disturbance):
 
 def test_a_run_is_what_simulate_says(alone):
     made = study()
-    bound = made.bound
     for number in (0, 23):
-        experiment = bound.experiment(number, bound.samples(number, number + 1)[0])
+        experiment = made.experiment_of(number, made.samples(number, number + 1)[0])
         for column, law in enumerate(made.controllers.values()):
             metrics = fp.simulate(experiment, law).metrics
             figures = {name: values[number, column] for name, values in alone.metrics.items()}
@@ -55,17 +51,12 @@ def test_a_run_is_what_simulate_says(alone):
             assert figures["total_variation"] == pytest.approx(variation, rel=1e-14)
 
 
-@pytest.mark.parametrize("chunk", [1, 7])
-def test_chunks_change_no_bit(alone, tmp_path, chunk):
-    assert bits(run(study(), tmp_path / "l.sqlite", RUNS, chunk=chunk)) == bits(alone)
-
-
-def test_threads_and_processes_change_no_bit(alone, pool, tmp_path):
+def test_chunks_threads_and_processes_change_no_bit(alone, pool, tmp_path):
     with ThreadPoolExecutor(3) as threads:
-        data = run(study(), tmp_path / "threads.sqlite", RUNS, executor=threads, chunk=5)
-    assert bits(data) == bits(alone)
-    data = run(study(), tmp_path / "processes.sqlite", RUNS, executor=pool, chunk=11)
-    assert bits(data) == bits(alone)
+        for k, options in enumerate(
+            ({"chunk": 1}, {"executor": threads, "chunk": 5}, {"executor": pool, "chunk": 11})
+        ):
+            assert bits(run(study(), tmp_path / f"{k}.sqlite", RUNS, **options)) == bits(alone)
 
 
 def test_going_on_to_more_runs_keeps_the_first(alone, tmp_path):
@@ -81,6 +72,7 @@ def test_going_on_to_more_runs_keeps_the_first(alone, tmp_path):
 
 def test_the_window_is_bounded_and_no_result_is_kept():
     class Counting(Executor):
+        _max_workers = 3
         under_way = most = 0
 
         def submit(self, call, /, *arguments):
@@ -90,52 +82,32 @@ def test_the_window_is_bounded_and_no_result_is_kept():
             future.set_result(call(*arguments))
             return future
 
-    executor = Counting()
-    for _ in carry_out(Job(study()), pieces(range(12), 2), executor, 3):
+    executor, found = Counting(), {}
+    for k, result in spread(divmod, [(k, 7) for k in range(40)], executor):
         executor.under_way -= 1
-    assert executor.most == 3
+        found[k] = result
+    assert executor.most == 3 * AHEAD
+    assert found == {k: divmod(k, 7) for k in range(40)}
 
 
-def test_a_worker_killed_in_mid_run_costs_nothing(alone, pool, tmp_path):
-    killed = []
-
-    def kill(progress):
-        if progress.part > 0.3 and not killed:
-            killed.append(pool.processes[0])
-            os.kill(killed[0], signal.SIGKILL)
-
-    ledger = tmp_path / "l.sqlite"
-    data = run(study(), ledger, RUNS, executor=pool, chunk=3, progress=kill)
-    assert killed
-    assert bits(data) == bits(alone)
-    with sqlite3.connect(ledger) as file:
-        assert file.execute("SELECT count(*) FROM results").fetchone() == (2 * RUNS,)
-    file.close()
-
-
-def test_the_run_that_kills_its_workers_is_found_and_no_other_is_blamed(tmp_path, monkeypatch):
+def test_runs_that_kill_their_worker_twice_are_named_and_what_there_is_stays(
+    alone, tmp_path, monkeypatch
+):
     made = pushed(Deadly(amplitude=0.5))
-    amplitudes = made.bound.samples(0, 4)[:, 0]
-    worst = int(np.argmax(amplitudes))
-    deaths = tmp_path / "deaths"
+    made = dataclasses.replace(made, controllers={"one": fp.PdGravity(kp=50.0, kd=10.0)})
+    amplitudes = made.samples(0, 4)[:, 0]
+    worst, deaths = int(np.argmax(amplitudes)), tmp_path / "deaths"
     deaths.mkdir()
     monkeypatch.setenv("DEADLY", str(np.sort(amplitudes)[-2]))
     monkeypatch.setenv("DEATHS", str(deaths))
-    made = dataclasses.replace(made, controllers={"one": fp.PdGravity(kp=50.0, kd=10.0)})
-    # Each death costs a new worker, which takes seconds to begin.
-    monkeypatch.setattr("fpid_pin.campaign.execution.MOST_DEATHS", 2)
-    with fp.tuning.WorkerPool(1) as processes:
-        data = run(made, tmp_path / "l.sqlite", 4, executor=processes, chunk=2)
-    assert np.flatnonzero(data.outcome[:, 0] == "failed").tolist() == [worst]
-    assert (data.outcome == "completed").sum() == 3
-    assert "2 workers died" in data.cause[worst, 0]
-    assert np.isnan(data.metrics["rms"][worst, 0])
-    # Once in company, twice as a chunk, twice by itself.
-    assert len(list(deaths.iterdir())) == 1 + 2 + 2
+    words = rf"runs {worst} to {worst}: workers: expected processes that live"
+    with fp.tuning.WorkerPool(1) as processes, pytest.raises(WorkersDied, match=words):
+        run(made, tmp_path / "l.sqlite", 4, executor=processes, chunk=1)
+    # Once in company, once by itself.
+    assert len(list(deaths.iterdir())) == 2
     monkeypatch.setenv("DEADLY", "inf")
-    sound = run(made, tmp_path / "sound.sqlite", 4)
-    others = np.arange(4) != worst
-    assert np.array_equal(sound.metrics["rms"][others], data.metrics["rms"][others])
+    data = run(made, tmp_path / "l.sqlite", 4)
+    assert bits(data) == bits(run(made, tmp_path / "sound.sqlite", 4))
 
 
 def test_a_run_that_fails_is_recorded_with_its_cause(tmp_path):
@@ -198,71 +170,39 @@ def test_outcomes_say_how_runs_ended(tmp_path):
     assert not data.success[:, 1].any()
 
 
-def test_a_rule_ends_a_campaign_at_the_same_run_whatever_was_under_way(pool, tmp_path):
-    made = study(duration=0.05)
-    seen = []
-
-    def enough(data):
-        seen.append(data.runs)
-        return data.runs >= 256
-
-    first = run(made, tmp_path / "a.sqlite", 300, until=enough, chunk=100)
-    assert seen == [256]
-    other = run(made, tmp_path / "b.sqlite", 300, until=enough, executor=pool, chunk=50)
-    assert first.runs == other.runs == 256
-    assert bits(first) == bits(other)
-    # It has ended: asked again it looks at what it has.
-    assert run(made, tmp_path / "a.sqlite", 300, until=enough).runs == 256
-
-
 def test_pieces_end_where_they_did_before():
-    cut = [(p.first, p.last) for p in pieces([0, 1, 2, 5, 6, 7, 8, 9, 12], 4)]
+    cut = pieces([0, 1, 2, 5, 6, 7, 8, 9, 12], 4)
     assert cut == [(0, 3), (5, 8), (8, 10), (12, 13)]
     assert pieces([], 4) == []
 
 
-def test_a_pool_that_breaks_for_good_is_refused_and_what_there_is_stays(tmp_path):
-    class Broken(Executor):
-        count = 0
+class Losing(Executor):
+    """Does two tasks; then it is broken, or cancels, as Dask does whose scheduler is lost."""
 
-        def submit(self, call, /, *arguments):
-            self.count += 1
-            if self.count > 2:
-                raise BrokenExecutor("gone")
-            future = Future()
+    def __init__(self, breaks):
+        self.breaks, self.count = breaks, 0
+
+    def submit(self, call, /, *arguments):
+        self.count += 1
+        future = Future()
+        if self.count <= 2:
             future.set_result(call(*arguments))
-            return future
-
-    ledger = tmp_path / "l.sqlite"
-    with pytest.raises(FpidError, match=r"expected one that outlives its workers \(fp\.tuning"):
-        run(study(), ledger, 40, executor=Broken(), chunk=10)
-    assert load(ledger).runs == 20
-
-
-def test_tasks_that_somebody_cancels_are_told(tmp_path):
-    class Losing(Executor):
-        count = 0
-
-        def submit(self, call, /, *arguments):
-            self.count += 1
-            future = Future()
-            if self.count > 3:
-                # As Dask's are when its scheduler is lost.
-                future.cancel()
-                future.set_running_or_notify_cancel()
-            else:
-                future.set_result(call(*arguments))
-            return future
-
-    ledger = tmp_path / "l.sqlite"
-    with pytest.raises(FpidError, match="where a scheduler is lost; what was recorded stays"):
-        run(study(), ledger, 60, executor=Losing(), chunk=10)
-    assert load(ledger).runs == 30
+        elif self.breaks:
+            raise BrokenExecutor("gone")
+        else:
+            future.cancel()
+            future.set_running_or_notify_cancel()
+        return future
 
 
-def test_another_version_is_refused():
-    with pytest.raises(FpidError, match=r"workers: expected fpid_pin 0\.0, as here, got"):
-        run_chunk(Job(study(), version="0.0"), 0, 1)
+@pytest.mark.parametrize(
+    ("breaks", "words"),
+    [(True, r"does not outlive its workers \(fp\.tuning"), (False, "where a scheduler is lost")],
+)
+def test_an_executor_that_is_lost_is_told_and_what_there_is_stays(breaks, words, tmp_path):
+    with pytest.raises(FpidError, match=words):
+        run(study(), tmp_path / "l.sqlite", 40, executor=Losing(breaks), chunk=10)
+    assert load(tmp_path / "l.sqlite").runs == 20
 
 
 def test_bad_arguments_are_refused(tmp_path):

@@ -20,19 +20,19 @@ def missed(covered):
 
 
 @pytest.mark.parametrize(("successes", "runs"), [(0, 1), (50, 50), (37, 50)])
-def test_wilsons_interval_is_the_one_that_scipy_has(successes, runs):
+def test_wilsons_interval_has_its_closed_form(successes, runs):
+    """Its ends solve (p - s/n)^2 = z^2 p (1 - p)/n; E. B. Wilson, 1927."""
     ours = statistics.wilson(successes, runs)
-    theirs = scipy.stats.binomtest(successes, runs).proportion_ci(method="wilson")
+    z2 = scipy.stats.norm.ppf(0.975) ** 2 / runs
+    ends = np.roots([1.0 + z2, -2.0 * ours.estimate - z2, ours.estimate**2])
     assert ours.estimate == successes / runs
-    assert (ours.low, ours.high) == pytest.approx((theirs.low, theirs.high), abs=1e-12)
+    assert ours[1:] == pytest.approx(sorted(ends), abs=1e-12)
 
 
-def test_no_runs_say_nothing_and_wrong_counts_are_refused():
+def test_no_runs_say_nothing():
     nothing = statistics.wilson(0, 0)
     assert np.isnan(nothing.estimate)
     assert nothing[1:] == (0.0, 1.0)
-    with pytest.raises(ArgumentError, match=r"successes: .*\[0, 3\], got 4"):
-        statistics.wilson(4, 3)
 
 
 def test_saturated_is_a_success_and_an_error_without_end_is_none():
@@ -50,14 +50,6 @@ def test_a_metric_that_is_not_a_number_is_the_worst_also_of_a_run_that_succeeded
 
 
 # ---------------------------------------------------------------------- distributions
-
-
-def test_an_ecdf_ends_at_the_success_rate():
-    data = campaign([[3.0], [np.nan], [1.0], [1.0]])
-    values, shares = statistics.ecdf(statistics.scored(data)[:, 0])
-    assert values.tolist() == [1.0, 1.0, 3.0]
-    assert shares.tolist() == [0.25, 0.5, 0.75]
-    assert statistics.ecdf(np.array([np.inf]))[0].size == 0
 
 
 def test_a_median_counts_the_plants_that_were_lost():
@@ -82,16 +74,6 @@ def test_the_bootstraps_interval_covers_in_95_of_100_campaigns():
     assert missed(covered) <= 1.5
 
 
-def test_the_fewest_runs_that_have_an_interval_are_enough_for_one():
-    rng = np.random.default_rng(2)
-    draws = rng.normal(0.0, 1.0, (CAMPAIGNS, statistics.FEWEST))
-    found = [statistics.bootstrap_median(x, k) for k, x in enumerate(draws)]
-    assert missed([i.low <= 0.0 <= i.high for i in found]) <= 1.5
-    few = statistics.bootstrap_median(draws[0, 1:])
-    assert few.estimate == np.median(draws[0, 1:])
-    assert np.isnan(few[1:]).all()
-
-
 def test_a_plant_that_is_lost_counts_against_who_lost_it_and_in_no_median():
     errors = [[1.0, 2.0]] * 30 + [[np.nan, 2.0]] * 10 + [[np.nan, np.nan]] * 5 + [[3.0, 3.0]] * 5
     found = statistics.paired_difference(campaign(errors), 0, 1)
@@ -111,16 +93,6 @@ def test_two_that_are_equal_or_never_meet_have_no_difference():
 
 
 # ---------------------------------------------------------------------- sensitivity
-
-
-def test_spearmans_rho_of_normal_samples_is_what_pearson_makes_it():
-    """rho = 6/pi arcsin(r/2); K. Pearson, 1907."""
-    rng = np.random.default_rng(3)
-    x, y = rng.normal(size=(2, 200_000))
-    data = campaign(np.exp(0.6 * x + 0.8 * y)[:, np.newaxis], x[:, np.newaxis])
-    (((rho, low, high),),) = statistics.spearman(data)
-    assert rho == pytest.approx(6.0 / np.pi * np.arcsin(0.3), abs=0.005)
-    assert low < rho < high
 
 
 def test_spearmans_rho_is_scipys_with_ties_and_lost_runs_on_the_last_rank():

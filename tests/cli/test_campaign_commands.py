@@ -123,7 +123,7 @@ q0 = { kind = "uniform", low = 0.0 }
     [
         (["run", "short.toml", "--workers", "2", "--dask", "tcp://127.0.0.1:1"], "not both"),
         (["run", "short.toml", "--runs", "0"], "--runs: expected a whole number >= 1, got 0"),
-        (["run", "short.toml", "--out", "short.toml"], "a file that is no SQLite"),
+        (["run", "short.toml", "--out", "short.toml"], "file is not a database"),
         (["resume", "none.sqlite"], "got no file"),
     ],
 )

@@ -6,7 +6,7 @@ from fpid_pin.tuning.evolution import Evolution
 
 def made(costs=1, **changes):
     settings = {"population": 60, "crossover": 0.75, "mutation": 0.03, "seed": 5} | changes
-    return Evolution(6, costs, **settings)
+    return Evolution(np.empty((0, 6)), costs, **settings)
 
 
 def bowls(points):

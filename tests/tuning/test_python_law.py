@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
-from fpid_pin.tuning import SearchSettings, Space, problem, tune
+from fpid_pin.tuning import SearchSettings, Space, entry, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.1, step=5e-3)
 SPACE = Space(kp=(10, 100, "log"), kd=(1, 20))
@@ -35,7 +35,7 @@ class JointPd(fp.Controller):
 
 def test_it_says_before_the_search_how_long_it_takes(monkeypatch):
     clock = iter((0.0, 36.0))
-    monkeypatch.setattr(problem, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr(entry, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
     settings = SearchSettings(population=4, generations=2)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
@@ -46,7 +46,7 @@ def test_it_says_before_the_search_how_long_it_takes(monkeypatch):
     assert warning.category is fp.FpidWarning
     assert str(warning.message) == (
         "PythonPd is a law in plain Python: 8 candidates of 36 s each take about "
-        "4.8 min; in the joint form, torque(c), it is compiled (CONTRIBUTING.md)"
+        "0:04:48 (h:min:s); in the joint form, torque(c), it is compiled (CONTRIBUTING.md)"
     )
     assert warning.filename == __file__
     assert counts[0] == 1

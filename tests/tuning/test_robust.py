@@ -27,13 +27,6 @@ def test_every_plant_with_every_payload():
     assert varied[5].arm is EXPERIMENT.arm
 
 
-def test_a_payload_is_added_to_the_experiments_own_plant():
-    (varied,) = scenarios(EXPERIMENT, payloads=(0.5,))
-    assert varied.plant.disturbance is EXPERIMENT.plant.disturbance
-    with pytest.raises(ArgumentError, match="payload: expected a number >= 0, got -1"):
-        scenarios(EXPERIMENT, payloads=(-1,))
-
-
 @pytest.mark.parametrize(("reduce", "by_hand"), [("worst", np.max), ("mean", np.mean)])
 def test_the_robust_cost_of_the_best_is_that_of_its_runs(reduce, by_hand):
     varied = scenarios(EXPERIMENT, payloads=(0.0, 0.4, 0.8))

@@ -34,19 +34,6 @@ def test_a_start_that_cannot_be_beaten_is_the_result():
     assert "was not improved on" in result.advice[0]
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_no_search_however_short_ends_worse_than_it_began(seed):
-    rng = np.random.default_rng(seed)
-    start = dataclasses.replace(
-        CONTROLLER, integral_order=rng.uniform(0.0, 1.0, 2), kp=rng.uniform(1.0, 80.0, 2)
-    )
-    space = Space(integral_order=(0, 1), kp=(5, 60, "log"), kd=(1, 40, "shared"))
-    result = searched(start, space, seeds=(seed,))
-    assert result.cost <= result.start_cost == fp.evaluate(EXPERIMENT, [start], TRACKING)[0]
-    assert result.cost == fp.evaluate(EXPERIMENT, [result.controller], TRACKING)[0]
-    assert result.gain == pytest.approx(1.0 - result.cost / result.start_cost)
-
-
 def test_a_start_that_diverges_is_no_rival():
     wild = dataclasses.replace(CONTROLLER, kd=(5000.0, 5000.0))
     result = searched(wild, Space(kd=(1, 30)), population=8)
@@ -108,7 +95,7 @@ class Bowl(Cost):
 
 
 def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
-    from fpid_pin.tuning import objective
+    from fpid_pin.tuning import robust
 
     weights = np.array([4.0, 0.0])
 
@@ -116,7 +103,7 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
         kp = np.array([c.kp for c in controllers])
         return (1.0 + (weights * (kp - 2.0) ** 2).sum(axis=1))[:, np.newaxis]
 
-    monkeypatch.setattr(objective, "evaluate", costs)
+    monkeypatch.setattr(robust, "evaluate", costs)
     law = dataclasses.replace(CONTROLLER, kp=(2.0, 2.0))
     found = profile(EXPERIMENT, law, Space(kp=(1, 5)), Bowl(), points=5)
     assert found.labels == ("kp.0", "kp.1")
@@ -135,8 +122,9 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
 CONFIG = """
 format = 1
 [arm]
-kind = "{arm}"
-{more}
+kind = "planar"
+lengths = [1.0, 1.0]
+masses = [1.0, 2.0]
 [reference]
 kind = "sinusoid"
 amplitude = 0.3
@@ -154,21 +142,16 @@ derivative_order = 0.9
 population = 4
 generations = 2
 map_points = 3
-profile_points = {points}
+profile_points = 0
 [tune.space]
 kp = [1, 40]
 integral_order = [0, 1, "shared"]
 """
 
 
-@pytest.mark.parametrize(
-    ("arm", "more", "points"),
-    [("two_link", "", 3), ("planar", "lengths = [1.0, 1.0]\nmasses = [1.0, 2.0]", 0)],
-    ids=["of the paper", "of two joints"],
-)
-def test_the_command_says_what_was_gained_and_what_matters(arm, more, points, tmp_path, capsys):
+def test_the_command_on_another_arm_says_what_was_gained(tmp_path, capsys):
     config, out = tmp_path / "c.toml", tmp_path / "out"
-    config.write_text(CONFIG.format(arm=arm, more=more, points=points))
+    config.write_text(CONFIG)
     assert main(["tune", str(config), "--out", str(out)]) == 0
     printed = capsys.readouterr().out
     assert printed.startswith("From ")
@@ -177,9 +160,9 @@ def test_the_command_says_what_was_gained_and_what_matters(arm, more, points, tm
     for label in ("kp.0", "kp.1", "integral_order"):
         assert f"| {label} |" in summary
     # A profile can be left out.
-    assert (out / "profile.svg").is_file() == (points > 0)
+    assert not (out / "profile.svg").exists()
     # The paper's orders are no rivals on another arm, nor marks of its map.
-    assert ("published orders" in summary) == (arm == "two_link")
+    assert "published orders" not in summary
     report = (out / "report.html").read_text("utf-8")
     assert printed.splitlines()[0] in report
     assert main(["run", str(out / "tuned.toml"), "--out", str(tmp_path / "run")]) == 0

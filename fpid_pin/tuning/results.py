@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -83,16 +81,6 @@ class History:
             return {"best": best[:, 0], "population mean": mean[:, 0]}
         named = {f"seed {seed}": best[:, s] for s, seed in enumerate(self.seeds)}
         return named | {"population mean": mean.mean(axis=1)}
-
-    def comma_separated(self) -> str:
-        """Return `rows` as CSV, every digit."""
-        rows = self.rows()
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        for row in rows:
-            writer.writerow({k: repr(v) if isinstance(v, float) else v for k, v in row.items()})
-        return text.getvalue()
 
 
 def _numbered(name: str, value: Any) -> dict[str, float]:
