@@ -6,8 +6,9 @@ import ast
 import math
 import operator
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from types import FunctionType
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
 from fpid_pin.export.c99 import C99
 from fpid_pin.export.kinds import (
@@ -29,9 +30,6 @@ from fpid_pin.export.kinds import (
 )  # fmt: skip
 from fpid_pin.export.source import Source
 
-if TYPE_CHECKING:
-    from fpid_pin.export.printer import Program
-
 #: Operators that all three languages have: how they are written, how tightly they hold, and what
 #: they make of constants.
 _OPERATORS = {
@@ -48,11 +46,36 @@ _MATH = """
 """
 
 
+@dataclass
+class Printed:
+    """A kernel printed for some kinds of arguments: what its callers want to know."""
+
+    name: str
+    returns: Number | None = None
+    #: Whether the printed function has each argument: numbers may be calls, which are made in any
+    #: case, and arrays that nothing is left of are none of its arguments.
+    taken: list[bool] = field(default_factory=list)
+    text: str = ""
+
+
+class Kernels(Protocol):
+    """What has all kernels that are printed: `printer.Program`."""
+
+    def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
+        """Return what is called in a kernel's place, and with what."""
+
+    def add(
+        self, kernel: Any, kinds: Sequence[Kind], node: ast.AST | None = None,
+        caller: Source | None = None,
+    ) -> Printed:  # fmt: skip
+        """Print a kernel for these kinds of arguments, unless it is there."""
+
+
 class Expressions:
     """Translates the expressions of one kernel."""
 
-    def __init__(self, source: Source, language: C99, program: Program) -> None:
-        self.source, self.language, self._program = source, language, program
+    def __init__(self, source: Source, language: C99, kernels: Kernels) -> None:
+        self.source, self.language, self._kernels = source, language, kernels
         #: Of the variables, as far as is known; values of those that are constants.
         self.kinds: dict[str, Kind] = {}
         self.fixed: dict[str, Value] = {}
@@ -264,11 +287,11 @@ class Expressions:
         known = self.source.globals.get(name)
         if name in ("min", "max", "abs", "int") and known is None:
             return self._builtin(node, name)
-        kernel, arguments = self._program.instead(known, node.args)
+        kernel, arguments = self._kernels.instead(known, node.args)
         if not isinstance(getattr(kernel, "py_func", kernel), FunctionType):
             raise self.refuse(node, f"{name}() is no kernel")
         values = [self.value(argument) for argument in arguments]
-        printed = self._program.add(kernel, [value.kind for value in values], node, self.source)
+        printed = self._kernels.add(kernel, [value.kind for value in values], node, self.source)
         taken = [v.text for v, used in zip(values, printed.taken, strict=True) if used]
         text = f"{printed.name}({', '.join(taken)})"
         return text if printed.returns is None else Value(text, printed.returns)

@@ -10,28 +10,16 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from fpid_pin.export.c99 import C99
+from fpid_pin.export.expressions import Printed
 from fpid_pin.export.kinds import Kind, Number
 from fpid_pin.export.source import Source
 from fpid_pin.export.statements import Statements
 
 #: What is called in a kernel's place, from the arguments of its call.
 StandIn = Callable[[Sequence[ast.expr]], tuple[Any, Sequence[ast.expr]]]
-
-
-@dataclass
-class Printed:
-    """A kernel printed for some kinds of arguments: what its callers want to know."""
-
-    name: str
-    returns: Number | None = None
-    #: Whether the printed function has each argument: numbers may be calls, which are made in any
-    #: case, and arrays that nothing is left of are none of its arguments.
-    taken: list[bool] = field(default_factory=list)
-    text: str = ""
 
 
 class Program:

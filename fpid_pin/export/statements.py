@@ -5,15 +5,11 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from fpid_pin.export.c99 import C99
-from fpid_pin.export.expressions import Expressions
+from fpid_pin.export.expressions import Expressions, Kernels
 from fpid_pin.export.kinds import INT, REAL, SUM, Kind, Number, Value
 from fpid_pin.export.source import Source
-
-if TYPE_CHECKING:
-    from fpid_pin.export.printer import Program
 
 _AUGMENTED = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*=", ast.Div: "/="}
 #: The kinds of variables may depend on one another; more rounds than any kernel needs.
@@ -24,9 +20,9 @@ class Statements(Expressions):
     """The body of one kernel, printed for given kinds of arguments: its lines, and its value."""
 
     def __init__(
-        self, source: Source, language: C99, program: Program, kinds: Sequence[Kind]
+        self, source: Source, language: C99, kernels: Kernels, kinds: Sequence[Kind]
     ) -> None:
-        super().__init__(source, language, program)
+        super().__init__(source, language, kernels)
         self._given = dict(zip(source.parameters, kinds, strict=True))
         self.kinds.update(self._given)
         self.returns: Number | None = None
