@@ -209,8 +209,8 @@ def instance(name: str, value: Any, kind: type | tuple[type, ...], expected: str
         raise ArgumentError(name, expected, f"{type(value).__name__}")
 
 
-def plain(name: str, value: Any, kind: type, expected: str) -> Any:
-    """Check that `value` is of a plain type; an error quotes it."""
+def plain(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> Any:
+    """Check that `value` is of one of some plain types; an error quotes it."""
     if not isinstance(value, kind):
         raise ArgumentError(name, expected, shown(value))
     return value

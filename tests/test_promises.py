@@ -147,7 +147,7 @@ def test_a_command_gives_the_same_bytes_in_any_process(folder):
     """Here, and in another process with other hashes."""
     assert main(["compare", str(folder / "short.toml"), "--out", str(folder / "first")]) == 0
     finished(
-        [sys.executable, "-m", "fpid_pin_start", "compare", "short.toml", "--out", "second"],
+        [sys.executable, "-m", "fpid_pin.cli.main", "compare", "short.toml", "--out", "second"],
         cwd=folder, check=True, env=os.environ | {"PYTHONHASHSEED": "7"},
     )  # fmt: skip
     told = []

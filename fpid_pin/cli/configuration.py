@@ -10,8 +10,8 @@
     [simulation]     step, duration, integrator, dynamics, seed, runaway_speed, q0, v0
     [[controller]]   kind, name and arguments of the controller
     [[condition]]    name, and plant, sensors, disturbance in place of those above
-    [tune]           see `plans.read_plan`
-    [campaign]       see `plans.read_campaign`
+    [tune]           see `plans.TuneTable`
+    [campaign]       see `plans.CampaignTable`
 
 Keys are the constructors' arguments. Every fault is reported at once, each with its key path.
 """

@@ -114,7 +114,7 @@ q0 = { kind = "uniform", low = 0.0 }
     ):
         assert sum(words in line for line in lines) == 1, words
     assert all(line.startswith("bad.toml: campaign.") for line in lines)
-    with pytest.raises(ConfigError, match=r"campaign\.uncertain: expected a table of quantities"):
+    with pytest.raises(ConfigError, match=r"campaign\.uncertain: expected a table, got none"):
         read_campaign(parse(SHORT, "bad.toml", tmp_path))
 
 

@@ -14,7 +14,7 @@ from fpid_pin.cli.main import main
 
 def command(*arguments, **options):
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
-    return started([sys.executable, "-m", "fpid_pin_start", *arguments], **options)
+    return started([sys.executable, "-m", "fpid_pin.cli.main", *arguments], **options)
 
 
 @pytest.mark.parametrize(
@@ -131,9 +131,11 @@ def test_a_command_in_the_background_does_not_hear_ctrl_c():
 
 ENDING = """
 import atexit, sys
-import fpid_pin_start
+from fpid_pin.cli.main import program
+sys.argv[1:] = ["--version"]
 sys.heap = {k: [k] for k in range(500_000)}  # which takes a while to be taken down
 atexit.register(print, "leaving", flush=True)
+program()
 """
 
 
@@ -141,6 +143,7 @@ def test_ctrl_c_while_python_takes_itself_down_changes_nothing():
     """Python gives signals back before it has ended: what was done ended by the signal."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with started([sys.executable, "-c", ENDING], **pipes) as child:
+        assert child.stdout.readline().startswith("fpid-pin ")
         assert child.stdout.readline() == "leaving\n"
         time.sleep(0.02)
         child.send_signal(signal.SIGINT)
