@@ -197,7 +197,7 @@ def choice(name: str, value: Any, options: Iterable[str]) -> str:
     known = list(options)
     if isinstance(value, str) and value in known:
         return value
-    expected = cut("one of " + ", ".join(known))
+    expected = cut("one of " + ", ".join(known)) if known else "none"
     near = difflib.get_close_matches(value, known, n=1) if isinstance(value, str) else []
     hint = f" (did you mean {near[0]}?)" if near else ""
     raise ArgumentError(name, expected, f"{shown(value, _SHORT)}{hint}")
