@@ -198,7 +198,9 @@ def choice(name: str, value: Any, options: Iterable[str]) -> str:
     if isinstance(value, str) and value in known:
         return value
     expected = cut("one of " + ", ".join(known)) if known else "none"
-    near = difflib.get_close_matches(value, known, n=1) if isinstance(value, str) else []
+    small = value.lower() if isinstance(value, str) else ""
+    near = [option for option in known if option.lower() == small]
+    near = near or difflib.get_close_matches(small and value, known, n=1)
     hint = f" (did you mean {near[0]}?)" if near else ""
     raise ArgumentError(name, expected, f"{shown(value, _SHORT)}{hint}")
 

@@ -74,11 +74,7 @@ def _table(text: str) -> dict[str, Any]:
         return {"kind": kind, "path": text}
     if text.endswith(ENDING):
         return {"kind": "description", "name": text}
-    known = ("two_link", *names())
-    if text.lower() in known:
-        expected = "one of " + ", ".join(known)
-        raise ArgumentError("arm", expected, f"{text!r} (did you mean {text.lower()}?)")
-    checks.choice("arm", text, known)
+    checks.choice("arm", text, ("two_link", *names()))
     raise AssertionError(text)
 
 
