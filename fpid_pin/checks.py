@@ -122,18 +122,9 @@ def floats(
     return array
 
 
-def number(
-    name: str,
-    value: Any,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    above: float | None = None,
-    finite: bool = True,
-) -> float:
-    """Check one real number and return it as a float."""
-    array = floats(name, value, low=low, high=high, above=above, finite=finite, max_ndim=0)
-    return float(array)
+def number(name: str, value: Any, **bounds: Any) -> float:
+    """Check one real number, by the bounds of `floats`, and return it as a float."""
+    return float(floats(name, value, max_ndim=0, **bounds))
 
 
 def integer(name: str, value: Any, *, low: int | None = None, high: int | None = None) -> int:
@@ -159,24 +150,15 @@ def scalar_or_joints(name: str, value: ArrayLike, *, rows: int = 0, **bounds: An
     return array
 
 
-def per_joint(
-    name: str,
-    value: ArrayLike,
-    n: int,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    above: float | None = None,
-    finite: bool = True,
-) -> FloatArray:
-    """Check a scalar or an (n,) array and return it as a read-only (n,) array.
+def per_joint(name: str, value: ArrayLike, n: int, **bounds: Any) -> FloatArray:
+    """Check a scalar or an (n,) array, by the bounds of `floats`; return a read-only (n,) array.
 
     Raises
     ------
     ArgumentError
         For example ``kp: expected shape (2,) (the arm has 2 joints), got shape (3,)``.
     """
-    array = floats(name, value, low=low, high=high, above=above, finite=finite)
+    array = floats(name, value, **bounds)
     if array.ndim == 0:
         array = read_only(np.full(n, float(array)))
     if array.shape != (n,):

@@ -90,13 +90,7 @@ def _carry_out(
 
 
 def executor_of(workers: int | None, dask: str | None) -> AbstractContextManager[Any]:
-    """Give a scheduler's executor, or None: `workers` are then started here.
-
-    Raises
-    ------
-    ArgumentError
-        Both, or no whole number of workers from 1 on.
-    """
+    """Give a scheduler's executor, or None: `workers` are then started here; both are refused."""
     from contextlib import nullcontext
 
     from fpid_pin import checks

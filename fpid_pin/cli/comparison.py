@@ -53,14 +53,9 @@ def simulate_pairs(
     controllers: Mapping[str, Controller],
     taken: Sequence[str] = (),
 ) -> list[Entry]:
-    """Simulate every controller under every condition; each run has a file name of its own.
+    """Simulate every controller under every condition, both by name.
 
-    Parameters
-    ----------
-    experiments, controllers
-        By the names of conditions, and of controllers.
-    taken
-        File names, without their ending, that are given already.
+    Each run has a file name of its own, none of those that are `taken` already.
     """
     pairs = [(condition, label) for condition in experiments for label in controllers]
     many = len(experiments) > 1
@@ -134,22 +129,12 @@ _ON_SCREEN, _OF_WHOLE_RUNS = list(FIGURES)[:6], ("tail (all joints) [mrad]", "co
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Every controller's figure under every condition.
-
-    Attributes
-    ----------
-    measure
-        What is ranked by.
-    conditions, controllers
-        Names.
-    values
-        (conditions, controllers); inf where a run ended early.
-    """
+    """Every controller's figure under every condition."""
 
     measure: Measure
     conditions: tuple[str, ...]
     controllers: tuple[str, ...]
-    values: FloatArray
+    values: FloatArray  # (conditions, controllers); inf where a run ended early
 
     def is_best(self, condition: str, controller: str) -> bool:
         """Return whether nobody is better there, and the run was completed."""

@@ -98,41 +98,19 @@ class File(Surroundings):
 
 @dataclass(frozen=True, eq=False)
 class Config:
-    """What a configuration file describes.
-
-    Attributes
-    ----------
-    path, text
-        Where it came from, and all of it.
-    title
-        For reports; the file's name where it has none.
-    experiment
-        The nominal one.
-    controllers
-        By name, in the file's order.
-    conditions
-        Experiments by name; only the nominal one where the file has no ``[[condition]]``.
-    tune, campaign
-        The tables of these names as they stand.
-    """
+    """What a configuration file describes."""
 
     path: str
     text: str
-    title: str
-    experiment: Experiment
-    controllers: dict[str, Controller]
-    conditions: dict[str, Experiment]
-    tune: Mapping[str, Any]
+    title: str  # for reports; the file's name where it has none
+    experiment: Experiment  # the nominal one
+    controllers: dict[str, Controller]  # by name, in the file's order
+    conditions: dict[str, Experiment]  # by name; only the nominal one where there is no other
+    tune: Mapping[str, Any]  # this table and the next as they stand
     campaign: Mapping[str, Any]
 
     def chosen(self, name: str | None) -> str:
-        """Return which controller ``--controller`` chose, by its name; None: the only one.
-
-        Raises
-        ------
-        ConfigError
-            A name that is not there; none where there are several.
-        """
+        """Return which controller ``--controller`` chose, by its name; None: the only one."""
         if name is None and len(self.controllers) > 1:
             several = ", ".join(map(named, self.controllers))
             fault = f"expected one controller, or --controller NAME, got {several}"
@@ -145,14 +123,7 @@ class Config:
 
 
 def load(path: str | Path, allow_import: bool = False) -> Config:
-    """Read and check a configuration file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    allow_import
-        Whether the Python files that it names are run.
+    """Read and check a configuration file; the Python files that it names are run where allowed.
 
     Raises
     ------

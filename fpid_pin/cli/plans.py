@@ -119,22 +119,10 @@ class CampaignTable(Description):
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a ``[tune]`` table asks for.
+    """What a ``[tune]`` table asks for: the arguments of `tune`, and what is drawn."""
 
-    Attributes
-    ----------
-    controller
-        Where the search starts from.
-    experiments
-        By condition; every candidate goes through all of them. Dynamics are written out.
-    cost, space, settings
-        What `tune` takes.
-    map_points, profile_points
-        A side of the cost map, and values of each parameter in the profile; 0: none.
-    """
-
-    controller: Controller
-    experiments: Mapping[str, Experiment]
+    controller: Controller  # where the search starts from
+    experiments: Mapping[str, Experiment]  # by condition, with their dynamics written out
     cost: Cost
     space: Space
     settings: SearchSettings

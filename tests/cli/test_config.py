@@ -9,8 +9,9 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.cli.configuration import demo_config, parse
+from fpid_pin.cli.configuration import demo_config, load, parse
 from fpid_pin.cli.main import main
+from fpid_pin.cli.plans import read_plan
 from fpid_pin.exceptions import ConfigError
 
 TEXT = demo_config().text
@@ -45,25 +46,12 @@ def test_the_demo_s_file_is_the_api_s_paper_experiment():
                 )
 
 
-def test_all_faults_are_reported_at_once_with_their_paths():
-    bad = (
-        TEXT.replace("integral_order = [0.901, 0.931]", "integral_order = [0.9, 1.7]", 1)
-        .replace("k1 = 2.0", "kk = 2.0", 1)
-        .replace("amplitude = [0.4, 0.6]", 'amplitude = "x"')
-        .replace("m_x = 5.0", "m_x = true", 1)
-    )
-    paths = [line.split(":")[0] for line in faults(bad)]
-    assert sorted(paths) == [
-        "controller.0.integral_order.1",
-        "controller.0.kk",
-        "controller.0.supervisor.m_x",
-        "disturbance.0.amplitude",
-    ]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
+        ("integral_order = [0.901, 0.931]", "integral_order = [0.9, 1.7]\nkk = 2.0",
+         r"controller.0.integral_order.1: expected a number in \[0, 1\], got 1.7"),
+        ("m_x = 5.0", "m_x = true", "controller.0.supervisor.m_x: expected a number, got True"),
         ("step = 1e-3", "step = 5e-324", r"simulation.step: expected a number in \[1e-09, 10\]"),
         ("duration = 20.0", "duration = 1e308", "simulation.duration: expected at most 9e"),
         ("format = 1", "format = 7", "format: expected 1, got 7"),
@@ -148,6 +136,13 @@ def test_conditions_replace_parts_of_the_nominal_experiment():
     assert nominal.sensors is None
 
 
+def test_all_faults_are_reported_at_once_with_their_paths():
+    bad = TEXT.replace("k1 = 2.0", "kk = 2.0", 1).replace("m_x = 5.0", "m_x = true", 1)
+    lines = faults(bad.replace(f"amplitude = {AMPLITUDE}", 'amplitude = "x"'))
+    paths = ["controller.0.kk", "controller.0.supervisor.m_x", "disturbance.0.amplitude"]
+    assert sorted(line.split(":")[0] for line in lines) == paths
+
+
 def test_a_recorded_reference_is_a_file_and_no_device():
     start, end = TEXT.index("[reference]"), TEXT.index("[[disturbance]]")
     for path, got in (("/dev/zero", "something that is no file"), ("a\\u0000b", "no such file")):
@@ -186,3 +181,28 @@ def test_a_path_with_a_line_end_in_it_makes_no_line(tmp_path, content, capsys):
     assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"fpid-pin: {tmp_path}/a\\nb\\x1b[2J.toml: ")
+
+
+# ---------------------------------------------------------------------- the examples
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("path", sorted(EXAMPLES.glob("compare_*.toml")), ids=lambda p: p.name)
+def test_every_controller_runs_under_every_condition(path):
+    found = load(path)
+    assert len(found.controllers) >= 6
+    assert len(found.conditions) >= 5
+    pairs = [(e, c) for e in found.conditions.values() for c in found.controllers.values()]
+    experiments = [dataclasses.replace(e, duration=0.02) for e, _ in pairs]
+    runs = fp.simulate(experiments, [controller for _, controller in pairs])
+    assert all(run.outcome.completed for run in runs)
+    assert {run.name for run in runs} == set(found.controllers)
+
+
+def test_the_search_s_example_is_the_paper_s():
+    plan = read_plan(load(EXAMPLES / "tune_two_link.toml"))
+    settings = plan.settings
+    assert (settings.population, settings.generations) == (60, 80)
+    assert (settings.crossover, settings.mutation) == (0.75, 0.03)
+    assert (plan.cost.w1, plan.cost.w2) == (1.0, 0.0)

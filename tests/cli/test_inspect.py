@@ -139,8 +139,8 @@ def test_compare_runs_what_init_writes(folder, capsys):
     assert len(list((folder / "runs" / "start").glob("*.npz"))) == 20
 
 
-@pytest.mark.parametrize("name", ["z1", "lifter.xml"])
-def test_a_configuration_stays_within_the_limits_of_its_arm(folder, name):
+@pytest.mark.parametrize("name", ["ur5", "lifter.xml"])
+def test_a_configuration_stays_within_the_limits_of_its_arm_and_every_law_follows(folder, name):
     assert main(["init", name]) == 0
     config = load(folder / "config.toml")
     arm, t = config.experiment.arm, np.linspace(0.0, 10.0, 500)
@@ -151,14 +151,10 @@ def test_a_configuration_stays_within_the_limits_of_its_arm(folder, name):
     assert list(config.controllers) == ["FPID", "integer PID", "PD + gravity", "computed torque"]
     kinds = [condition.split()[0] for condition in config.conditions]
     assert kinds == ["nominal", "payload", "friction", "noise", "delay"]
-
-
-def test_every_law_follows_on_a_ur5_as_it_is(folder):
-    assert main(["init", "ur5"]) == 0
-    config = load(folder / "config.toml")
+    if name == "lifter.xml":
+        return  # its drives are weak
     experiment = dataclasses.replace(config.experiment, dynamics="compiled")
-    runs = fp.simulate(experiment, list(config.controllers.values()))
-    for run in runs:
+    for run in fp.simulate(experiment, list(config.controllers.values())):
         assert run.outcome.completed
         assert limit_report(run) == []
         assert run.metrics.rms_tail.max() < 0.05

@@ -99,27 +99,23 @@ def config(tmp_path):
     sys.modules.pop("fpid_pin_own_own", None)
 
 
-def test_nothing_is_run_that_was_not_allowed(config, capsys):
+def test_nothing_is_run_that_was_not_allowed_nor_by_a_script_that_calls_commands(config, capsys):
     (config.parent / "own.py").write_text("raise SystemExit('this ran')")
     assert main(["run", str(config), "--out", str(config.parent / "out")]) == 2
     assert "import: expected --allow-import" in capsys.readouterr().err
-    # What one call allowed, the next does not.
     (config.parent / "own.py").write_text(OWN)
-    allowed = ["run", str(config), "--out", str(config.parent / "out"), "--no-figures"]
-    assert main([*allowed, "--allow-import"]) == 0
-    assert main(allowed) == 2
+    out = config.parent / "out"
 
-
-def test_a_script_calls_commands_as_functions(config, capsys):
     def script():
         with pytest.raises(ConfigError, match="expected --allow-import"):
             commands.run(config, out=out)
         commands.run(config, out=out, no_figures=True, allow_import=True)
+        assert "mine" in capsys.readouterr().out
+        assert fp.Run.load(out / "mine.npz").outcome.completed
+        # What one call allowed, the next command does not.
+        assert main(["run", str(config), "--out", str(out)]) == 2
 
-    out = config.parent / "out"
-    contextvars.copy_context().run(script)  # in which alone it stays allowed
-    assert "mine" in capsys.readouterr().out
-    assert fp.Run.load(out / "mine.npz").outcome.completed
+    contextvars.copy_context().run(script)
 
 
 @pytest.mark.parametrize("name", ["MyPd", "MyPythonPd"])
