@@ -120,7 +120,6 @@ for words in (
     ["run", "short.toml", "--controller", "integer PID"],
     ["view", "run.npz", "--html", "page.html"],
     ["operators", "--order", "0.5", "--plot", "plot.png"],
-    ["compare", "short.toml", "--no-figures", "--out", "compared"],
     ["playground", "short.toml", "--html", "playground.html"],
     ["export", "short.toml", "--controller", "integer PID", "--out", "c", "--ticks", "5"],
     ["tune", "tune.toml", "--out", "tuned"],
