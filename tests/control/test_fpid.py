@@ -49,18 +49,6 @@ def test_the_record_satisfies_equations_10_21_and_30_to_32(regressors):
         assert np.abs(np.diff(gains, axis=0) - growth[:-1]).max() < 1e-11
 
 
-def test_a_loop_gives_what_the_simulation_gave():
-    controller = fp.paper_controller()
-    experiment = fp.paper_experiment(duration=0.3)
-    run = fp.simulate(experiment, controller)
-    loop = controller.start(experiment.arm, step=experiment.step, horizon=20.0)
-    for k, t in enumerate(run.t):
-        reference = np.sin([t, t]), np.cos([t, t]), -np.sin([t, t])
-        tau = loop.torque(run.q[k], run.v[k], *reference)
-        assert (tau == run.torque[k]).all()
-        assert (loop.signals()["kd"] == run.kd[k]).all()
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -40,41 +40,6 @@ def recorded(order, f, rate, initialisation="caputo", design=DESIGN, differenced
     return out
 
 
-def of_power(order, power):
-    """Gamma(b + 1)/Gamma(b + 1 - a) t^(b - a) without t = 0."""
-    b, a = mp.mpf(power), mp.mpf(order)
-    return np.array(
-        [float(mp.gamma(b + 1) / mp.gamma(b + 1 - a) * mp.mpf(t) ** (b - a)) for t in T[1:]]
-    )
-
-
-def of_sin(order, w):
-    """w t^(1 - a) E_(2, 2 - a)(-(w t)^2), the Mittag-Leffler series."""
-    a = mp.mpf(order)
-
-    def value(t):
-        series = mp.nsum(
-            lambda k: (-1) ** int(k) * (w * t) ** (2 * k) / mp.gamma(2 * k + 2 - a), [0, 40]
-        )
-        return float(w * mp.mpf(t) ** (1 - a) * series)
-
-    return np.array([value(t) for t in T[1:]])
-
-
-@pytest.mark.parametrize("order", [0.1, 0.9])
-def test_smooth_signals_have_their_derivatives(order):
-    w = 3.0
-    for f, rate, truth, limit in (
-        (np.sin(w * T), w * np.cos(w * T), of_sin(order, w), 1e-6),
-        (T, np.ones(SAMPLES), of_power(order, 1), 1e-8),
-        (T**2, 2.0 * T, of_power(order, 2), 1e-8),
-        (T**3, 3.0 * T**2, of_power(order, 3), 1e-8),
-    ):
-        got = recorded(order, f, rate)[:, 0]
-        assert got[0] == 0.0
-        assert np.abs(got[1:] - truth).max() < limit * np.abs(truth).max()
-
-
 @pytest.mark.parametrize("initialisation", ["caputo", "riemann_liouville", "grunwald_letnikov"])
 def test_orders_0_and_1_are_the_signal_and_its_rate(initialisation):
     f, rate = np.cos(5.0 * T), -5.0 * np.sin(5.0 * T)
@@ -121,16 +86,6 @@ def streamed(records, f, rate, holds):
         assert (rate_ == rate[k]).all()
         out[k] = y
     return out
-
-
-def test_sample_by_sample_is_the_whole_record_bit_by_bit():
-    order = np.array([0.0, 0.2, 0.7, 1.0])
-    f, rate = np.sin(4.0 * T) + 0.5, 4.0 * np.cos(4.0 * T)
-    for initialisation in ("caputo", "grunwald_letnikov"):
-        want = recorded(order, f, rate, initialisation)
-        signals = (np.repeat(x[:, None], 4, axis=1) for x in (f, rate))
-        got = streamed(started(order, initialisation), *signals, np.zeros((SAMPLES, 4), dtype=bool))
-        assert (got == want).all()
 
 
 def test_a_held_channel_stands_still_and_forgets_what_passed_meanwhile():

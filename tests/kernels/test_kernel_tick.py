@@ -140,13 +140,24 @@ LAWS = {
 }
 
 
+SEVEN = fp.AdaptiveFpid(
+    kp=40.0, ki=20.0, kd=10.0, learning_rate=3.0, k0=1.0, k1=2.0, scale="inertia", feedforward=True,
+    supervisor=fp.Supervisor(2.4, 1.0, disturbance_bound=0.02, lookahead=0.02),
+)  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ("name", "limited"), [("scaled, both assists", False), *((name, True) for name in LAWS)]
+    ("name", "limited"),
+    [("scaled, both assists", False), ("seven joints", False), *((name, True) for name in LAWS)],
 )
 def test_torques_are_those_of_the_equations(name, limited):
-    arm, law = fp.Arm.two_link().with_friction(viscous=0.3), LAWS[name]
+    arm, law = fp.Arm.two_link().with_friction(viscous=0.3), LAWS.get(name, SEVEN)
+    if name == "seven joints":  # h F_v is up to a tenth of M_jj: how friction counts is to be seen
+        arm = fp.Arm.from_example("panda").with_limits(effort=np.inf)
+        inertia = np.diag(arm.mass_matrix(np.zeros(7)))
+        arm = arm.with_friction(viscous=inertia * np.linspace(0.0, 0.1, 7) / H)
     arm = arm.with_limits(effort=(38.0, 11.0)) if limited else arm
-    t = H * np.arange(60)[:, np.newaxis] * np.array([1.0, 1.3])
+    t = H * np.arange(60)[:, np.newaxis] * np.linspace(1.0, 1.3, arm.n)
     # No error, a small one, one that a supervisor acts on, and back.
     error = 0.003 * np.sin(25.0 * t) + 0.4 * np.clip(np.sin(40.0 * t - 1.5), 0.0, 1.0) ** 2
     error[:4] = 0.0
@@ -168,7 +179,8 @@ def test_torques_are_those_of_the_equations(name, limited):
     if not written.own_model:
         gains = np.array([state.joints[k] for k in ("kp", "ki", "kd")])
         assert gains == pytest.approx(written.gains, rel=1e-12)
-        assert (gains != np.array([[40.0, 20.0], [20.0, 20.0], [10.0, 4.0]])).any()
+        start = [np.broadcast_to(k, arm.n) for k in (law.kp, law.ki, law.kd)]
+        assert (gains != np.array(start)).any()
     # Nothing that is to be compared stood idle, or acted all the time.
     assert (0 < acted < 60) == (law.supervisor is not None), acted
     assert (0 < cut < 60) == limited, cut
@@ -193,24 +205,6 @@ def records(n=2, **robot):
     return robots[0], joints
 
 
-def test_the_ball_is_where_v_of_the_look_ahead_is_at_most_v_t():
-    """A point of its boundary, in any direction from its centre, has V_T: by V itself."""
-    rng, ahead, p = np.random.default_rng(0), 3.0 * H, np.array([[1.75, 1.0], [1.0, 1.5]])
-    for _ in range(20):
-        robot, joints = records(3, p11=1.75, p12=1.0, p22=1.5, lookahead=ahead, target=0.5)
-        joints["v_hat"], joints["xi"] = rng.normal(size=(2, 3)) * 0.1
-        joints["e"], joints["v_ref"] = rng.normal(size=(2, 3)) * 0.2
-        joints["a_ref"], a = rng.normal(size=(2, 3)) * 40.0
-        direction = np.full(3, np.nan)
-        supervisor.find_push(robot, joints, a, direction)
-        assert np.linalg.norm(direction) == pytest.approx(1.0, rel=1e-14)
-        rate, a0 = joints["v_ref"] - joints["v_hat"], joints["a_ref"] - a - joints["xi"]
-        to = rng.normal(size=3)
-        on = a0 - robot.distance * direction + robot.radius * to / np.linalg.norm(to)
-        x = np.stack([joints["e"] + ahead * rate + ahead * H / 2 * on, rate + ahead * on])
-        assert 0.5 * np.einsum("aj,ab,bj", x, p, x) == pytest.approx(0.5, rel=1e-10)
-
-
 def test_where_even_the_least_v_is_beyond_v_t_the_ball_is_its_centre():
     robot, joints = records(1, p11=1.75, p12=1.0, p22=1.5, lookahead=H, target=0.5)
     joints["e"] = 10.0
@@ -232,31 +226,6 @@ def test_an_error_at_rest_where_it_should_be_is_left_alone():
 def observing(omega, n=2):
     pole = np.exp(-np.asarray(omega) * H)
     return records(n, l1=1.0 - pole**2, l2=(1.0 - pole) ** 2 / H)
-
-
-@pytest.mark.parametrize("omega", [20.0, 150.0])
-def test_both_poles_are_p_and_a_constant_unknown_acceleration_is_found(omega):
-    """From xi = 0: xi_k - w = -w (1 + k (1 - p)) p^k and v - v^ = h w k p^(k + 1).
-
-    With a double pole they are (a + b k) p^k; the first two samples give a and b.
-    """
-    w = np.array([3.0, -7.0])
-    robot, joints = observing(omega)
-    a = np.random.default_rng(0).normal(size=(200, 2))  # what the model knows, and u_s adds
-    steps = H * (a + 0.25 + w)
-    speeds = np.cumsum(steps, axis=0) - steps + np.array([1.0, 2.0])
-    found = []
-    for v, known in zip(speeds, a, strict=True):
-        joints["v"] = v
-        observer.correct_observer(robot, joints)
-        observer.predict(robot, joints, known, np.full(2, 0.25))
-        robot.ticks += 1
-        found.append((joints["v_hat"].copy(), joints["xi"].copy()))
-    v_hat, xi = np.moveaxis(np.array(found), 1, 0)
-    p, k = np.exp(-omega * H), np.arange(200.0)[:, np.newaxis]
-    # Sums of 200 speeds of size 1, times (1 - p)^2/h = 36/s: rounding of 1e-12.
-    assert xi == pytest.approx(w - w * (1.0 + k * (1.0 - p)) * p**k, abs=1e-11)
-    assert speeds - v_hat == pytest.approx(H * w * k * p ** (k + 1.0), abs=1e-13)
 
 
 @pytest.mark.parametrize(("bandwidth", "stable"), [(1.0, True), (2.0, False)])

@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 M1, M2, L1, L2, GRAVITY = 1.0, 1.0, 1.0, 0.8, 9.8
 KP, KI, KD = np.array([10.0, 12.0]), np.array([25.0, 20.0]), np.array([20.0, 15.0])
@@ -122,57 +121,3 @@ def step_shares(alpha, count):
     kernel = (np.arange(1, count)[:, np.newaxis] + theta) ** -alpha
     newest = np.array([1.0 / (1.0 - alpha), 1.0, 6.0 / (3.0 - alpha)]) / (2.0 - alpha)
     return np.column_stack([newest, (shapes * weights) @ kernel.T])
-
-
-class OustaloupCascade:
-    """The paper's CRONE block: sections (s + z_k)/(s + p_k) in series, at rest at t = 0.
-
-    z_k, p_k = low (high/low)^((k + N + (1 -/+ alpha)/2)/(2N + 1)), k = -N..N, times high^alpha.
-    Its input f - f(0) is a cubic within a step, with f' by the package's rule (see
-    `ProductIntegration`), so a step of states and input together is one matrix exponential.
-    """
-
-    def __init__(self, low, high, n):
-        self.low, self.high, self.n = low, high, n
-
-    def __call__(self, alpha, step, rows):
-        return _Cascades([self.section(a, step) for a in alpha], step)
-
-    def section(self, alpha, step):
-        """Return (transition, output row) over [states, f, f', f'', f''']."""
-        size = 2 * self.n + 1
-        zeros, poles = (
-            self.low
-            * (self.high / self.low) ** ((np.arange(size) + 0.5 * (1.0 + sign * alpha)) / size)
-            for sign in (-1, 1)
-        )
-        slopes, output = np.zeros((size + 4, size + 4)), np.zeros(size + 4)
-        output[size] = 1.0
-        for i, (z, p) in enumerate(zip(zeros, poles, strict=True)):
-            # x' = -p x + what the sections before give; given on is that plus (z - p) x.
-            slopes[i] = output
-            slopes[i, i] = -p
-            output[i] = z - p
-        slopes[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
-        return expm(slopes * step), self.high**alpha * output
-
-
-class _Cascades:
-    def __init__(self, sections, step):
-        self.sections, self.step, self.last = sections, step, None
-        self.states = [np.zeros(len(output)) for _, output in sections]
-
-    def __call__(self, f, rate):
-        if self.last is None:
-            self.first = f
-        else:
-            h, (f_, rate_) = self.step, self.last
-            mean = (f - f_) / h - 0.5 * (rate + rate_)
-            cubic = f_ - self.first, rate_, (rate - rate_ + 6.0 * mean) / h, -12.0 * mean / h**2
-            for c, (transition, _) in enumerate(self.sections):
-                self.states[c][-4:] = [part[c] for part in cubic]
-                self.states[c] = transition @ self.states[c]
-        self.last = f, rate
-        return np.array(
-            [output @ x for (_, output), x in zip(self.sections, self.states, strict=True)]
-        )

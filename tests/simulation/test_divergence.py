@@ -7,7 +7,6 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation.engine import Simulation
 
 EXPERIMENT = fp.paper_experiment(duration=2.0)
 GOOD = fp.paper_controller()
@@ -124,44 +123,3 @@ def test_both_dynamics_end_a_run_at_the_same_row_for_the_same_cause(kd, kp, spee
     assert one.outcome.time == other.outcome.time
     assert one.outcome.joint == other.outcome.joint
     assert one.outcome.cause.split()[0] == other.outcome.cause.split()[0]
-
-
-class Faulty(fp.Controller):
-    """A law in Python that gives way after 0.1 s."""
-
-    fault = "raise"
-
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        if state.joints["t"][0] < 0.1 - 1e-9:
-            return 50.0 * (q_ref - q) + 10.0 * (v_ref - v)
-        if self.fault == "raise":
-            raise ZeroDivisionError("nothing to divide by")
-        return np.zeros(3)
-
-
-class OfAnotherShape(Faulty):
-    fault = "shape"
-
-
-@pytest.mark.parametrize("dynamics", ["compiled", "pinocchio"])
-@pytest.mark.parametrize(
-    ("law", "cause"),
-    [
-        (Faulty(), "the law raised ZeroDivisionError: nothing to divide by"),
-        (OfAnotherShape(), "the law's torque: expected shape (2,), got (3,)"),
-    ],
-)
-def test_a_law_in_python_that_gives_way_ends_its_own_run_and_no_other(law, cause, dynamics):
-    experiment = EXPERIMENT.with_dynamics(dynamics)
-    broken, good = fp.simulate(experiment, [law, GOOD])
-    assert str(broken.outcome) == f"ended at 0.1 s: {cause}"
-    assert len(broken.t) == 100
-    assert broken.outcome.joint == ""
-    assert (good.q == fp.simulate(experiment, GOOD).q).all()
-    assert fp.evaluate(experiment, [law, GOOD])[0] == np.inf
-    simulation = Simulation(experiment, law)
-    for _ in range(100):
-        simulation.tick()
-    with pytest.raises(fp.exceptions.SimulationError) as caught:
-        simulation.tick()
-    assert str(caught.value) == cause

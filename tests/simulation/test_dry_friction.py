@@ -51,13 +51,6 @@ def test_joints_rest_below_breakaway(name, part, step):
     assert np.abs(run.v[-1]).max() < 1e-9
 
 
-@pytest.mark.parametrize("name", RUBBING)
-def test_joints_come_to_rest_from_motion(name):
-    arm = fp.Arm.from_example(name)
-    run = moved(arm, lambda t: -0.9 * arm.dry_friction, 0.5, v0=0.05)
-    assert np.abs(run.v[-1]).max() < 1e-9
-
-
 @pytest.mark.parametrize("inertia", [1e-4, 1e-2, 1.0])
 def test_a_sliding_joint_follows_the_closed_form(inertia):
     """M v' = tau - F_d at twice the breakaway torque: v = F_d t / M."""

@@ -82,19 +82,6 @@ def test_dynamics_are_pinocchios_where_runs_are_recorded_and_compiled_where_they
         dataclasses.replace(PAPER, dynamics="compile")
 
 
-def test_computed_torque_on_the_exact_model_follows_the_closed_form():
-    """e'' + k1 e' + k0 e = 0; RK4 with a held torque comes near at 0.1 ms."""
-    experiment = dataclasses.replace(
-        fp.paper_experiment(duration=1.0, step=1e-4), plant=None, integrator="rk4",
-        dynamics="compiled",
-    )  # fmt: skip
-    run = fp.simulate(experiment, fp.ComputedTorque(25.0, 10.0))
-    e0, rate0 = run.error[0], (run.v_ref - run.v)[0]
-    t = run.t[:, np.newaxis]
-    exact = (e0 + (rate0 + 5.0 * e0) * t) * np.exp(-5.0 * t)  # a double root at -5
-    assert np.abs(run.error - exact).max() < 1e-3
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class ByJoints(fp.Controller):
     """PD, joint by joint."""

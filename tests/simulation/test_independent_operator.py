@@ -6,7 +6,6 @@ that keeps the whole past. Each test's docstring says by how much the two must d
 
 import dataclasses
 
-import mpmath as mp
 import numpy as np
 import paper_by_hand as by_hand
 import pytest
@@ -48,36 +47,3 @@ def test_the_whole_past_with_the_same_rule_gives_the_same_run(orders):
     assert largest(run.torque - hand.torque) < 1e-11 * largest(hand.torque)
     for gains, expected in zip((run.kp, run.ki, run.kd), hand.gains.swapaxes(0, 1), strict=True):
         assert largest(gains - expected) < 3e-10
-
-
-def test_fewer_modes_cost_the_angles_less_than_they_cost_the_kernel():
-    """The kernel is within 6e-7 with 24 modes (the default) and 1e-9 with 32.
-
-    Found over 20 s at 2 ms: 7.5e-9 and 2.2e-11 rad; at 1 ms 2.1e-8 and 5.6e-11.
-    """
-    hand = closed_loop(by_hand.ProductIntegration, step=2e-3, duration=20.0, corrected=True)
-    for modes, bound in ((24, 1e-7), (32, 3e-10)):
-        assert largest(engine(2e-3, 20.0, PUBLISHED, modes).q - hand.q) < bound
-
-
-@pytest.mark.parametrize("alpha", [0.069, 0.5, 0.932])
-def test_the_shares_of_a_step_are_those_of_the_powers(alpha):
-    """The closed form that cancels, with the digits to spare."""
-    shares = by_hand.step_shares(alpha, 2001)
-    with mp.workdps(60):
-        a = mp.mpf(alpha)
-        for i in (0, 1, 2, 17, 2000):
-
-            def moment(k, i=i):
-                """Int_0^1 (i + theta)^-alpha theta^k, theta^k = ((i + theta) - i)^k."""
-                terms = (
-                    mp.binomial(k, m) * mp.mpf(-i) ** (k - m)
-                    * ((i + 1) ** (m + 1 - a) - mp.mpf(i) ** (m + 1 - a)) / (m + 1 - a)
-                    for m in range(k + 1)
-                )  # fmt: skip
-                return mp.fsum(terms)
-
-            one, first, second = (moment(k) for k in range(3))
-            expected = one - first, first, 6 * (first - second)
-            for got, want in zip(shares[:, i], expected, strict=True):
-                assert abs(got / want - 1) < 1e-14

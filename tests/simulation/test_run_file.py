@@ -1,9 +1,7 @@
 """A run is one file that says everything and executes nothing."""
 
 import dataclasses
-import errno
 import json
-import os
 
 import numpy as np
 import pytest
@@ -66,22 +64,6 @@ def test_a_record_whose_descriptions_mean_nothing_is_one_line(run, tmp_path):
     with pytest.raises(FpidError) as caught:
         _ = back.arm
     assert "\n" not in str(caught.value)
-
-
-def test_a_save_that_fails_leaves_the_old_file(run, tmp_path, monkeypatch):
-    path = run.save(tmp_path / "run.npz")
-    before = path.read_bytes()
-
-    def fail(*_, **__):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(np, "savez", fail)
-    with pytest.raises(FileFormatError, match=r"cannot be written \(No space left on device\)"):
-        run.save(path)
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
-    with pytest.raises(FileFormatError, match="cannot be written"):
-        run.save(path / "run.npz")
 
 
 def test_limits_of_infinity_survive_the_file(tmp_path):
