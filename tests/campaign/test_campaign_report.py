@@ -77,7 +77,10 @@ def test_the_answer_comes_first_and_is_the_tables(data, report):
     assert page.tags.count("details") == 3 + 3 + 3
 
 
-def test_names_with_markup_stay_text_and_every_one_of_the_worst_runs_has_its_replay(data, report):
+def test_markup_stays_text_and_every_one_of_the_worst_runs_has_its_replay(data, report, tmp_path):
+    evil = '"><script>alert(1)</script>'
+    page = Page(report_html(data, tmp_path / "r.html", replay_link=lambda run, name: evil))
+    assert (page.links[-1], page.tags.count("script")) == (evil, 1)
     page = Page(report)
     assert "b" not in page.tags
     assert page.tags.count("script") == 1  # that which sorts tables
@@ -86,13 +89,6 @@ def test_names_with_markup_stay_text_and_every_one_of_the_worst_runs_has_its_rep
     assert len(links) == 3 * 10
     worst = int(np.argmax(~data.success[:, 0]))
     assert links[0] == f"run%20{worst}%20of%20adaptive%20FPID.html"
-
-
-def test_a_link_cannot_leave_its_attribute(data, tmp_path):
-    evil = '"><script>alert(1)</script>'
-    page = Page(report_html(data, tmp_path / "r.html", replay_link=lambda run, name: evil))
-    assert page.links[-1] == evil
-    assert page.tags.count("script") == 1
 
 
 @pytest.mark.parametrize(
@@ -112,14 +108,11 @@ def test_a_campaign_that_says_little_says_so(tmp_path, case, answer):
     assert ("no plant on which either is better" in page.text) == (case.runs == 30)
 
 
-def test_what_does_not_tell_two_apart_is_said():
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_the_answer_is_told_from_the_leaders_side(order):
     data = campaign([[1.0, 2.0], [2.0, 1.0]] * 20)
     line = answer(data, comparisons(data))[2]
     assert "on 50 % of 40 plants, which does not tell them apart; where both" in line
-
-
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_answer_is_told_from_the_leaders_side(order):
     errors = np.array([[1.0, 3.0]] * 30 + [[2.0, 1.5]] * 10)[:, order]
     data = campaign(errors, names=tuple(np.array(["good", "bad"])[list(order)]))
     line = answer(data, comparisons(data))[2]

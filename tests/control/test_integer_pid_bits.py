@@ -10,7 +10,7 @@ import pytest
 
 import fpid_pin as fp
 
-STEP, TICKS = 1e-3, 1000
+STEP, TICKS = 1e-3, 1500
 KP, KI, KD = np.array([10.0, 12.0]), np.array([25.0, 20.0]), np.array([20.0, 15.0])
 RATES = np.array([[25.0, 17.0], [3.0, 0.7], [11.0, 29.0]])
 K0, K1 = np.array([1.0, 0.6]), np.array([2.0, 1.7])

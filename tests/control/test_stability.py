@@ -63,6 +63,10 @@ def test_margins_of_pd_on_a_unit_inertia_are_the_closed_forms():
     pole = -kd / 2.0 + 1j * np.sqrt(kp - kd**2 / 4.0)
     assert report.dominant_pole == pytest.approx(pole, rel=5e-3)
     assert report.pole_radius == pytest.approx(np.exp(pole.real * step), rel=1e-5)
+    said, joint, together = str(report).splitlines()
+    assert said.startswith(f"stable at home, dominant pole {report.dominant_pole.real:.3g} ± ")
+    assert f"joint1: gain margin {report.gain_margin[0]:.3g}, gain reduction" in joint
+    assert f"delay margin [ms] {1e3 * report.common_delay_margin:.3g}" in together
 
 
 def test_the_gain_margin_of_a_rate_loop_is_two_over_the_step():

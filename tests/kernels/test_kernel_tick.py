@@ -1,14 +1,13 @@
 """A tick of a controller against the equations, written out with NumPy and Pinocchio."""
 
 import dataclasses
-from collections import deque
 
 import numpy as np
 import pytest
 
 import fpid_pin as fp
 from fpid_pin.control.start import start_all
-from fpid_pin.kernels import observer, supervisor, tick
+from fpid_pin.kernels import supervisor, tick
 from fpid_pin.kernels.records import GIVEN, ROBOT
 
 pytestmark = pytest.mark.kernels
@@ -221,25 +220,3 @@ def test_an_error_at_rest_where_it_should_be_is_left_alone():
     supervisor.find_push(robot, joints, np.zeros(2), direction)
     assert not robot.pushing
     assert (direction == 0.0).all()
-
-
-def observing(omega, n=2):
-    pole = np.exp(-np.asarray(omega) * H)
-    return records(n, l1=1.0 - pole**2, l2=(1.0 - pole) ** 2 / H)
-
-
-@pytest.mark.parametrize(("bandwidth", "stable"), [(1.0, True), (2.0, False)])
-def test_at_1_over_h_what_is_cancelled_bears_two_samples_of_delay_and_at_2_over_h_not(
-    bandwidth, stable
-):
-    """An acceleration w that the joint has, less xi of two samples ago; the model expects xi."""
-    robot, joints = observing(bandwidth / H, n=1)
-    past = deque([0.0, 0.0, 0.0], maxlen=3)
-    for _ in range(300):
-        observer.correct_observer(robot, joints)
-        past.append(float(joints["xi"][0]))
-        observer.predict(robot, joints, -joints["xi"], np.zeros(1))
-        robot.ticks += 1
-        joints["v"] += H * (1.0 - past[0])
-    assert (abs(past[-1] - 1.0) < 0.01) == stable
-    assert (abs(past[-1]) > 1e3) != stable

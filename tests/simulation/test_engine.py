@@ -341,21 +341,6 @@ def test_the_memory_of_a_cost_does_not_grow_with_the_horizon():
     assert peaks[1] < 1.2 * peaks[0]
 
 
-def test_workers_find_the_kernels_compiled(monkeypatch):
-    """Cold ones would each compile all of them, at the same time."""
-    order, run_chunk = [], batch.costs_of
-
-    def chunk(es, cs, costs, progress=None):
-        order.append(sorted((type(c).__name__, e.rows) for e, c in zip(es, cs, strict=True)))
-        return run_chunk(es, cs, costs, progress)
-
-    monkeypatch.setattr(batch, "costs_of", chunk)
-    laws = [FPID, FPID, fp.Pid(1.0, 1.0, 1.0)]
-    fp.evaluate([PAPER] * 3, laws, workers=2)
-    assert sorted(order[:2]) == [[("AdaptiveFpid", 3)], [("Pid", 3)]]
-    assert sorted(rows for part in order[2:] for _, rows in part) == [251] * 3
-
-
 def test_threads_do_compiled_work_and_processes_what_holds_the_lock():
     for experiment, law, threads in (
         (PAPER, FPID, True), (PAPER.with_dynamics("pinocchio"), FPID, False),

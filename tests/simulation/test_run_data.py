@@ -240,12 +240,6 @@ def test_names_from_outside_stay_text(run):
             fp.tuning.Space(kp=(1.0, 2.0)),
             settings=fp.tuning.SearchSettings(population=4, generations=1, seeds=(0,)),
         ),
-        lambda run: fp.pareto(
-            fp.paper_experiment(duration=0.01), fp.paper_controller(),
-            fp.tuning.Space(kp=(1.0, 2.0)),
-            [fp.costs.MetricCost("ise"), fp.costs.MetricCost("energy")],
-            settings=fp.tuning.SearchSettings(population=4, generations=1, seeds=(0,)),
-        ),
     ],
 )  # fmt: skip
 def test_arms_reports_and_results_are_short_and_shown_without_scripts(run, make):

@@ -24,11 +24,7 @@ def test_it_comes_back_bit_for_bit(run, tmp_path):
         assert (getattr(back, name) == getattr(run, name)).all(), name
     assert back.outcome == run.outcome
     assert (back.metrics.ise == run.metrics.ise).all()
-    assert back.arm.joint_names == run.arm.joint_names
-
-
-def test_it_can_be_simulated_again_from_its_record(run, tmp_path):
-    back = fp.Run.load(run.save(tmp_path / "run.npz"))
+    assert back.arm == run.arm
     again = fp.simulate(back.experiment, back.controller)
     assert (again.q == run.q).all()
     assert (again.kd == run.kd).all()
@@ -81,10 +77,7 @@ def test_a_compressed_file_is_smaller_and_gives_every_bit(run, tmp_path):
     plain = run.save(tmp_path / "plain.npz")
     small = run.save(tmp_path / "small.npz", compressed=True)
     assert small.stat().st_size < 0.5 * plain.stat().st_size
-    one, other = fp.Run.load(plain), fp.Run.load(small)
-    for name in ("t", "q", "v", "q_ref", "v_ref", "torque", *run.signals):
-        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
-    assert one.meta == other.meta
+    other = fp.Run.load(small)
     assert other.save(tmp_path / "again.npz").read_bytes() == plain.read_bytes()
     assert run.save(tmp_path / "twice.npz", compressed=True).read_bytes() == small.read_bytes()
 

@@ -91,9 +91,7 @@ def test_a_cost_of_ones_own_resumes_in_another_process(tmp_path):
     path = tmp_path / "search.npz"
     tune(EXPERIMENT, CONTROLLER, ORDERS, Own(), small(generations=1, checkpoint=path))
     # Another object, at another address, as it would be in another process.
-    keep = Own()
     assert resume(path, cost=Own()).history.best.shape == (3, 2)
-    del keep
 
 
 def test_a_checkpoint_appears_with_its_first_generation(tmp_path):
