@@ -15,19 +15,17 @@ H = 2e-3
 
 
 class WrittenOut:
-    """The torques of a law, (n,), tick by tick; orders are 1, so that operators are trivial."""
+    """The torques of an FPID, (n,), tick by tick; orders are 1, so that operators are trivial."""
 
     def __init__(self, law, arm):
         self.law, self.arm, self.guard, self.k = law, arm, law.supervisor, 0
-        self.own_model = law.uses_model
         n = arm.n
         self.int_e, self.cut, self.xi = np.zeros((3, n))
         self.hold = True
         self.scale = law.scale_on(arm)
         pole = np.exp(-law.bandwidth * H)
         self.l1, self.l2 = 1.0 - pole**2, (1.0 - pole) ** 2 / H
-        if not self.own_model:
-            self.gains = np.array([np.broadcast_to(k, n) for k in (law.kp, law.ki, law.kd)])
+        self.gains = np.array([np.broadcast_to(k, n) for k in (law.kp, law.ki, law.kd)])
         if self.guard is not None:
             self.p, self.bound = self.guard.p, self.guard.bound(n)
 
@@ -47,7 +45,7 @@ class WrittenOut:
         e, rate = q_ref - q, v_ref - v
         paper = self.guard is not None and self.guard.kind == "paper"
         self.acting = paper and self.energy(e, rate) >= self.guard.threshold
-        if self.k and not self.own_model and not self.hold:
+        if self.k and not self.hold:
             self.gains = self.gains - H * 3.0 * self.s * self.terms * (self.cut * -self.s <= 0.0)
         if self.k and not self.acting:
             grows = H / 2 * (e + self.e) + H**2 / 12 * (self.rate - rate)
@@ -58,15 +56,9 @@ class WrittenOut:
             v_hat, self.xi = self.predicted + self.l1 * miss, self.xi + self.l2 * miss
         else:
             v_hat = v
-        if isinstance(law, fp.PdGravity):
-            u = law.kp * e + law.kd * rate + law.ki * self.int_e + arm.gravity_vector(q)
-        elif self.own_model:
-            a = a_ref + law.k1 * rate + law.k0 * e + law.ki * self.int_e
-            u = arm.inverse_dynamics(q, v, a)
-        else:
-            self.terms = np.stack([e, self.int_e, rate])
-            self.s = -(rate + 2.0 * e + 1.0 * self.int_e)
-            u = self.scale * (self.gains * self.terms).sum(axis=0)
+        self.terms = np.stack([e, self.int_e, rate])
+        self.s = -(rate + 2.0 * e + 1.0 * self.int_e)
+        u = self.scale * (self.gains * self.terms).sum(axis=0)
         if law.feedforward:
             u = u + arm.inverse_dynamics(q_ref, v_ref, a_ref) + arm.viscous_friction * v_ref
         if law.observer:
@@ -131,11 +123,6 @@ LAWS = {
     "paper, a bound": fpid(dataclasses.replace(PAPER, gravity_bound=(30.0, 8.0), observer=20.0)),
     "quiet": fpid(fp.Supervisor.quiet(1.4, 1.0)),
     "reserve": fpid(fp.Supervisor(1.4, 1.0, disturbance_bound=(0.15, 0.05), lookahead=0.02)),
-    "PD + gravity": fp.PdGravity(kp=40.0, kd=10.0, ki=20.0),
-    "computed torque": fp.ComputedTorque(k0=50.0, k1=12.0, ki=30.0),
-    "computed torque, guarded": fp.ComputedTorque(
-        k0=50.0, k1=12.0, observer=40.0, supervisor=fp.Supervisor(1.2, 1.0, observer=40.0)
-    ),
 }
 
 
@@ -175,11 +162,10 @@ def test_torques_are_those_of_the_equations(name, limited):
         cut += bool(np.any(state.cut))
     found, expected = np.array(found), np.array(expected)
     assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
-    if not written.own_model:
-        gains = np.array([state.joints[k] for k in ("kp", "ki", "kd")])
-        assert gains == pytest.approx(written.gains, rel=1e-12)
-        start = [np.broadcast_to(k, arm.n) for k in (law.kp, law.ki, law.kd)]
-        assert (gains != np.array(start)).any()
+    gains = np.array([state.joints[k] for k in ("kp", "ki", "kd")])
+    assert gains == pytest.approx(written.gains, rel=1e-12)
+    start = [np.broadcast_to(k, arm.n) for k in (law.kp, law.ki, law.kd)]
+    assert (gains != np.array(start)).any()
     # Nothing that is to be compared stood idle, or acted all the time.
     assert (0 < acted < 60) == (law.supervisor is not None), acted
     assert (0 < cut < 60) == limited, cut

@@ -44,8 +44,8 @@ class Record:
     s: np.ndarray
 
 
-def closed_loop(operator, *, step, duration, orders=PUBLISHED, corrected=False):
-    """Run the experiment; `corrected` adds Euler and Maclaurin's h^2 term to the trapezium."""
+def closed_loop(operator, *, step, duration, orders=PUBLISHED, regressors="law"):
+    """Run the experiment; the trapezium that sums e up has Euler and Maclaurin's h^2 term."""
     h, rows = step, round(duration / step) + 1
     alpha = np.concatenate([1.0 - np.array(orders[0]), orders[1]])
     fractional = operator(alpha, h, rows)
@@ -57,14 +57,13 @@ def closed_loop(operator, *, step, duration, orders=PUBLISHED, corrected=False):
         gains = gains - h * GAMMA * s * phi
         e, e_dot = math.sin(t) - q, math.cos(t) - v
         if last is not None:
-            total = total + 0.5 * h * (e + last[0])
-            if corrected:
-                total = total + h * h / 12.0 * (last[1] - e_dot)
+            total = total + 0.5 * h * (e + last[0]) + h * h / 12.0 * (last[1] - e_dot)
         last = e, e_dot
         y = fractional(np.concatenate([total, e]), np.concatenate([e, e_dot]))
-        phi = np.stack([e, y[:2], y[2:]])
+        terms = np.stack([e, y[:2], y[2:]])
+        phi = terms if regressors == "law" else np.stack([e, total, e_dot])
         s = -(e_dot + K1 * e + K0 * total)
-        u = (gains * phi).sum(axis=0)
+        u = (gains * terms).sum(axis=0)
         record.q[k], record.torque[k], record.gains[k], record.s[k] = q, u, gains, s
         push = np.array([0.4, 0.6]) * math.cos(5.0 * math.pi * t)
         v = v + h * acceleration(q, v, u + push)

@@ -63,9 +63,9 @@ def test_the_same_seed_gives_the_same_bits_alone_and_in_company(found):
 
 
 def test_workers_do_not_change_a_bit(found):
-    shared = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3), workers=2))
-    assert bits(shared) == bits(found)
     with WorkerPool(2) as pool:
+        settings = small(seeds=(0, 3), executor=pool)
+        assert bits(tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, settings)) == bits(found)
         heavy = dataclasses.replace(
             EXPERIMENT, plant=fp.Plant(arm=EXPERIMENT.arm.with_payload(0.7), disturbance=None)
         )
