@@ -70,21 +70,6 @@ def test_limits_friction_and_home_come_from_the_file(tmp_path):
     assert Arm.from_urdf(write(tmp_path, robot(*TWO)), gravity=1.6).gravity == 1.6
 
 
-def test_continuous_joints_become_angles(tmp_path):
-    path = write(tmp_path, robot(*TWO))
-    arm = Arm.from_urdf(path)
-    assert (arm.model.nq, arm.model.nv) == (2, 2)
-    raw = pin.buildModelFromUrdf(str(path))
-    assert raw.nq == 3
-    data = raw.createData()
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        q, v, a = rng.uniform(-7, 7, 2), rng.normal(size=2), rng.normal(size=2)
-        circle = np.array([q[0], np.cos(q[1]), np.sin(q[1])])
-        tau = pin.rnea(raw, data, circle, v, a)
-        np.testing.assert_allclose(arm.inverse_dynamics(q, v, a), tau, atol=1e-13)
-
-
 def test_limits_left_out_or_infinite_are_none(tmp_path):
     limits = ('<limit lower="-1" upper="2"/>', '<limit lower="-inf" upper="inf" effort="inf"/>')
     parts = [link("base"), link("a"), link("b")]

@@ -1,9 +1,8 @@
 """Section 5.1 of the paper written out with NumPy and plain arithmetic: nothing of the package.
 
 Two links by (35), reference (38), disturbance (37), the law (10) with its gradient (30)-(32), and
-semi-implicit Euler. How the two fractional terms are had is the caller's: an operator is started
-with (orders, step, rows) and called once a tick with f, f' of its four channels: D^(1-lambda) of
-int e for both joints, then D^mu of e.
+semi-implicit Euler. The operator of the fractional terms is called once a tick with f, f' of its
+four channels: D^(1-lambda) of int e for both joints, then D^mu of e.
 """
 
 import math
@@ -44,11 +43,11 @@ class Record:
     s: np.ndarray
 
 
-def closed_loop(operator, *, step, duration, orders=PUBLISHED, regressors="law"):
+def closed_loop(step, duration, orders, regressors):
     """Run the experiment; the trapezium that sums e up has Euler and Maclaurin's h^2 term."""
     h, rows = step, round(duration / step) + 1
     alpha = np.concatenate([1.0 - np.array(orders[0]), orders[1]])
-    fractional = operator(alpha, h, rows)
+    fractional = ProductIntegration(alpha, h, rows)
     gains, (q, v) = np.stack([KP, KI, KD]), START
     total, last, phi, s = np.zeros(2), None, np.zeros((3, 2)), np.zeros(2)
     record = Record(*(np.empty((rows, *shape)) for shape in ((2,), (2,), (3, 2), (2,))))

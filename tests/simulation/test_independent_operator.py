@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from paper_by_hand import LONG, PUBLISHED, ProductIntegration, closed_loop
+from paper_by_hand import LONG, PUBLISHED, closed_loop
 
 import fpid_pin as fp
 
@@ -32,9 +32,7 @@ def test_the_whole_past_with_the_same_rule_gives_the_same_run(orders, regressors
         regressors=regressors, design=fp.fractional.ExponentialSum(modes=40),
     )  # fmt: skip
     run = fp.simulate(fp.paper_experiment(duration=10.0), law)
-    hand = closed_loop(
-        ProductIntegration, step=1e-3, duration=10.0, orders=orders, regressors=regressors
-    )
+    hand = closed_loop(1e-3, 10.0, orders, regressors)
     assert largest(run.q - hand.q) < 1e-11
     assert largest(run.s - hand.s) < 3e-11
     assert largest(run.torque - hand.torque) < 1e-11 * largest(hand.torque)
