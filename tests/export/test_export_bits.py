@@ -85,7 +85,7 @@ def test_laws_that_are_chaotic_on_prescribed_inputs_in_a_closed_loop(name, tmp_p
 
 
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(10))
 def test_random_laws_are_equal_to_the_last_bit(seed, tmp_path, node):
     controller, arm, step = random_law(seed)
     proof = recorded(controller, arm, 3000, step)
