@@ -105,72 +105,57 @@ def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(make, mad
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("make", PAGES[:3])
-def test_what_is_slipped_into_a_page_does_not_run_and_the_page_does(browser, make, made, tmp_path):
-    path = tmp_path / "page.html"
+@pytest.mark.parametrize("make", PAGES)
+def test_what_is_slipped_into_a_page_does_not_run_and_the_page_does(visit, make, made, tmp_path):
     text = made[make].replace("<body>", f"<body>{INJECTED}", 1)
-    path.write_text(text.replace("</body>", f"{INJECTED}</body>"), encoding="utf-8")
-    page = browser.new_page()
-    asked = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(path.as_uri())
-    until(page, READY[make])
-    page.evaluate("document.getElementById('bait').click()")
-    page.evaluate(ADDED)
-    page.wait_for_timeout(300)
-    assert page.evaluate("[window.hacked, window.hacked2]") == [None, None]
-    with contextlib.suppress(Exception):
-        assert not page.evaluate("fetch('http://127.0.0.1:9/').then(() => true)")
-    page.close()
-    assert [url for url in asked if url.startswith("http")] == []
-
-
-@pytest.mark.browser
-def test_the_live_page_as_it_is_served_runs_nothing_but_its_own(browser, wave, made):
-    text = made[live_page].replace("<body>", f"<body>{INJECTED}", 1)
-    with LiveLink(text, announce=lambda line: None) as link:
-        page = browser.new_page()
-        page.goto(link.url)
-        until(page, READY[live_page])
-        page.evaluate(ADDED)
-        link.send(0.5, [(wave.q[0], wave.q_ref[0], wave.torque[0])])
-        until(page, "fpidPin.frames() > 0")
-        assert page.evaluate("[window.hacked, window.hacked2]") == [None, None]
-        page.close()
-
-
-@pytest.mark.browser
-def test_without_the_policy_each_of_these_runs(browser, tmp_path):
-    """Else the tests above could not fail."""
-    text = META.sub("", document("open", style="", body=INJECTED))
-    path = tmp_path / "open.html"
-    path.write_text(text, encoding="utf-8")
-    page = browser.new_page()
-    page.goto(path.as_uri())
-    until(page, "window.hacked !== undefined")
-    page.evaluate(ADDED)
-    until(page, "window.hacked2 === 'inner'")
-    for piece in re.findall(r"<(?:script|img|svg|iframe)[^>]*>.*?(?=<script|<img|<svg|<iframe|<a)",
-                            INJECTED):  # fmt: skip
-        path.write_text(META.sub("", document("open", style="", body=piece)), encoding="utf-8")
-        page.goto(path.as_uri())
-        until(page, "window.hacked !== undefined")
-    page.close()
-
-
-SCRIPTS = {
-    "ends": "const a = '</script>' + '<!-- <script>' + '</SCRIPT>'; window.ends = a.length === 31;",
-    "lines": "const b = `1\r\n2\r3\n`;\r\nwindow.lines = b === '1\\n2\\n3\\n';",
-    "letters": "window.letters = 'é\u2028😀'.length === 4;",
-}
-
-
-@pytest.mark.browser
-def test_any_script_is_what_its_hash_says(browser, tmp_path):
+    text = text.replace("</body>", f"{INJECTED}</body>")
     path = tmp_path / "page.html"
-    text = document("x", style="", body="", scripts=list(SCRIPTS.values()))
+    path.write_text(text, encoding="utf-8")
+    with contextlib.ExitStack() as stack:
+        address = path.as_uri()
+        if make is live_page:
+            address = stack.enter_context(LiveLink(text, announce=lambda line: None)).url
+        page = stack.enter_context(visit(address, READY[make], sound=False))
+        page.evaluate("document.getElementById('bait').click()")
+        page.evaluate(ADDED)
+        page.wait_for_timeout(300)
+        assert page.evaluate("[window.hacked, window.hacked2]") == [None, None]
+        with contextlib.suppress(Exception):
+            assert not page.evaluate("fetch('http://127.0.0.1:9/').then(() => true)")
+
+
+@pytest.mark.browser
+def test_without_the_policy_each_of_these_runs(visit, tmp_path):
+    """Else the tests above could not fail."""
+    path = tmp_path / "open.html"
+
+    def write(body):
+        text = META.sub("", document("open", style="", body=body))
+        path.write_text(text, encoding="utf-8")
+        return path.as_uri()
+
+    with visit(write(INJECTED), "window.hacked !== undefined", sound=False) as page:
+        page.evaluate(ADDED)
+        until(page, "window.hacked2 === 'inner'")
+        for piece in re.findall(
+            r"<(?:script|img|svg|iframe)[^>]*>.*?(?=<script|<img|<svg|<iframe|<a)", INJECTED
+        ):
+            page.goto(write(piece))
+            until(page, "window.hacked !== undefined")
+
+
+#: Texts in a script that might end it, or be changed on the way.
+TEXTS = (
+    "const a = '</script>' + '<!-- <script>' + '</SCRIPT>'; window.ends = a.length === 31;",
+    "const b = `1\r\n2\r3\n`;\r\nwindow.lines = b === '1\\n2\\n3\\n';",
+    "window.letters = 'é\u2028😀'.length === 4;",
+)
+
+
+@pytest.mark.browser
+def test_any_script_is_what_its_hash_says(visit, tmp_path):
+    path = tmp_path / "page.html"
+    text = document("x", style="", body="", scripts=TEXTS)
     path.write_text(text, encoding="utf-8", newline="")
-    page = browser.new_page()
-    page.goto(path.as_uri())
-    assert [page.evaluate(f"window.{name}") for name in SCRIPTS] == [True] * len(SCRIPTS)
-    page.close()
+    with visit(path.as_uri(), "window.letters !== undefined") as page:
+        assert page.evaluate("[ends, lines, letters]") == [True] * 3
