@@ -43,7 +43,7 @@ _CONSTANT = {
     "bodies": ("slides",),
 }  # fmt: skip
 #: Arrays that the page fills from the step and the orders.
-_BY_STEP = ("c.poles", "c.modes", "c.table")
+_BY_STEP = ("c.robot", "c.poles", "c.modes", "c.table")
 
 
 def encoded(values: Any) -> str:
@@ -92,7 +92,9 @@ class Engine:
                 for name, values in arrays.items()
                 if name not in (*_BY_STEP, "c.numbers") and words(values).any()
             }
-            table.append(law.table(experiment) | {"places": places, "start": start})
+            robots = [[self._robot(one) for one in pair] for pair in law.robots(experiment, steps)]
+            own = {"places": places, "start": start, "robots": robots}
+            table.append(law.table(experiment) | own)
         self.text = f"{HELPERS}{program.text}return [{', '.join(names)}];\n"
         design = next((law.design for law in laws if law.design is not None), None)
         self.table = {
@@ -161,6 +163,12 @@ class Engine:
         modes = modes_of(design, POINTS, step=h, horizon=horizon)
         poles = words(integrate_step(modes.poles, h))
         return {"poles": encoded(poles), "weights": encoded(modes.table().T.ravel())}
+
+    def _robot(self, record: Any) -> str:
+        """Return a robot's record without addresses, which are others in every process."""
+        for name in ("surface", "torque", "adapt"):
+            record[name] = 0
+        return encoded(words(record))
 
     def _payload(self) -> Any:
         """Return what a kilogram at the tool adds to the bodies' records, (n, fields)."""

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +20,9 @@ from fpid_pin.control.functions import plain_function
 from fpid_pin.control.law import Controller, Integral
 from fpid_pin.control.parameters import is_number
 from fpid_pin.control.safeguards import Safeguards
+from fpid_pin.control.state import State
 from fpid_pin.control.supervisor import Supervisor
-from fpid_pin.exceptions import ArgumentError, DesignError, FpidError
+from fpid_pin.exceptions import ArgumentError, DesignError, FpidError, FpidWarning
 from fpid_pin.export.law import start
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.simulation.engine import horizon_of
@@ -81,11 +84,13 @@ class Law:
                 raise DesignError(f"design: expected one with shared poles, got {kind}")
             if any(other.design not in (None, self.design) for other in others):
                 raise ArgumentError("design", "the same for all controllers of a page", "another")
-        changes: dict[str, Any] = {"supervisor": None}
+        changes: dict[str, Any] = {"supervisor": supervisor_of(experiment, law)}
         if isinstance(law, AdaptiveFpid):
             # Orders may come to move.
             changes["order_learning_rate"] = np.maximum(law.order_learning_rate, 1e-300)
-        self.state = start(dataclasses.replace(law, **changes), arm, self._step, self._horizon)
+        with warnings.catch_warnings(action="ignore", category=FpidWarning):
+            # What a description has to say it said where it was made.
+            self.state = start(replace(law, **changes), arm, self._step, self._horizon)
         self.settings: dict[str, Any] = {}
         self.moves: dict[str, list[Any]] = {}
         if isinstance(law, AdaptiveFpid):
@@ -175,8 +180,7 @@ class Law:
         changes: list[dict[str, Any]]
         changes = [{name: value[()]} for value in (np.full(shape, 0.25), np.full(shape, 0.5), x)]
         low, high, found = (
-            self._numbers(dataclasses.replace(self.controller, **change), self._step)
-            for change in changes
+            self._numbers(replace(self.controller, **change), self._step) for change in changes
         )
         moved = [key for key in low if not np.array_equal(low[key], high[key])]
         for key, value in found.items():
@@ -193,12 +197,28 @@ class Law:
             for key, slope in slopes.items()
         ]
 
+    def robots(self, e: Experiment, steps: Sequence[float]) -> list[list[Any]]:
+        """Return the robot's record at each step, without a supervisor and with one."""
+        law, guard = self.controller, supervisor_of(e, self.controller)
+
+        def record(h: float, supervisor: Supervisor | None) -> Any:
+            # An observer is not faster than its sampling.
+            own = replace(law, observer=min(law.observer, 1.0 / h), supervisor=supervisor)
+            return State(own, self._arm, step=h, horizon=self._horizon).c.robot
+
+        with warnings.catch_warnings(action="ignore", category=FpidWarning):
+            return [
+                [record(h, None), record(h, replace(
+                    guard, observer=min(guard.observer, 1.0 / h),
+                    lookahead=guard.lookahead and max(guard.lookahead, h),
+                ))]
+                for h in steps
+            ]  # fmt: skip
+
     def table(self, e: Experiment) -> dict[str, Any]:
         """Return what the page needs of it."""
         law, s = self.controller, supervisor_of(e, self.controller)
         names = list(self.state.record.names)
-        constants = dataclasses.replace(s, lookahead=None).constants(self._step)
-        constants = {name: float(x) for name, x in constants.items() if np.isfinite(x)}
         operators = [
             {
                 "order": names.index(x.order) if isinstance(x.order, str) else -1,
@@ -214,10 +234,5 @@ class Law:
             "columns": [names.index(name) for name in self.signals],
             "guarded": getattr(law, "safeguards", None) is not None,
             "kick": getattr(law, "initialisation", "") == "grunwald_letnikov",
-            "observer": law.observer,
-            "supervisor": {
-                "kind": s.kind, "m_x": s.m_x, "reference_bound": s.reference_bound,
-                "lookahead": s.lookahead or 0.0, "observer": s.observer,
-                "bound": s.bound(e.arm.n).tolist(), "constants": constants,
-            },
-        }  # fmt: skip
+            "supervisor": {"m_x": s.m_x, "reference_bound": s.reference_bound},
+        }

@@ -145,9 +145,8 @@ def _page(
     e: Experiment, laws: Sequence[Law], names: Sequence[str], steps: list[float]
 ) -> dict[str, Any]:
     """Return what the page has to know beside its engine."""
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(action="ignore", category=FpidWarning):
         # What the description has to say about limits it said when it was made.
-        warnings.simplefilter("ignore", FpidWarning)
         alone = replace(laws[0].controller, supervisor=None)
         run = simulate(replace(e, dynamics="compiled"), alone)
     peak = np.abs(run.torque).max(axis=0, initial=0.1)
