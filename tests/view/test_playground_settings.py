@@ -1,5 +1,6 @@
 """Whatever a page's settings say, its run is that of its own TOML: in node, many at once."""
 
+import base64
 import dataclasses
 import json
 import re
@@ -20,14 +21,19 @@ from fpid_pin.view.playground_page import playground_html
 #: Runs are short: settings that are chaotic have no time to show it.
 DURATION = 0.25
 ASK = """
-const asked = JSON.parse(require("fs").readFileSync(process.argv[2]));
-const said = asked.map((changes) => {
+function run(changes) {
   const now = {...fresh(), ...changes}, S = settingsOf(now, now.controller);
   const {q, v, torque, metrics, outcome} = simulate(S);
   return {toml: toToml(S), q: [...q], v: [...v], torque: [...torque], metrics, outcome,
     link: fromLink(toLink(now, null)).now, now};
-});
-process.stdout.write(JSON.stringify(said));
+}
+function refuse(link) {
+  const {now, faults} = fromLink(link);
+  return [faults, same(now, fresh())];
+}
+const [, , path, question] = process.argv;
+const asked = JSON.parse(require("fs").readFileSync(path));
+process.stdout.write(JSON.stringify(asked.map({run, refuse}[question])));
 """
 GUARD = fp.Supervisor.quiet(m_x=3.0, reference_bound=1.5)
 
@@ -108,32 +114,24 @@ class Page:
         tables = "\n".join(re.findall(r"<script>(const (?:ENGINE|PAGE) = \{.*?\};)</script>", text))
         engine = re.search(r'id="engine">(.*?)</script>', text, re.DOTALL).group(1)
         self.table = json.loads(re.search(r"PAGE = (\{.*\});", tables, re.DOTALL).group(1))
+        self.engine = json.loads(re.match(r"const E = (\{.*?\});\n", engine).group(1))
         self.folder, self.script = folder, folder / "page.js"
         settings = asset("playground_settings.js").replace('"use strict";', "", 1)
         parts = ["const self = {};", tables, settings, engine, ASK]
         self.script.write_text("\n".join(parts), encoding="utf-8")
 
-    def run(self, asked):
-        """Return what the page makes of settings, each a change of the described ones."""
+    def ask(self, question, asked):
+        """Return the page's answer to each thing that is asked: a `run`, or to `refuse` a link."""
         path = self.folder / "asked.json"
         path.write_text(json.dumps(asked))
-        done = finished(["node", str(self.script), str(path)])
+        done = finished(["node", str(self.script), str(path), question])
         assert done.returncode == 0, done.stderr[-1000:]
         return json.loads(done.stdout)
-
-    def faults(self, links):
-        """Return what the page says of each link, and whether all stays as described."""
-        ask = "process.stdout.write(JSON.stringify(JSON.parse(process.argv[3]).map((link) => {" + (
-            "const {now, faults} = fromLink(link); return [faults, same(now, fresh())]; })));"
-        )
-        script = self.folder / "links.js"
-        script.write_text(self.script.read_text(encoding="utf-8").replace(ASK, ask))
-        return json.loads(finished(["node", str(script), "", json.dumps(links)]).stdout)
 
     def check(self, asked):
         """Hold runs against those of their own TOML, run by Python; return these."""
         runs = []
-        for changes, mine in zip(asked, self.run(asked), strict=True):
+        for changes, mine in zip(asked, self.ask("run", asked), strict=True):
             assert mine["link"] == mine["now"], changes
             config = parse(mine["toml"], "copied.toml", self.folder)
             assert config.experiment.dynamics == "compiled"
@@ -146,10 +144,8 @@ class Page:
             outcome = mine["outcome"]
             assert outcome["completed"] == run.outcome.completed, changes
             if not run.outcome.completed:
-                assert (outcome["joint"], outcome["cause"]) == (
-                    run.outcome.joint,
-                    run.outcome.cause,
-                )
+                assert outcome["joint"] == run.outcome.joint
+                assert outcome["cause"] == run.outcome.cause
                 assert outcome["time"] == pytest.approx(run.outcome.time, abs=1e-9)
             else:
                 for name, values in mine["metrics"].items():
@@ -264,6 +260,16 @@ def test_a_link_is_refused_by_name(page):
         "integral_order=2,2": "integral_order: expected 0 to 1", "step=0.3": "step: expected one",
         "nonsense=1": "nonsense: no such setting",
     }  # fmt: skip
-    for (_, want), (faults, same) in zip(links.items(), page.faults(list(links)), strict=True):
+    for (_, want), (faults, same) in zip(
+        links.items(), page.ask("refuse", list(links)), strict=True
+    ):
         assert [fault.startswith(want) for fault in faults] == [True]
         assert same, "and ignored"
+
+
+def test_no_address_within_this_process_is_in_a_page(page):
+    """They would be others each time, and the same description another page."""
+    fields = page.engine["fields"]["c.robot"]
+    for text in (text for law in page.engine["laws"] for pair in law["robots"] for text in pair):
+        robot = np.frombuffer(base64.b64decode(text))
+        assert not any(robot[fields[name]] for name in ("surface", "torque", "adapt"))
