@@ -29,20 +29,13 @@ def test_view_writes_a_page_of_several_files(make_run, two_link, tmp_path, capsy
     assert "opens in any browser" in capsys.readouterr().out
 
 
-def test_view_names_what_is_wrong_with_a_file(wave, tmp_path):
-    whole = wave.save(tmp_path / "run.npz").read_bytes()
-    (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
+def test_view_names_what_is_wrong_with_a_file_and_with_captions(wave, tmp_path):
     (tmp_path / "text.npz").write_text("not a run")
-    for name, message in (
-        ("cut.npz", "another file or a damaged one"),
-        ("text.npz", "expected a run file"),
-        ("none.npz", "no such file"),
-    ):
-        with pytest.raises(FileFormatError, match=message):
-            view([tmp_path / name], html=tmp_path / "out.html")
-    assert not (tmp_path / "out.html").exists()
+    with pytest.raises(FileFormatError, match="expected a run file"):
+        view([tmp_path / "text.npz"], html=tmp_path / "out.html")
     with pytest.raises(ArgumentError, match="captions"):
-        view([tmp_path / "run.npz"], html=tmp_path / "o.html", caption=["a", "b"])
+        view([wave.save(tmp_path / "run.npz")], html=tmp_path / "out.html", caption=["a", "b"])
+    assert not (tmp_path / "out.html").exists()
 
 
 @pytest.fixture

@@ -10,11 +10,11 @@ import pytest
 from bounded import until
 
 import fpid_pin as fp
-from fpid_pin.view import export_html, report_html
+from fpid_pin.view import report_html
 from fpid_pin.view.document import document
 from fpid_pin.view.link import LiveLink
 from fpid_pin.view.playground_page import playground_html
-from fpid_pin.view.replay import render
+from fpid_pin.view.replay import render, replay_html
 from fpid_pin.view.scene import experiment_scene
 
 META = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
@@ -43,46 +43,39 @@ for (const text of ["window.hacked2 = 'added'"]) {
 """
 
 
-def replay_page(run, path):
-    return export_html(run, path).read_text("utf-8")
-
-
-def report_page(run, path):
-    return report_html(run, path, title="report", config_text="a = 1").read_text("utf-8")
-
-
-def playground_page(run, path):
-    law = fp.paper_controller(supervised=False)
-    return playground_html(fp.paper_experiment(duration=0.5), law)
-
-
-def live_page(run, path):
-    return render(experiment_scene(run.experiment, "live", 1.0) | {"live": True}, "live")
-
-
-PAGES = [replay_page, report_page, playground_page, live_page]
-READY = {
-    replay_page: "window.fpidPin !== undefined",
-    report_page: "document.querySelectorAll('table').length > 1",
-    playground_page: "window.playground && playground.state.got > 0",
-    live_page: "window.fpidPin !== undefined",
+LAW = fp.paper_controller(supervised=False)
+#: Each kind of page: its text, and what is true in it once it is there.
+PAGES = {
+    "replay": (replay_html, "window.fpidPin !== undefined"),
+    "report": (
+        lambda run: report_html(run, "report.html", title="report").read_text("utf-8"),
+        "document.querySelectorAll('table').length > 1",
+    ),
+    "playground": (
+        lambda run: playground_html(fp.paper_experiment(duration=0.5), LAW),
+        "window.playground && playground.state.got > 0",
+    ),
+    "live": (
+        lambda run: render(experiment_scene(run.experiment, "live", 1.0) | {"live": True}, "live"),
+        "window.fpidPin !== undefined",
+    ),
 }
 
 
 @pytest.fixture(scope="module")
 def made(wave, tmp_path_factory):
     """Return the text of each page."""
-    folder = tmp_path_factory.mktemp("pages")
-    return {make: make(wave, folder / f"{make.__name__}.html") for make in PAGES}
+    with contextlib.chdir(tmp_path_factory.mktemp("pages")):
+        return {kind: make(wave) for kind, (make, _) in PAGES.items()}
 
 
-@pytest.mark.parametrize("make", PAGES)
-def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(make, made):
-    page = made[make]
+@pytest.mark.parametrize("kind", PAGES)
+def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(kind, made):
+    page = made[kind]
     (policy,) = META.findall(page)
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
     scripts = SCRIPT.findall(page)
-    if make is report_page:
+    if kind == "report":
         # The replay in its frame is bound by both policies, so the outer one names its scripts.
         inner = unescape(re.search(r'srcdoc="([^"]*)"', page)[1])
         (within,) = META.findall(inner)
@@ -96,7 +89,7 @@ def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(make, mad
     assert len(scripts) >= 4
     assert set(rules.pop("script-src").split()) == hashes
     assert rules.pop("default-src") == "'none'"
-    assert ("connect-src" in rules) == (make is live_page)
+    assert ("connect-src" in rules) == (kind == "live")
     assert rules.pop("style-src") == "'unsafe-inline'"
     assert "unsafe" not in "".join(rules.values())
     # The policy stands before anything that it is to bind.
@@ -105,17 +98,17 @@ def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(make, mad
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("make", PAGES)
-def test_what_is_slipped_into_a_page_does_not_run_and_the_page_does(visit, make, made, tmp_path):
-    text = made[make].replace("<body>", f"<body>{INJECTED}", 1)
+@pytest.mark.parametrize("kind", PAGES)
+def test_what_is_slipped_into_a_page_does_not_run_and_the_page_does(visit, kind, made, tmp_path):
+    text = made[kind].replace("<body>", f"<body>{INJECTED}", 1)
     text = text.replace("</body>", f"{INJECTED}</body>")
     path = tmp_path / "page.html"
     path.write_text(text, encoding="utf-8")
     with contextlib.ExitStack() as stack:
         address = path.as_uri()
-        if make is live_page:
+        if kind == "live":
             address = stack.enter_context(LiveLink(text, announce=lambda line: None)).url
-        page = stack.enter_context(visit(address, READY[make], sound=False))
+        page = stack.enter_context(visit(address, PAGES[kind][1], sound=False))
         page.evaluate("document.getElementById('bait').click()")
         page.evaluate(ADDED)
         page.wait_for_timeout(300)

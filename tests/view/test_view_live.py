@@ -10,7 +10,7 @@ import sys
 import threading
 import urllib.error
 import urllib.request
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 import numpy as np
 import psutil
@@ -53,31 +53,21 @@ def answers(port):
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-@contextmanager
-def live_process():
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_only_loopback_is_listened_on_and_nothing_outlives_ctrl_c_or_a_kill(end):
     pipes = {"stdout": subprocess.PIPE, "stdin": subprocess.DEVNULL, "text": True}
     with started([sys.executable, "-c", LIVE], **pipes) as process:
-        lines = iter(process.stdout.readline, "")
-        line = next(line for line in lines if "http://" in line)
-        yield process, int(re.search(r"127.0.0.1:(\d+)", line)[1])
-
-
-def test_only_loopback_is_listened_on_and_ctrl_c_leaves_nothing():
-    with live_process() as (process, port):
+        line = next(line for line in iter(process.stdout.readline, "") if "http://" in line)
+        port = int(re.search(r"127.0.0.1:(\d+)", line)[1])
+        assert answers(port)
         assert addresses(process.pid) == {"127.0.0.1"}
         (child,) = psutil.Process(process.pid).children(recursive=True)
-        process.send_signal(signal.SIGINT)
-        assert "ended with a report of Timing" in process.stdout.read()
-        assert process.wait(PATIENCE) == 0
+        process.send_signal(end)
+        said = process.stdout.read()
+        assert ("ended with a report of Timing" in said) == (end == signal.SIGINT)
+        assert process.wait(PATIENCE) == (0 if end == signal.SIGINT else -end)
         assert wait_until(lambda: not child.is_running())
         assert not answers(port)
-
-
-def test_no_listener_outlives_a_killed_parent():
-    with live_process() as (process, port):
-        assert answers(port)
-        process.kill()
-        assert wait_until(lambda: not answers(port))
 
 
 @pytest.fixture
