@@ -53,6 +53,13 @@ class AdaptiveFpid(Controller):
         gamma; also (3, n), a row each for Kp, Ki, Kd.
     k0, k1
         Sliding surface ``S = -(e' + k1 e + k0 int e)`` [1/s^2], [1/s].
+    derivative_on
+        ``"error"``: D^mu e, as in (10); ``"measurement"``: -D^mu q in its place, for references
+        that jump. Where q_d jumps by d and q'_d stays, D^mu e jumps by
+        6 d h^-mu/(Gamma(1 - mu) (2 - mu) (3 - mu)), and with it the torque; D^mu q has no such
+        kick, but tracks a moving reference less closely (Åström and Hägglund, *Advanced PID
+        Control*, 2006, section 3.3, on the integer PID). Not with ``"grunwald_letnikov"``, whose
+        start would kick by the pose itself.
     regressors
         ``"law"``: the gradient of (10) itself; ``"integer"``: e, int e, e' as printed.
     design
@@ -83,6 +90,7 @@ class AdaptiveFpid(Controller):
     learning_rate: Annotated[ArrayLike, PerJoint(low=0.0, rows=3)] = 25.0
     k0: Annotated[ArrayLike, PerJoint("1/s^2", low=0.0)] = 1.0
     k1: Annotated[ArrayLike, PerJoint("1/s", low=0.0)] = 2.0
+    derivative_on: Annotated[str, OneOf("error", "measurement")] = "error"
     regressors: Annotated[str, OneOf("law", "integer")] = "law"
     design: Design = field(default_factory=lambda: ExponentialSum(modes=24))
     initialisation: Annotated[str, OneOf(*INITIALISATIONS)] = "caputo"
@@ -90,6 +98,13 @@ class AdaptiveFpid(Controller):
     order_learning_rate: Annotated[ArrayLike, PerJoint(low=0.0, rows=2)] = 0.0
     integral_order_bounds: Annotated[Sequence[float], Check(check_bounds)] = (0.02, 1.0)
     derivative_order_bounds: Annotated[Sequence[float], Check(check_bounds)] = (0.3, 1.0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.on_measurement and self.initialisation != "caputo":
+            raise checks.ArgumentError(
+                "initialisation", "caputo with derivative_on = measurement", self.initialisation
+            )
 
     # ------------------------------------------------------------------------ the law
 
@@ -101,7 +116,7 @@ class AdaptiveFpid(Controller):
     @staticmethod
     def torque(c: Any) -> Any:
         """Return u_FPID over the scale, (10)."""
-        return c.kp * c.e + c.ki * c.i_e + c.kd * c.d_e
+        return c.kp * c.e + c.ki * c.i_e + c.kd * (c.d_sign * c.d_e)
 
     @property
     def adapt(self) -> Any:
@@ -112,11 +127,11 @@ class AdaptiveFpid(Controller):
 
     @property
     def operators(self) -> Mapping[str, Operator]:
-        """I^lambda e and D^mu e of (10)."""
-        moves = self.moves_orders
+        """I^lambda e and D^mu e of (10), or D^mu q."""
+        moves, of = self.moves_orders, "q" if self.on_measurement else "e"
         return {
             "i_e": Integral("integral_order", adapts=moves),
-            "d_e": Derivative("derivative_order", adapts=moves),
+            "d_e": Derivative("derivative_order", of=of, adapts=moves),
         }
 
     @property
@@ -141,6 +156,7 @@ class AdaptiveFpid(Controller):
             found |= {name: gain, f"{name}_0": gain, f"gamma_{name[1]}": rates[k]}
             found |= {f"{name}_min": low[k], f"{name}_max": high[k]}
         found["as_printed"] = float(self.regressors == "integer")
+        found["d_sign"] = -1.0 if self.on_measurement else 1.0
         for name in ("sigma", "e_modification", "dead_zone"):
             found[name] = 0.0 if guard is None else getattr(guard, name)
         orders, bounds = self.orders(n), self.order_bounds(n)
@@ -152,6 +168,11 @@ class AdaptiveFpid(Controller):
         return found
 
     # ----------------------------------------------------------------- the description
+
+    @property
+    def on_measurement(self) -> bool:
+        """Whether the derivative is the measured angle's, not the error's."""
+        return self.derivative_on == "measurement"
 
     @property
     def moves_orders(self) -> bool:
@@ -200,7 +221,7 @@ def adapt_gains(c: Any) -> None:
     if not winds_up(c.cut, -c.s):
         s = c.s - clip(c.s, c.dead_zone)
         i_e = c.int_e if c.as_printed > 0.0 else c.i_e
-        d_e = c.e_dot if c.as_printed > 0.0 else c.d_e
+        d_e = c.e_dot if c.as_printed > 0.0 else c.d_sign * c.d_e
         p_leak = leakage(c, c.kp, c.kp_0, c.gamma_p, s)
         i_leak = leakage(c, c.ki, c.ki_0, c.gamma_i, s)
         d_leak = leakage(c, c.kd, c.kd_0, c.gamma_d, s)
@@ -219,6 +240,6 @@ def adapt_gains_and_orders(c: Any) -> None:
         c.integral_order = bounded(order, c.integral_order_min, c.integral_order_max)
         rate, order = c.derivative_order_rate, c.derivative_order
         leak = leakage(c, order, c.derivative_order_0, rate, s)
-        order -= c.h * (rate * s * c.scale * c.kd * c.d_e_by_order + leak)
+        order -= c.h * (rate * s * c.scale * c.kd * (c.d_sign * c.d_e_by_order) + leak)
         c.derivative_order = bounded(order, c.derivative_order_min, c.derivative_order_max)
     adapt_gains(c)

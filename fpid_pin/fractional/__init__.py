@@ -6,6 +6,7 @@ from fpid_pin.fractional.definitions import caputo, grunwald_letnikov, riemann_l
 from fpid_pin.fractional.design import Design, Modes
 from fpid_pin.fractional.exponential_sum import ExponentialSum
 from fpid_pin.fractional.history import L1, GrunwaldLetnikov
+from fpid_pin.fractional.linear_system import state_space
 from fpid_pin.fractional.operator_report import OperatorReport, report
 
 __all__ = [
@@ -21,4 +22,5 @@ __all__ = [
     "grunwald_letnikov",
     "report",
     "riemann_liouville",
+    "state_space",
 ]

@@ -42,6 +42,8 @@ def random_law(seed):
         scale=rng.uniform(0.5, 2.0, n), safeguards=guard,
         order_learning_rate=rng.uniform(0.0, 0.05, (2, n)) if moves else 0.0,
     )  # fmt: skip
+    if controller.initialisation == "caputo" and seed % 2:
+        controller = dataclasses.replace(controller, derivative_on="measurement")
     return controller, arm, float(rng.choice([5e-4, 1e-3, 4e-3]))
 
 
