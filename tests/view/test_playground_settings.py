@@ -93,7 +93,8 @@ LAWS = [
     fp.paper_controller(supervised=False),
     fpid(feedforward=True, observer=60.0, initialisation="grunwald_letnikov"),
     fpid(supervisor=dataclasses.replace(GUARD, kind="paper", observer=0.0, trigger=0.0),
-         safeguards=fp.Safeguards(minimum=1.0, maximum=80.0, sigma=0.05)),
+         safeguards=fp.Safeguards(minimum=1.0, maximum=80.0, sigma=0.05),
+         derivative_on="measurement"),
     fpid(order_learning_rate=0.02, initialisation="grunwald_letnikov", regressors="integer"),
     fp.Pid(kp=60.0, ki=20.0, kd=(9.0, 4.0), scale="inertia", feedforward=True),
     fp.ComputedTorque(k0=100.0, k1=20.0, ki=5.0, observer=50.0, supervisor=dataclasses.replace(
