@@ -1,6 +1,5 @@
 """Whatever a page's settings say, its run is that of its own TOML: in node, many at once."""
 
-import base64
 import dataclasses
 import json
 import re
@@ -115,7 +114,6 @@ class Page:
         tables = "\n".join(re.findall(r"<script>(const (?:ENGINE|PAGE) = \{.*?\};)</script>", text))
         engine = re.search(r'id="engine">(.*?)</script>', text, re.DOTALL).group(1)
         self.table = json.loads(re.search(r"PAGE = (\{.*\});", tables, re.DOTALL).group(1))
-        self.engine = json.loads(re.match(r"const E = (\{.*?\});\n", engine).group(1))
         self.folder, self.script = folder, folder / "page.js"
         settings = asset("playground_settings.js").replace('"use strict";', "", 1)
         parts = ["const self = {};", tables, settings, engine, ASK]
@@ -266,11 +264,3 @@ def test_a_link_is_refused_by_name(page):
     ):
         assert [fault.startswith(want) for fault in faults] == [True]
         assert same, "and ignored"
-
-
-def test_no_address_within_this_process_is_in_a_page(page):
-    """They would be others each time, and the same description another page."""
-    fields = page.engine["fields"]["c.robot"]
-    for text in (text for law in page.engine["laws"] for pair in law["robots"] for text in pair):
-        robot = np.frombuffer(base64.b64decode(text))
-        assert not any(robot[fields[name]] for name in ("surface", "torque", "adapt"))
