@@ -246,7 +246,7 @@ def test_the_toml_to_copy_is_one_that_the_command_runs(play, tmp_path):
     play.page.click("#close")
     assert tomllib.loads(path.read_text())["controller"][0]["name"] == MARKUP
     assert load(path).title == MARKUP
-    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 0
+    assert main(["run", str(path), "--no-figures", "--out", str(tmp_path / "out")]) == 0
 
 
 @pytest.mark.browser
