@@ -92,9 +92,8 @@ class Engine:
                 for name, values in arrays.items()
                 if name not in (*_BY_STEP, "c.numbers") and words(values).any()
             }
-            robots = [[self._robot(one) for one in pair] for pair in law.robots(experiment, steps)]
-            own = {"places": places, "start": start, "robots": robots}
-            table.append(law.table(experiment) | own)
+            robots = [[encoded(words(law.robot(h, on))) for on in (False, True)] for h in steps]
+            table.append(law.table() | {"places": places, "start": start, "robots": robots})
         self.text = f"{HELPERS}{program.text}return [{', '.join(names)}];\n"
         design = next((law.design for law in laws if law.design is not None), None)
         self.table = {
@@ -163,12 +162,6 @@ class Engine:
         modes = modes_of(design, POINTS, step=h, horizon=horizon)
         poles = words(integrate_step(modes.poles, h))
         return {"poles": encoded(poles), "weights": encoded(modes.table().T.ravel())}
-
-    def _robot(self, record: Any) -> str:
-        """Return a robot's record without addresses, which are others in every process."""
-        for name in ("surface", "torque", "adapt"):
-            record[name] = 0
-        return encoded(words(record))
 
     def _payload(self) -> Any:
         """Return what a kilogram at the tool adds to the bodies' records, (n, fields)."""

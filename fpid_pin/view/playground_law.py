@@ -29,7 +29,7 @@ from fpid_pin.simulation.engine import horizon_of
 from fpid_pin.simulation.experiment import Experiment
 
 #: Signals that a page can plot: the law's own, as many as this, and what every law has.
-OWN_SIGNALS, SIGNALS = 5, ("u_law", "u_model", "u_s")
+OWN_SIGNALS, SIGNALS = 6, ("u_law", "u_model", "u_s")
 
 
 def supervisor_of(e: Experiment, controller: Controller) -> Supervisor:
@@ -58,6 +58,8 @@ class Law:
         On the experiment's arm.
     state
         At t = 0, with room for orders that come to move where its orders can.
+    supervisor
+        Its own, or the one of a page's switch.
     settings : dict
         Fields that sliders can move, by name: one number, or one for each joint.
     moves : dict
@@ -84,7 +86,8 @@ class Law:
                 raise DesignError(f"design: expected one with shared poles, got {kind}")
             if any(other.design not in (None, self.design) for other in others):
                 raise ArgumentError("design", "the same for all controllers of a page", "another")
-        changes: dict[str, Any] = {"supervisor": supervisor_of(experiment, law)}
+        self.supervisor = supervisor_of(experiment, law)
+        changes: dict[str, Any] = {"supervisor": self.supervisor}
         if isinstance(law, AdaptiveFpid):
             # Orders may come to move.
             changes["order_learning_rate"] = np.maximum(law.order_learning_rate, 1e-300)
@@ -99,9 +102,10 @@ class Law:
             self._of_fields(law)
 
     @property
-    def operators(self) -> Mapping[str, Any]:
-        """The law's operators, by their outputs."""
-        return self.state.controller.operators
+    def orders(self) -> list[str]:
+        """Fields that are orders of the law's operators."""
+        operators = self.state.controller.operators.values()
+        return [x.order for x in operators if isinstance(x.order, str)]
 
     @property
     def functions(self) -> tuple[Any, ...]:
@@ -112,12 +116,8 @@ class Law:
     @property
     def signals(self) -> list[str]:
         """Names of the numbers that a page can plot of it."""
-        own = [
-            name for name in self.state.controller.shown.values() if name in self.state.record.names
-        ]
-        if isinstance(self.controller, AdaptiveFpid):
-            own = ["kp", "ki", "kd", "integral_order", "derivative_order"]
-        own = [name for name in own if name not in (*SIGNALS, "lyapunov")]
+        shown = self.state.controller.shown.values()
+        own = [name for name in shown if name not in (*SIGNALS, "lyapunov")]
         return [*own[:OWN_SIGNALS], *SIGNALS]
 
     def follows_steps(self, steps: Sequence[float]) -> bool:
@@ -197,27 +197,22 @@ class Law:
             for key, slope in slopes.items()
         ]
 
-    def robots(self, e: Experiment, steps: Sequence[float]) -> list[list[Any]]:
-        """Return the robot's record at each step, without a supervisor and with one."""
-        law, guard = self.controller, supervisor_of(e, self.controller)
-
-        def record(h: float, supervisor: Supervisor | None) -> Any:
-            # An observer is not faster than its sampling.
-            own = replace(law, observer=min(law.observer, 1.0 / h), supervisor=supervisor)
-            return State(own, self._arm, step=h, horizon=self._horizon).c.robot
-
+    def robot(self, h: float, supervised: bool) -> Any:
+        """Return the robot's record at a step [s], without addresses: they are others each time."""
+        law, guard = self.controller, self.supervisor
+        # An observer is not faster than its sampling.
+        ahead = None if guard.lookahead is None else max(guard.lookahead, h)
+        guard = replace(guard, observer=min(guard.observer, 1.0 / h), lookahead=ahead)
+        guarded = guard if supervised else None
+        law = replace(law, observer=min(law.observer, 1.0 / h), supervisor=guarded)
         with warnings.catch_warnings(action="ignore", category=FpidWarning):
-            return [
-                [record(h, None), record(h, replace(
-                    guard, observer=min(guard.observer, 1.0 / h),
-                    lookahead=guard.lookahead and max(guard.lookahead, h),
-                ))]
-                for h in steps
-            ]  # fmt: skip
+            robot = State(law, self._arm, step=h, horizon=self._horizon).c.robot
+        robot[["surface", "torque", "adapt"]] = 0
+        return robot
 
-    def table(self, e: Experiment) -> dict[str, Any]:
+    def table(self) -> dict[str, Any]:
         """Return what the page needs of it."""
-        law, s = self.controller, supervisor_of(e, self.controller)
+        law, guard = self.controller, self.supervisor
         names = list(self.state.record.names)
         operators = [
             {
@@ -234,5 +229,5 @@ class Law:
             "columns": [names.index(name) for name in self.signals],
             "guarded": getattr(law, "safeguards", None) is not None,
             "kick": getattr(law, "initialisation", "") == "grunwald_letnikov",
-            "supervisor": {"m_x": s.m_x, "reference_bound": s.reference_bound},
+            "supervisor": {"m_x": guard.m_x, "reference_bound": guard.reference_bound},
         }
