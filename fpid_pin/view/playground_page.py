@@ -31,8 +31,7 @@ from fpid_pin.view.scene import experiment_scene, to_script_json
 SHOWN = 1200
 #: What the page calls numbers of a law.
 _SIGNALS = {
-    "kp": "Kp", "ki": "Ki", "kd": "Kd", "integral_order": "λ", "derivative_order": "μ",
-    "s": "S, the sliding surface [rad/s]",
+    "kp": "Kp", "ki": "Ki", "kd": "Kd", "integral_order": "λ", "derivative_order": "μ", "s": "S",
     "u_law": "torque of the law itself [N m]", "u_model": "torque by the model [N m]",
     "u_s": "torque of the supervisor [N m]",
 }  # fmt: skip
