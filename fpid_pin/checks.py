@@ -122,18 +122,9 @@ def floats(
     return array
 
 
-def number(
-    name: str,
-    value: Any,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    above: float | None = None,
-    finite: bool = True,
-) -> float:
-    """Check one real number and return it as a float."""
-    array = floats(name, value, low=low, high=high, above=above, finite=finite, max_ndim=0)
-    return float(array)
+def number(name: str, value: Any, **bounds: Any) -> float:
+    """Check one real number, by the bounds of `floats`, and return it as a float."""
+    return float(floats(name, value, max_ndim=0, **bounds))
 
 
 def integer(name: str, value: Any, *, low: int | None = None, high: int | None = None) -> int:
@@ -159,24 +150,15 @@ def scalar_or_joints(name: str, value: ArrayLike, *, rows: int = 0, **bounds: An
     return array
 
 
-def per_joint(
-    name: str,
-    value: ArrayLike,
-    n: int,
-    *,
-    low: float | None = None,
-    high: float | None = None,
-    above: float | None = None,
-    finite: bool = True,
-) -> FloatArray:
-    """Check a scalar or an (n,) array and return it as a read-only (n,) array.
+def per_joint(name: str, value: ArrayLike, n: int, **bounds: Any) -> FloatArray:
+    """Check a scalar or an (n,) array, by the bounds of `floats`; return a read-only (n,) array.
 
     Raises
     ------
     ArgumentError
         For example ``kp: expected shape (2,) (the arm has 2 joints), got shape (3,)``.
     """
-    array = floats(name, value, low=low, high=high, above=above, finite=finite)
+    array = floats(name, value, **bounds)
     if array.ndim == 0:
         array = read_only(np.full(n, float(array)))
     if array.shape != (n,):
@@ -197,8 +179,10 @@ def choice(name: str, value: Any, options: Iterable[str]) -> str:
     known = list(options)
     if isinstance(value, str) and value in known:
         return value
-    expected = cut("one of " + ", ".join(known))
-    near = difflib.get_close_matches(value, known, n=1) if isinstance(value, str) else []
+    expected = cut("one of " + ", ".join(known)) if known else "none"
+    small = value.lower() if isinstance(value, str) else ""
+    near = [option for option in known if option.lower() == small]
+    near = near or difflib.get_close_matches(small and value, known, n=1)
     hint = f" (did you mean {near[0]}?)" if near else ""
     raise ArgumentError(name, expected, f"{shown(value, _SHORT)}{hint}")
 
@@ -209,8 +193,8 @@ def instance(name: str, value: Any, kind: type | tuple[type, ...], expected: str
         raise ArgumentError(name, expected, f"{type(value).__name__}")
 
 
-def plain(name: str, value: Any, kind: type, expected: str) -> Any:
-    """Check that `value` is of a plain type; an error quotes it."""
+def plain(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> Any:
+    """Check that `value` is of one of some plain types; an error quotes it."""
     if not isinstance(value, kind):
         raise ArgumentError(name, expected, shown(value))
     return value

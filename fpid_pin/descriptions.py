@@ -82,7 +82,7 @@ class Key:
     checks: tuple[Check, ...]  # as declared: none, one, or a choice for texts and one for all else
     plain: Check | None  # of a table's value, by the field's plain type where none is declared
     family: type | None  # of the descriptions that it holds; None: it holds none
-    several: bool  # whether it holds a sequence of them
+    several: type | None  # Sequence or Mapping where it holds many; a check is then for each
     optional: bool  # whether it may be None
 
     @property
@@ -100,18 +100,25 @@ class Key:
         """
         if value is None and self.optional:
             return None
+        if self.family is not None and self.several is Mapping:
+            if not isinstance(value, Mapping):
+                raise ArgumentError(name, "a table", shown(value))
+            return {key: self._member(_join(name, key), item) for key, item in value.items()}
         for check in self.checks:
             # Of two, a choice is for texts and the other for all else.
             if len(self.checks) == 1 or isinstance(value, str) == (check.function is checks.choice):
                 return check(name, value)
-        if self.family is not None and self.several:
+        if self.family is not None and self.several is Sequence:
             items = list(value) if isinstance(value, (list, tuple)) else [value]
-            for k, item in enumerate(items):
-                checks.instance(f"{name}.{k}", item, self.family, _called(self.family))
-            return tuple(items)
-        if self.family is not None:
-            expected = _called(self.family) + " or None" * self.optional
-            checks.instance(name, value, self.family, expected)
+            return tuple(self._member(f"{name}.{k}", item) for k, item in enumerate(items))
+        return value if self.family is None else self._member(name, value)
+
+    def _member(self, name: str, value: Any) -> Any:
+        """Return a description that the field holds, checked."""
+        expected = _called(cast("type", self.family)) + " or None" * self.optional
+        checks.instance(name, value, cast("type", self.family), expected)
+        for check in self.checks:
+            check(name, value)
         return value
 
 
@@ -146,7 +153,7 @@ def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
         declared,
         None if declared else _PLAIN.get(hint),
         next(iter(families), None),
-        any(issubclass(_origin(choice), Sequence) for choice in choices),
+        next((t for t in (Sequence, Mapping) for c in choices if issubclass(_origin(c), t)), None),
         type(None) in parts,
     )
 
@@ -161,11 +168,12 @@ def _origin(hint: Any) -> type:
 
 
 def _types(hint: Any) -> list[Any]:
-    """Flatten unions, optional values and sequences into the types that they are made of."""
+    """Flatten unions, optional values and collections into the types that they are made of."""
     origin = typing.get_origin(hint)
     if origin is None:
         return [hint]
-    if origin in (typing.Union, types.UnionType) or issubclass(_origin(hint), Sequence):
+    collection = issubclass(_origin(hint), (Sequence, Mapping))
+    if origin in (typing.Union, types.UnionType) or collection:
         return [t for part in typing.get_args(hint) for t in _types(part)]
     return [origin]
 
@@ -330,29 +338,40 @@ def _read_fields(
         where = _join(path, name)
         if name not in table:
             if key.required:
-                faults.append(ArgumentError(where, "a value", "none"))
+                expected = "a table" if key.several is Mapping else "a value"
+                faults.append(ArgumentError(where, expected, "none"))
             continue
         value, before = table[name], len(faults)
-        if key.several and key.family is not None and not isinstance(value, (list, tuple)):
-            faults.append(ArgumentError(where, f"a list of tables ([[{where}]])", shown(value)))
-        elif key.family is not None and value is not None:
-            value = _build_member(value, key.family, where, faults)
-        else:
-            try:
+        try:
+            if key.family is not None and value is not None:
+                value = _build_members(value, key, where, faults)
+            else:
                 (key.plain or key.checked)(where, value)
-            except ArgumentError as error:
-                faults.append(error)
+        except ArgumentError as error:
+            faults.append(error)
         if len(faults) == before:
             fields[name] = value
     return fields
 
 
-def _build_member(value: Any, family: type, path: str, faults: list[FpidError]) -> Any:
-    if isinstance(value, family):
-        return value
-    if isinstance(value, (list, tuple)):
-        return [_build_member(v, family, _join(path, str(k)), faults) for k, v in enumerate(value)]
-    return build(value, family, path, faults)
+def _build_members(value: Any, key: Key, path: str, faults: list[FpidError]) -> Any:
+    """Build what a field holds: one description, a list of them, or a table of them by name."""
+
+    def member(item: Any, path: str) -> Any:
+        family = cast("type", key.family)
+        built = item if isinstance(item, family) else build(item, family, path, faults)
+        try:
+            return built if built is None else key._member(path, built)
+        except ArgumentError as error:
+            faults.append(error)
+
+    if key.several is Mapping:
+        checks.plain(path, value, Mapping, "a table")
+        return {name: member(item, _join(path, name)) for name, item in value.items()}
+    if key.several is Sequence:
+        checks.plain(path, value, (list, tuple), f"a list of tables ([[{path}]])")
+        return [member(item, _join(path, str(k))) for k, item in enumerate(value)]
+    return member(value, path)
 
 
 def _join(path: str, key: str) -> str:

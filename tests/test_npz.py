@@ -7,7 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-from bounded import finished
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
@@ -162,39 +161,14 @@ def test_every_flipped_bit_and_every_cut_is_noticed_or_harmless(tmp_path, compre
     small = {"x": np.sin(np.arange(40.0)), "y": np.zeros((3, 2))}
     path = written(tmp_path / "file", small, compressed=compressed)
     honest, chance = path.read_bytes(), random.Random(1)
-    flips = chance.sample(range(8 * len(honest)), 1500)
+    flips = chance.sample(range(8 * len(honest)), 600)
     for place in flips:
         flipped = bytearray(honest)
         flipped[place // 8] ^= 1 << place % 8
         path.write_bytes(flipped)
         assert fault_of(path, small) == "", place
-    for size in chance.sample(range(len(honest)), 200):
+    for size in chance.sample(range(len(honest)), 100):
         path.write_bytes(honest[:size])
         with pytest.raises(FileFormatError) as caught:
             npz.read(path, "thing")
         assert "\n" not in str(caught.value)
-
-
-LIMITED = """
-import resource, sys
-from pathlib import Path
-import numpy as np
-from fpid_pin import npz
-from fpid_pin.exceptions import FileFormatError
-
-resource.setrlimit(resource.RLIMIT_FSIZE, (15_000, 15_000))
-try:
-    npz.write(Path(sys.argv[1]), "thing", {}, {"x": np.zeros(5000)})
-except FileFormatError as error:
-    print(error)
-"""
-
-
-def test_where_the_system_allows_no_more_bytes_the_old_file_stays(tmp_path):
-    path = written(tmp_path / "file")
-    before = path.read_bytes()
-    done = finished([sys.executable, "-c", LIMITED, str(path)])
-    assert done.stdout == f"{path}: cannot be written (File too large)\n", done.stderr
-    assert done.stderr == ""
-    assert path.read_bytes() == before
-    assert os.listdir(tmp_path) == ["file"]

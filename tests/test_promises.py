@@ -121,7 +121,6 @@ for words in (
     ["run", "short.toml", "--controller", "integer PID"],
     ["view", "run.npz", "--html", "page.html"],
     ["operators", "--order", "0.5", "--plot", "plot.png"],
-    ["compare", "short.toml", "--no-figures", "--out", "compared"],
     ["playground", "short.toml", "--html", "playground.html"],
     ["export", "short.toml", "--controller", "integer PID", "--out", "c", "--ticks", "5"],
     ["tune", "tune.toml", "--out", "tuned"],
@@ -154,7 +153,7 @@ def test_a_command_gives_the_same_bytes_in_any_process(folder):
         for words in commands:
             assert main([word.format("first") for word in words]) == 0
             words = [word.format("second") for word in words]
-            finished([sys.executable, "-m", "fpid_pin_start", *words], check=True,
+            finished([sys.executable, "-m", "fpid_pin.cli.main", *words], check=True,
                      env=os.environ | {"PYTHONHASHSEED": "7"})  # fmt: skip
     told = []
     for out in ("first", "second"):

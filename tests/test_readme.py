@@ -47,13 +47,6 @@ def test_the_law_that_is_quoted_is_the_law_that_runs():
             where = source.index(line.strip(), where) + 1
 
 
-def test_every_file_that_is_linked_is_there():
-    pages = [Path(__file__).parents[1] / name for name in ("README.md", "CONTRIBUTING.md")]
-    for page in pages:
-        for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
-            assert (page.parent / link).exists(), f"{page.name}: {link}"
-
-
 def test_every_name_of_the_face_that_is_used_is_there():
     for path in set(re.findall(r"`fp\.([a-z_A-Z.]+)", README)) - {"something"}:
         thing = fp

@@ -228,7 +228,7 @@ def call(make: Callable[..., T], fields: Mapping[str, Any], where: str, of: Any 
     """
     known = inspect.signature(of or make).parameters
     for key in fields:
-        checks.choice(f"key in {where}", key, known)
+        checks.choice(f"{where}.{key}", key, known)
     for key, parameter in known.items():
         if parameter.default is parameter.empty and key not in fields:
             raise ArgumentError(f"{where}.{key}", "a value", "none")

@@ -293,7 +293,7 @@ def _item(cls: type[T], row: Any, where: str) -> T:
         raise ArgumentError(where, "a table", shown(row))
     known = keys(cast("Any", cls))
     for name in row:
-        checks.choice(f"key in {where}", name, known)
+        checks.choice(f"{where}.{name}", name, known)
     for name, key in known.items():
         if key.required and name not in row:
             raise ArgumentError(f"{where}.{name}", "a value", "none")

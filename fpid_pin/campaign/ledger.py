@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin import own_code
+from fpid_pin import descriptions, own_code
 from fpid_pin.campaign.chunk import Done, Ended
 from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.quantities import units_of
@@ -28,7 +28,7 @@ from fpid_pin.files import kind_of, replacing
 from fpid_pin.text import differences
 
 #: What SQLite files of ours say of themselves, and the layout of their tables.
-APPLICATION, LAYOUT = 0x46504944, 2
+APPLICATION, LAYOUT = 0x46504944, 3
 _FIGURES = ", ".join(METRICS)
 
 
@@ -90,7 +90,10 @@ class Ledger:
             Path(self.path.parent, name).resolve() for name in json.loads(self._meta("import"))
         ]
         own_code.load([file for file in files if str(file) not in own_code.loaded()])
-        return Study.from_dict(self.study_table, str(self.path))
+        try:
+            return descriptions.from_dict(self.study_table, Study)
+        except FpidError as error:
+            raise FileFormatError(f"{self.path}: {error}") from None
 
     def recorded(self) -> set[int]:
         """Return the numbers of the runs that are recorded, under every controller."""

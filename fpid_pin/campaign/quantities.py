@@ -73,11 +73,9 @@ def units_of(labels: Iterable[str]) -> tuple[str, ...]:
     return tuple(QUANTITIES[label.split(".")[0]].unit for label in labels)
 
 
-def require_values(key: str, spread: Distribution) -> Distribution:
-    """Refuse a distribution with values that its quantity cannot have."""
-    path = f"uncertain.{key}"
-    quantity = QUANTITIES[checks.choice(path, key, QUANTITIES)]
-    checks.instance(path, spread, Distribution, "a distribution")
+def require_values(path: str, spread: Distribution) -> Distribution:
+    """Refuse a distribution with values that its quantity cannot have: ``uncertain.mass``."""
+    quantity = QUANTITIES[checks.choice(path, path.partition("uncertain.")[2], QUANTITIES)]
     for name, numbers in spread.numbers().items():
         checks.floats(f"{path}.{name}", numbers, low=quantity.low, above=quantity.above)
         if quantity.whole and name == "values" and (numbers != np.round(numbers)).any():

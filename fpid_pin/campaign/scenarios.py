@@ -5,23 +5,22 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import descriptions
 from fpid_pin.campaign.distributions import Distribution
 from fpid_pin.campaign.quantities import require_values
-from fpid_pin.checks import Array, FloatArray, OneOf, Whole
-from fpid_pin.descriptions import Description
-from fpid_pin.exceptions import ArgumentError, FpidError
-from fpid_pin.text import shown
+from fpid_pin.checks import Array, Check, FloatArray, OneOf, Whole
+from fpid_pin.descriptions import Description, described
+from fpid_pin.exceptions import ArgumentError
 
 #: Points that are made at once, from run 0 on: a hypercube of so many runs, whatever is asked for.
 BLOCK = 256
 
 
+@described("scenarios")
 @dataclass(frozen=True, eq=False)
 class Scenarios(Description):
     """What is uncertain, and how it is sampled.
@@ -51,18 +50,15 @@ class Scenarios(Description):
         An unknown quantity, an impossible value (a negative mass), naming the key.
     """
 
-    uncertain: Mapping[str, Distribution]
+    uncertain: Annotated[Mapping[str, Distribution], Check(require_values)]
     sampling: Annotated[str, OneOf("sobol", "latin_hypercube")] = "sobol"
     seed: Annotated[int, Whole(low=0)] = 0
     points: Annotated[ArrayLike | None, Array(low=0.0, high=1.0, shape=(None, None))] = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not isinstance(self.uncertain, Mapping) or not self.uncertain:
+        if not self.uncertain:
             raise ArgumentError("uncertain", "at least one quantity with its distribution", "none")
-        for key, spread in self.uncertain.items():
-            require_values(key, spread)
-        self._set(uncertain=dict(self.uncertain))
 
     def cube(self, first: int, last: int, size: int) -> FloatArray:
         """Return the points of runs `first` to `last` - 1 in the unit cube, (runs, size)."""
@@ -78,37 +74,6 @@ class Scenarios(Description):
         # Points are compared, and found again under another number.
         index = run if self.points is None else 0
         return int(np.random.SeedSequence([self.seed, index]).generate_state(1, np.uint64)[0])
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return a plain table, for `from_table`."""
-        spreads = {key: descriptions.to_dict(value) for key, value in self.uncertain.items()}
-        table = {"sampling": self.sampling, "seed": self.seed, "uncertain": spreads}
-        given = {} if self.points is None else {"points": np.asarray(self.points).tolist()}
-        return table | given
-
-    @classmethod
-    def from_table(cls, table: Mapping[str, Any], path: str, faults: list[FpidError]) -> Any:
-        """Return the scenarios that a table holds, or None with every fault in `faults`."""
-        before, uncertain = len(faults), table.get("uncertain", {})
-        if not isinstance(uncertain, Mapping):
-            faults.append(ArgumentError(f"{path}.uncertain", "a table", shown(uncertain)))
-            return None
-        spreads = {}
-        for key, value in uncertain.items():
-            spread = descriptions.build(value, Distribution, f"{path}.uncertain.{key}", faults)
-            try:
-                if spread is not None:
-                    spreads[key] = require_values(key, spread)
-            except ArgumentError as error:
-                faults.append(ArgumentError(f"{path}.{error.name}", error.expected, error.got))
-        if len(faults) > before:
-            return None
-        given = {key: table[key] for key in ("sampling", "seed", "points") if key in table}
-        try:
-            return cls(spreads, **given)
-        except ArgumentError as error:
-            faults.append(ArgumentError(f"{path}.{error.name}", error.expected, error.got))
-        return None
 
 
 @lru_cache(4)

@@ -6,23 +6,21 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 
-from fpid_pin import checks, descriptions
+from fpid_pin import descriptions
 from fpid_pin.campaign.quantities import QUANTITIES, require_quantity, varied
 from fpid_pin.campaign.scenarios import Scenarios
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, Text
 from fpid_pin.control import Controller
-from fpid_pin.descriptions import Description
-from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.descriptions import Description, described
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import Experiment
 
-#: Of a study's table.
-FORMAT = 1
 
-
+@described("study")
 @dataclass(frozen=True, eq=False)
 class Study(Description):
     """What a campaign simulates: every run's plant under every controller.
@@ -48,18 +46,14 @@ class Study(Description):
     experiment: Experiment
     controllers: Mapping[str, Controller]
     scenarios: Scenarios
-    title: str = ""
+    title: Annotated[str, Text] = ""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.instance("scenarios", self.scenarios, Scenarios, "Scenarios")
-        if not isinstance(self.controllers, Mapping) or not self.controllers:
+        if not self.controllers:
             raise ArgumentError("controllers", "at least one, by name", "none")
-        for name, controller in self.controllers.items():
-            checks.instance(f"controllers.{name}", controller, Controller, "a Controller")
         # Dynamics written out: what is recorded says it, and a replay has the same bits.
-        experiment = self.experiment.with_dynamics("compiled")
-        self._set(controllers=dict(self.controllers), experiment=experiment)
+        self._set(experiment=self.experiment.with_dynamics("compiled"))
         points, size = np.asarray(self.scenarios.points), len(self.parameters)
         if points.ndim and points.shape[1] != size:
             raise ArgumentError("points", f"shape (runs, {size})", f"shape {points.shape}")
@@ -108,38 +102,7 @@ class Study(Description):
         """Return the experiment of a run from its sample, (parameters,)."""
         return varied(self.experiment, self._split(sample), self.scenarios.noise_seed(run))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the table that `from_dict` rebuilds the study from."""
-        return {
-            "format": FORMAT,
-            "title": self.title,
-            "experiment": descriptions.to_dict(self.experiment),
-            "controllers": {k: descriptions.to_dict(c) for k, c in self.controllers.items()},
-            "scenarios": self.scenarios.to_dict(),
-        }
-
-    @classmethod
-    def from_dict(cls, table: Any, name: str = "campaign") -> Study:
-        """Return the study that a table holds, or say in a line why there is none."""
-        if not isinstance(table, Mapping) or table.get("format") != FORMAT:
-            raise FileFormatError(f"{name}: expected a campaign of format {FORMAT}, got another")
-        faults: list[FpidError] = []
-        try:
-            experiment = descriptions.build(table["experiment"], Experiment, "experiment", faults)
-            controllers = {
-                key: descriptions.build(value, Controller, f"controller {key}", faults)
-                for key, value in table["controllers"].items()
-            }
-            scenarios = Scenarios.from_table(table["scenarios"], "scenarios", faults)
-            if faults:
-                raise faults[0]
-            return cls(experiment, controllers, scenarios, str(table["title"]))
-        except (KeyError, AttributeError, TypeError) as error:
-            raise FileFormatError(f"{name}: expected a campaign's table, got {error!r}") from None
-        except FpidError as error:
-            raise FileFormatError(f"{name}: {error}") from None
-
     @property
     def text(self) -> str:
         """The table as JSON, every digit of every number."""
-        return json.dumps(self.to_dict())
+        return json.dumps(descriptions.to_dict(self))

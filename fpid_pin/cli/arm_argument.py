@@ -23,27 +23,9 @@ def arm_table(
     tool: str | None = None,
     inertia: str | None = None,
 ) -> dict[str, Any]:
-    """Return the table of what was written for an arm.
+    """Return the table of what was written for an arm, with the options of the command line.
 
-    Parameters
-    ----------
-    text
-        ``two_link``, a name of ``fpid-pin arms``, one of robot_descriptions, or a file's path.
-    locks
-        Joints to hold still, and where: ``"finger=0.02"`` [rad] or [m].
-    keep
-        The link at the arm's tip; all joints that do not move it are held.
-    package_dirs
-        Where to look for the meshes of a URDF.
-    tool
-        The tool's frame.
-    inertia
-        What to do with an inertia that no body has.
-
-    Raises
-    ------
-    ArgumentError, ArmError
-        Neither; a file that is not there or of no kind that is known.
+    `text` is ``two_link``, a name of ``fpid-pin arms`` or robot_descriptions, or a file's path.
     """
     given = {
         "lock": dict(_lock(item) for item in locks),
@@ -74,11 +56,7 @@ def _table(text: str) -> dict[str, Any]:
         return {"kind": kind, "path": text}
     if text.endswith(ENDING):
         return {"kind": "description", "name": text}
-    known = ("two_link", *names())
-    if text.lower() in known:
-        expected = "one of " + ", ".join(known)
-        raise ArgumentError("arm", expected, f"{text!r} (did you mean {text.lower()}?)")
-    checks.choice("arm", text, known)
+    checks.choice("arm", text, ("two_link", *names()))
     raise AssertionError(text)
 
 

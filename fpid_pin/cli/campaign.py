@@ -68,12 +68,10 @@ def _carry_out(
     study: Study, ledger: Path, runs: int, executor: AbstractContextManager[Any],
     workers: int | None, chunk: int,
 ) -> None:  # fmt: skip
-    from fpid_pin import campaign, checks
+    from fpid_pin import campaign
     from fpid_pin.cli.progress import progress_bar
     from fpid_pin.cli.table import print_table, say
 
-    checks.integer("--runs", runs, low=1)
-    checks.integer("--chunk", chunk, low=1)
     many = f"{runs} plants, {len(study.names)} controllers"
     say(f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}", error=True)
     try:
@@ -90,13 +88,7 @@ def _carry_out(
 
 
 def executor_of(workers: int | None, dask: str | None) -> AbstractContextManager[Any]:
-    """Give a scheduler's executor, or None: `workers` are then started here.
-
-    Raises
-    ------
-    ArgumentError
-        Both, or no whole number of workers from 1 on.
-    """
+    """Give a scheduler's executor, or None: `workers` are then started here; both are refused."""
     from contextlib import nullcontext
 
     from fpid_pin import checks
@@ -105,8 +97,8 @@ def executor_of(workers: int | None, dask: str | None) -> AbstractContextManager
 
     if workers is not None:
         checks.integer("--workers", workers, low=1)
-        if dask is not None:
-            raise ArgumentError("--dask", "--workers or --dask, not both", "both")
+    if workers is not None and dask is not None:
+        raise ArgumentError("--dask", "--workers or --dask, not both", "both")
     return nullcontext() if dask is None else dask_executor(dask)
 
 

@@ -88,10 +88,8 @@ def run(
     from fpid_pin.cli.configuration import load
     from fpid_pin.cli.results import OutputOptions
 
-    options, found = (
-        OutputOptions(not no_runs, not no_figures, every, png),
-        load(config, allow_import),
-    )
+    options = OutputOptions(not no_runs, not no_figures, every, png)
+    found = load(config, allow_import)
     name = found.chosen(controller)
     one = dataclasses.replace(
         found, controllers={name: found.controllers[name]}, conditions={"nominal": found.experiment}

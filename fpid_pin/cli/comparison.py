@@ -13,7 +13,7 @@ from fpid_pin.cli.output import file_names
 from fpid_pin.cli.progress import progress_bar
 from fpid_pin.cli.table import Row
 from fpid_pin.control import Controller
-from fpid_pin.costs import Metrics, QuadraticCost
+from fpid_pin.costs import Metrics, QuadraticCost, over_joints
 from fpid_pin.simulation import Experiment, Run, limit_report, simulate
 from fpid_pin.simulation.limits import Exceedance
 
@@ -53,14 +53,9 @@ def simulate_pairs(
     controllers: Mapping[str, Controller],
     taken: Sequence[str] = (),
 ) -> list[Entry]:
-    """Simulate every controller under every condition; each run has a file name of its own.
+    """Simulate every controller under every condition, both by name.
 
-    Parameters
-    ----------
-    experiments, controllers
-        By the names of conditions, and of controllers.
-    taken
-        File names, without their ending, that are given already.
+    Each run has a file name of its own, none of those that are `taken` already.
     """
     pairs = [(condition, label) for condition in experiments for label in controllers]
     many = len(experiments) > 1
@@ -80,72 +75,66 @@ def simulate_pairs(
 
 @dataclass(frozen=True)
 class Measure:
-    """A figure of merit by which controllers are ranked, the less the better."""
+    """A figure of a run over its joints by which controllers are ranked, the less the better."""
 
     label: str
-    unit: str
+    head: str
     of: Callable[[Metrics], float]
+
+    @property
+    def unit(self) -> str:
+        """What stands in the brackets of its head."""
+        return self.head.partition(" [")[2].rstrip("]")
 
     def write(self, value: float) -> str:
         """Return a value with its unit."""
         return f"{value:.3g} {self.unit}".rstrip() if np.isfinite(value) else "ended early"
 
 
-def over_joints(rms: FloatArray) -> float:
-    """Return the root mean square over the joints of their RMS errors [rad], in mrad."""
-    return 1e3 * float(np.sqrt(np.mean(rms**2)))
+def _joints(metric: str, how: str, factor: float = 1.0) -> Callable[[Metrics], float]:
+    return lambda metrics: factor * over_joints(getattr(metrics, metric), how)
 
 
-#: Figures of a run over all joints, by their heads. Of all joints RMS and tail are root mean
-#: squares over the joints of their RMS errors (whole run, last half), energy and variation sums;
-#: what is of the worst joint is the largest.
-FIGURES: dict[str, Callable[[Metrics], float]] = {
-    "tail (all joints) [mrad]": lambda m: over_joints(m.rms_tail),
-    "RMS (all joints) [mrad]": lambda m: over_joints(m.rms),
-    "peak (worst joint) [N m]": lambda m: float(m.peak_torque.max()),
-    "variation (all joints) [N m]": lambda m: float(m.total_variation.sum()),
-    "energy (all joints) [N²m²s]": lambda m: float(m.energy.sum()),
-    "cost (33)": COST.of,
-    "peak error (worst joint) [mrad]": lambda m: 1e3 * float(m.peak_error.max()),
-    "settled (worst joint) [s]": lambda m: float(m.settling_time.max()),
-    "at its limit (worst joint) [%]": lambda m: 100.0 * float(m.saturated.max()),
-    "torque rate (worst joint) [N m/s]": lambda m: float(m.torque_rate.max()),
+#: What `compare --metric` may name.
+MEASURES = {
+    "tail": Measure(
+        "RMS error of the last half", "tail (all joints) [mrad]", _joints("rms_tail", "rms", 1e3)
+    ),
+    "rms": Measure("RMS error", "RMS (all joints) [mrad]", _joints("rms", "rms", 1e3)),
+    "peak": Measure(
+        "peak torque (worst joint)", "peak (worst joint) [N m]", _joints("peak_torque", "worst")
+    ),
+    "variation": Measure(
+        "torque variation (all joints)", "variation (all joints) [N m]",
+        _joints("total_variation", "sum"),
+    ),
+    "energy": Measure(
+        "energy (all joints)", "energy (all joints) [N²m²s]", _joints("energy", "sum")
+    ),
+    "cost": Measure(f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "cost (33)", COST.of),
+    "peak_error": Measure(
+        "peak error (worst joint)", "peak error (worst joint) [mrad]",
+        _joints("peak_error", "worst", 1e3),
+    ),
+}  # fmt: skip
+#: All figures of a run, by their heads.
+FIGURES = {measure.head: measure.of for measure in MEASURES.values()} | {
+    "settled (worst joint) [s]": _joints("settling_time", "worst"),
+    "at its limit (worst joint) [%]": _joints("saturated", "worst", 100.0),
+    "torque rate (worst joint) [N m/s]": _joints("torque_rate", "worst"),
 }
 #: Those that a screen has room for, and those that are infinite where a run ended early.
 _ON_SCREEN, _OF_WHOLE_RUNS = list(FIGURES)[:6], ("tail (all joints) [mrad]", "cost (33)")
-#: What `compare --metric` may name.
-MEASURES = {
-    name: Measure(label, head.partition(" [")[2].rstrip("]"), FIGURES[head])
-    for name, label, head in (
-        ("tail", "RMS error of the last half", "tail (all joints) [mrad]"),
-        ("rms", "RMS error", "RMS (all joints) [mrad]"),
-        ("peak_error", "peak error (worst joint)", "peak error (worst joint) [mrad]"),
-        ("cost", f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "cost (33)"),
-        ("energy", "energy (all joints)", "energy (all joints) [N²m²s]"),
-        ("variation", "torque variation (all joints)", "variation (all joints) [N m]"),
-        ("peak", "peak torque (worst joint)", "peak (worst joint) [N m]"),
-    )
-}
 
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Every controller's figure under every condition.
-
-    Attributes
-    ----------
-    measure
-        What is ranked by.
-    conditions, controllers
-        Names.
-    values
-        (conditions, controllers); inf where a run ended early.
-    """
+    """Every controller's figure under every condition."""
 
     measure: Measure
     conditions: tuple[str, ...]
     controllers: tuple[str, ...]
-    values: FloatArray
+    values: FloatArray  # (conditions, controllers); inf where a run ended early
 
     def is_best(self, condition: str, controller: str) -> bool:
         """Return whether nobody is better there, and the run was completed."""

@@ -10,8 +10,8 @@
     [simulation]     step, duration, integrator, dynamics, seed, runaway_speed, q0, v0
     [[controller]]   kind, name and arguments of the controller
     [[condition]]    name, and plant, sensors, disturbance in place of those above
-    [tune]           see `plans.read_plan`
-    [campaign]       see `plans.read_campaign`
+    [tune]           see `plans.TuneTable`
+    [campaign]       see `plans.CampaignTable`
 
 Keys are the constructors' arguments. Every fault is reported at once, each with its key path.
 """
@@ -44,9 +44,6 @@ FORMAT = 1
 MOST_BYTES = 1 << 24
 #: Faults told of one file, each in a line.
 MOST_FAULTS = 40
-SIMULATION_KEYS = (
-    "step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0",
-)  # fmt: skip
 Table = Annotated[Mapping[str, Any], checks.Plain(Mapping, "a table")]
 
 
@@ -83,13 +80,32 @@ class Condition(Surroundings):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
+class Simulation(Description):
+    """The arguments of `Experiment` that ``[simulation]`` has; it checks them."""
+
+    step: Any = None
+    duration: Any = None
+    integrator: Any = None
+    dynamics: Any = None
+    seed: Any = None
+    runaway_speed: Any = None
+    q0: Any = None
+    v0: Any = None
+
+    def given(self) -> dict[str, Any]:
+        """Return those that are given, by name."""
+        every = {name: getattr(self, name) for name in descriptions.keys(Simulation)}
+        return {name: value for name, value in every.items() if value is not None}
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
 class File(Surroundings):
     """A whole file, as it is written."""
 
     arm: Arm
     reference: Reference
     controller: Sequence[Controller]
-    simulation: Table = field(default_factory=dict)
+    simulation: Simulation = field(default_factory=Simulation)
     condition: Sequence[Condition] = ()
     tune: Table = field(default_factory=dict)
     campaign: Table = field(default_factory=dict)
@@ -98,41 +114,19 @@ class File(Surroundings):
 
 @dataclass(frozen=True, eq=False)
 class Config:
-    """What a configuration file describes.
-
-    Attributes
-    ----------
-    path, text
-        Where it came from, and all of it.
-    title
-        For reports; the file's name where it has none.
-    experiment
-        The nominal one.
-    controllers
-        By name, in the file's order.
-    conditions
-        Experiments by name; only the nominal one where the file has no ``[[condition]]``.
-    tune, campaign
-        The tables of these names as they stand.
-    """
+    """What a configuration file describes."""
 
     path: str
     text: str
-    title: str
-    experiment: Experiment
-    controllers: dict[str, Controller]
-    conditions: dict[str, Experiment]
-    tune: Mapping[str, Any]
+    title: str  # for reports; the file's name where it has none
+    experiment: Experiment  # the nominal one
+    controllers: dict[str, Controller]  # by name, in the file's order
+    conditions: dict[str, Experiment]  # by name; only the nominal one where there is no other
+    tune: Mapping[str, Any]  # this table and the next as they stand
     campaign: Mapping[str, Any]
 
     def chosen(self, name: str | None) -> str:
-        """Return which controller ``--controller`` chose, by its name; None: the only one.
-
-        Raises
-        ------
-        ConfigError
-            A name that is not there; none where there are several.
-        """
+        """Return which controller ``--controller`` chose, by its name; None: the only one."""
         if name is None and len(self.controllers) > 1:
             several = ", ".join(map(named, self.controllers))
             fault = f"expected one controller, or --controller NAME, got {several}"
@@ -145,14 +139,7 @@ class Config:
 
 
 def load(path: str | Path, allow_import: bool = False) -> Config:
-    """Read and check a configuration file.
-
-    Parameters
-    ----------
-    path
-        The file.
-    allow_import
-        Whether the Python files that it names are run.
+    """Read and check a configuration file; the Python files that it names are run where allowed.
 
     Raises
     ------
@@ -232,12 +219,11 @@ def _read(
             if not label or label in names[:k]:
                 got = f"{shown(label)} again" if label else "none"
                 faults.append(ArgumentError(f"{path}.{k}.name", "a name of its own", got))
-    simulation = known("simulation", file.simulation, SIMULATION_KEYS, faults)
     if faults:
         return None
-    nominal = _experiment(file, file, simulation, "", faults)
+    nominal = _experiment(file, file, "", faults)
     conditions = {
-        c.name: _experiment(file, c, simulation, f"condition.{k}.", faults)
+        c.name: _experiment(file, c, f"condition.{k}.", faults)
         for k, c in enumerate(file.condition)
     }
     if faults:
@@ -280,10 +266,7 @@ def _rooted(value: Any, folder: Path) -> Any:
     return table
 
 
-def _experiment(
-    file: File, own: Surroundings, simulation: Mapping[str, Any], path: str,
-    faults: list[FpidError],
-) -> Any:  # fmt: skip
+def _experiment(file: File, own: Surroundings, path: str, faults: list[FpidError]) -> Any:
     """Build the experiment of a condition, with what it does not say as the file has it."""
     plant, sensors, disturbance = (
         getattr(file, name) if getattr(own, name) is None else getattr(own, name)
@@ -302,30 +285,17 @@ def _experiment(
     pushes += disturbance or ()
     if pushes:
         parts["disturbance"] = Sum(pushes) if pushes[1:] else pushes[0]
-    table = {"arm": file.arm, "reference": file.reference, "sensors": sensors, **simulation}
+    table = {"arm": file.arm, "reference": file.reference, "sensors": sensors}
+    table |= file.simulation.given()
     found: list[FpidError] = []
     if parts:
         table["plant"] = Plant(**parts)
     experiment = descriptions.build(table, Experiment, "", found)
     for fault in found:
-        inner = isinstance(fault, ArgumentError) and fault.name.split(".")[0] in SIMULATION_KEYS
+        known = descriptions.keys(Simulation)
+        inner = isinstance(fault, ArgumentError) and fault.name.split(".")[0] in known
         faults.append(moved(fault, "simulation") if inner else fault)
     return experiment
-
-
-def known(
-    path: str, table: Mapping[str, Any], keys: tuple[str, ...], faults: list[FpidError]
-) -> dict[str, Any]:
-    """Return what a table has under `keys`; every other key is a fault.
-
-    Only what this returns may become arguments of a call: a key can be called ``self``.
-    """
-    for key in table:
-        try:
-            checks.choice(f"{path}.{key}".strip(".") or '""', key, keys)
-        except ArgumentError as error:
-            faults.append(error)
-    return {key: table[key] for key in keys if key in table}
 
 
 def moved(error: FpidError, path: str) -> FpidError:

@@ -14,7 +14,7 @@ from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.cli.arm_argument import arm_of_table
 from fpid_pin.cli.table import Row, print_table, say
-from fpid_pin.control import AdaptiveFpid, gain_ceilings, stability_report, suggest_gains
+from fpid_pin.control import GainSuggestion, explain_gains, gain_ceilings, stability_report
 from fpid_pin.control.law import Controller
 from fpid_pin.text import visible
 
@@ -87,9 +87,9 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
     found = list(oddities(arm))
     yield from ["", "What looks wrong:"] if found else []
     yield from (f"- {line}" for line in found)
-    law = suggest_gains(arm, bandwidth, step=step)
-    yield from _gains(arm, law, bandwidth, step)
-    yield from _margins(arm, law, step)
+    suggested = explain_gains(arm, bandwidth, step=step)
+    yield from _gains(arm, suggested, bandwidth, step)
+    yield from _margins(arm, suggested.controller, step)
 
 
 def oddities(arm: Arm) -> Iterator[str]:
@@ -113,50 +113,21 @@ def oddities(arm: Arm) -> Iterator[str]:
         yield f"the zero pose is outside the limits: {of(outside)}"
 
 
-def _gains(arm: Arm, law: AdaptiveFpid, w: float, step: float) -> Iterator[str | list[Row]]:
-    n = arm.n
-    gains = {
-        name: np.broadcast_to(np.asarray(getattr(law, name), dtype=np.float64), (n,))
-        for name in ("kp", "ki", "kd", "integral_order", "derivative_order")
-    }
-    lam, mu = gains["integral_order"], gains["derivative_order"]
+def _gains(arm: Arm, found: GainSuggestion, w: float, step: float) -> Iterator[str | list[Row]]:
+    law = found.controller
     ceilings = gain_ceilings(arm, law, step=step)
     yield ""
     yield (
         f"Suggested FPID: suggest_gains(arm, bandwidth={w:g}), at a step of {1e3 * step:g} ms; "
         "u = scale (Kp e + Ki I^lambda e + Kd D^mu e), and the gains' ceilings (gain_ceilings)"
     )
-    yield _rows(
-        {
-            "scale": law.scale_on(arm),
-            "lambda": lam,
-            "mu": mu,
-            "Kp": gains["kp"],
-            "Ki": gains["ki"],
-            "Kd": gains["kd"],
-            "Kp max": ceilings.kp,
-            "Ki max": ceilings.ki,
-            "Kd max": ceilings.kd,
-        }
-    )
-    # What the bandwidth asks for, by `suggest_gains`.
-    asked = {"Kp": np.full(n, w**2), "Ki": 0.3 * w ** (2.0 + lam), "Kd": 2.0 * w ** (2.0 - mu)}
-    lowered = 0
-    for j in range(n):
-        found = [
-            f"{name} at {100.0 * gains[name.lower()][j] / value[j]:.2g} %"
-            for name, value in asked.items()
-            if gains[name.lower()][j] < 0.99 * value[j]
-        ]
-        if found:
-            lowered += 1
-            yield (f"joint {j + 1} lowered: {', '.join(found)} of what was asked")
-    if lowered:
-        yield (
-            "(a step bears no more at some pose; a shorter step or a lower derivative order does)"
-        )
-    else:
-        yield "Nothing had to be lowered."
+    columns = {
+        "scale": law.scale_on(arm), "lambda": law.integral_order, "mu": law.derivative_order,
+        "Kp": law.kp, "Ki": law.ki, "Kd": law.kd,
+        "Kp max": ceilings.kp, "Ki max": ceilings.ki, "Kd max": ceilings.kd,
+    }  # fmt: skip
+    yield _rows({head: np.broadcast_to(column, arm.n) for head, column in columns.items()})
+    yield from found.notes or ["Nothing had to be lowered."]
 
 
 def _margins(arm: Arm, law: Controller, step: float) -> Iterator[str | list[Row]]:

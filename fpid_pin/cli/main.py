@@ -9,7 +9,7 @@ import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, NoReturn
 
 from fpid_pin.exceptions import FpidError, FpidWarning
 from fpid_pin.text import cut, visible
@@ -35,6 +35,14 @@ def main(arguments: list[str] | None = None) -> int:
                 return _stopped() if interrupted else _tell(error)
     except KeyboardInterrupt:
         return _stopped()
+
+
+def program() -> NoReturn:
+    """Run the command line as a program of its own: what ``fpid-pin`` starts."""
+    status = main()
+    # All is done: Ctrl-C while Python takes itself down would print a traceback.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(status)
 
 
 def _stopped() -> int:
@@ -156,4 +164,4 @@ def _interrupt(heard: list[int]) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    program()

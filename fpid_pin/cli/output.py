@@ -159,26 +159,15 @@ def slug(name: str) -> str:
 def file_names(
     labels: Sequence[Sequence[str]], *, prefix: str = "", taken: Collection[str] = ()
 ) -> list[str]:
-    """Return a file name of its own, without ending, for each label.
+    """Return a file name of its own, without ending, for each label, of several parts perhaps.
 
-    Parameters
-    ----------
-    labels
-        Their parts: condition and controller, for example.
-    prefix
-        What all begin with.
-    taken
-        Names that are given already.
+    >>> file_names([["PID +"], ["PID -"], ["tuned"]], taken=["tuned"])
+    ['pid', 'pid-2', 'tuned-2']
 
     Raises
     ------
     ConfigError
         A name that no file can have, for its length.
-
-    Examples
-    --------
-    >>> file_names([["PID +"], ["PID -"], ["tuned"]], taken=["tuned"])
-    ['pid', 'pid-2', 'tuned-2']
     """
     given = set(taken)
     names = []

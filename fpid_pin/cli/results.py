@@ -37,24 +37,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Options of the commands that simulate.
+    """Options of the commands that simulate."""
 
-    Parameters
-    ----------
-    runs
-        Whether runs are saved; compressed where pcodec is installed.
-    figures
-        Whether figures are drawn.
-    every
-        One row of a run in so many is saved; tables and figures are of all rows.
-    png
-        Whether figures are drawn as PNG, too.
-    """
-
-    runs: bool = True
+    runs: bool = True  # whether they are saved; compressed where pcodec is installed
     figures: bool = True
-    every: int = 1
-    png: bool = False
+    every: int = 1  # one row of a run in so many is saved; tables and figures are of all rows
+    png: bool = False  # beside SVG
 
     def __post_init__(self) -> None:
         checks.integer("--every", self.every, low=1)
@@ -74,26 +62,8 @@ def write_results(
 ) -> None:
     """Write runs, tables, figures, report and configuration into a folder.
 
-    Parameters
-    ----------
-    folder
-        It is there.
-    config
-        What was run.
-    entries
-        The runs.
-    said
-        Lines that stand above the tables, the most important first.
-    tables
-        Beside those of the runs, by heading.
-    figures
-        By name.
-    options
-        What is wanted of it all.
-    title
-        Of the report; empty: the configuration's.
-    first
-        The condition that the replay shows; empty: the first.
+    `said` are lines that stand above the tables, the most important first; `first` is the condition
+    that the replay shows, `title` the report's where it is not the configuration's.
     """
     from fpid_pin.view.report import report_html
     from fpid_pin.view.style import figure_bytes

@@ -153,7 +153,7 @@ def test_wrong_arguments_are_named(arguments, message):
 
 
 TABLE_FAULTS = {
-    "key": (("joints", 0, "wheel"), 1, "key in joints.0: expected one of"),
+    "key": (("joints", 0, "wheel"), 1, "joints.0.wheel: expected one of"),
     "axis": (("joints", 2, "axis"), [1, 1, 0], "joints.2.axis: expected a unit vector"),
     "mirror": (
         ("joints", 0, "placement"), [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]],

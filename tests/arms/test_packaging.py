@@ -44,9 +44,8 @@ def test_the_package_reads_the_clone_s_file():
 def test_an_unpacked_wheel_holds_what_the_arm_and_the_command_need(wheel, tmp_path):
     site = unpacked(wheel, tmp_path / "site")
     assert (site / INSIDE).read_bytes() == CLONE.read_bytes()
-    assert (site / "fpid_pin_start.py").exists()
     (entry,) = site.rglob("entry_points.txt")
-    assert "fpid-pin = fpid_pin_start:main" in entry.read_text()
+    assert "fpid-pin = fpid_pin.cli.main:program" in entry.read_text()
     code = "import fpid_pin.arms as a; print(a.__file__); print(a.Arm.two_link())"
     environment = {**os.environ, "PYTHONPATH": str(site)}
     done = finished([sys.executable, "-c", code], cwd=tmp_path, env=environment, check=True)

@@ -106,7 +106,7 @@ def test_a_law_of_ones_own_is_run_on_workers_and_named_by_its_ledger(
     both = [(tmp_path / out / "history.csv").read_bytes() for out in ("shared", "alone")]
     assert both[0] == both[1]
     # Another process knows of the file from the ledger alone.
-    line = [sys.executable, "-m", "fpid_pin_start", "campaign", "resume", "alone.sqlite"]
+    line = [sys.executable, "-m", "fpid_pin.cli.main", "campaign", "resume", "alone.sqlite"]
     refused = finished(line)
     assert refused.returncode == 2
     assert len(refused.stderr.splitlines()) == 1

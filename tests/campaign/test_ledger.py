@@ -148,7 +148,7 @@ def test_another_layout_and_damage_are_refused(made, tmp_path):
     newer = copy("newer.sqlite")
     with closing(sqlite3.connect(newer)) as file:
         file.execute("PRAGMA user_version = 7")
-    with pytest.raises(FileFormatError, match="ledger of layout 2, got layout 7"):
+    with pytest.raises(FileFormatError, match="ledger of layout 3, got layout 7"):
         load(newer)
     without = copy("without.sqlite")
     with closing(sqlite3.connect(without)) as file:
@@ -238,11 +238,13 @@ def test_two_drivers_at_once_are_refused(tmp_path):
 
 
 def test_a_study_of_kinds_of_ones_own_says_what_is_missing(tmp_path):
-    table = study().to_dict()
-    table["experiment"]["reference"] = {"kind": "of_my_own"}
-    with pytest.raises(FileFormatError, match=r"experiment\.reference\.kind"):
-        Study.from_dict(table)
-    with pytest.raises(FileFormatError, match="format 1"):
-        Study.from_dict({"format": 2})
+    run(study(duration=0.05), tmp_path / "own.sqlite", 1)
+    with closing(sqlite3.connect(tmp_path / "own.sqlite")) as file:
+        file.execute("UPDATE meta SET value = replace(value, 'sinusoid', 'my_own')")
+        file.commit()
+    with Ledger(tmp_path / "own.sqlite") as ledger:
+        line = r"own\.sqlite: experiment\.reference\.kind: expected .* got 'my_own'"
+        with pytest.raises(FileFormatError, match=line):
+            ledger.study()
     with pytest.raises(ArgumentError, match="at least one"):
         Study(fp.paper_experiment(), {}, study().scenarios)

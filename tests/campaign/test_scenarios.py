@@ -1,4 +1,5 @@
 import itertools
+import json
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ from scipy import stats
 from studies import UNCERTAIN, study
 
 import fpid_pin as fp
+from fpid_pin import descriptions
 from fpid_pin.campaign import Choices, LogUniform, Normal, Scenarios, Study, Uniform
 from fpid_pin.campaign.quantities import QUANTITIES
 from fpid_pin.exceptions import ArgumentError
@@ -161,7 +163,7 @@ def test_every_quantity_is_known_to_an_experiment():
 @pytest.mark.parametrize("points", [None, [[0.5] * 12]])
 def test_scenarios_go_through_a_table(points):
     first = study(points=points)
-    again = type(first).from_dict(first.to_dict())
+    again = descriptions.from_dict(json.loads(first.text), type(first))
     assert again.text == first.text
     assert again.samples(0, 1).tobytes() == first.samples(0, 1).tobytes()
     assert study(seed=4, points=points).text != first.text

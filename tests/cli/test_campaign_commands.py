@@ -12,7 +12,7 @@ from fpid_pin.exceptions import ConfigError
 SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.2").replace("1e-3", "5e-3", 1)
 CAMPAIGN = """
 [campaign]
-runs = 20
+runs = 8
 seed = 4
 controllers = ["FPID, published orders", "integer PID"]
 [campaign.uncertain]
@@ -32,21 +32,21 @@ def config(tmp_path, monkeypatch):
 
 
 def test_run_resume_and_export(config, capsys):
-    assert main(["campaign", "run", str(config), "--runs", "7"]) == 0
+    assert main(["campaign", "run", str(config), "--runs", "3"]) == 0
     said = capsys.readouterr()
-    assert "7 plants" in said.out
+    assert "3 plants" in said.out
     assert "integer PID" in said.out
     assert all(word in said.out for word in ("rms", "[rad]", "peak_torque"))
     assert "dynamics compiled" in said.err
     ledger = "runs/short-campaign.sqlite"
-    assert main(["campaign", "resume", ledger, "--runs", "20", "--chunk", "3"]) == 0
+    assert main(["campaign", "resume", ledger, "--runs", "8", "--chunk", "2"]) == 0
     assert main(["campaign", "run", str(config), "--workers", "2", "--out", "other.sqlite"]) == 0
     assert main(["campaign", "export", ledger, "--out", "a.csv"]) == 0
     assert main(["campaign", "export", "other.sqlite", "--out", "b.csv"]) == 0
     written = (config.parent / "a.csv").read_bytes()
     assert written == (config.parent / "b.csv").read_bytes()
     rows = list(csv.DictReader(written.decode().splitlines()))
-    assert len(rows) == 40
+    assert len(rows) == 16
     assert rows[0]["controller"] == "FPID, published orders"
 
 
@@ -76,11 +76,11 @@ def test_attack_ends_with_the_command_that_shows_it(config, capsys):
 
 def test_the_table_is_the_study(config):
     study, runs = read_campaign(load(config))
-    assert runs == 20
+    assert runs == 8
     assert study.names == ("FPID, published orders", "integer PID")
     assert study.experiment.dynamics == "compiled"
     assert study.scenarios.seed == 4
-    text = SHORT + CAMPAIGN.replace("runs = 20", 'dynamics = "pinocchio"')
+    text = SHORT + CAMPAIGN.replace("runs = 8", 'dynamics = "pinocchio"')
     slow = parse(text, "x", config.parent)
     assert read_campaign(slow)[0].experiment.dynamics == "pinocchio"
     assert read_campaign(slow)[1] == 1000
@@ -114,22 +114,5 @@ q0 = { kind = "uniform", low = 0.0 }
     ):
         assert sum(words in line for line in lines) == 1, words
     assert all(line.startswith("bad.toml: campaign.") for line in lines)
-    with pytest.raises(ConfigError, match=r"campaign\.uncertain: expected a table of quantities"):
+    with pytest.raises(ConfigError, match=r"campaign\.uncertain: expected a table, got none"):
         read_campaign(parse(SHORT, "bad.toml", tmp_path))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["run", "short.toml", "--workers", "2", "--dask", "tcp://127.0.0.1:1"], "not both"),
-        (["run", "short.toml", "--runs", "0"], "--runs: expected a whole number >= 1, got 0"),
-        (["run", "short.toml", "--out", "short.toml"], "file is not a database"),
-        (["resume", "none.sqlite"], "got no file"),
-    ],
-)
-def test_bad_input_is_one_line(config, capsys, arguments, words):
-    assert main(["campaign", *arguments]) == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if "plants, " not in line]
-    assert len(lines) == 1
-    assert words in lines[0]
-    assert config.read_text() == SHORT + CAMPAIGN

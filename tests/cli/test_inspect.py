@@ -46,14 +46,14 @@ def fits_80_columns(printed):
 
 
 def test_it_says_what_the_arm_and_its_law_are(capsys):
-    assert main(["inspect", "panda", "--bandwidth", "8"]) == 0
+    assert main(["inspect", "kinova", "--bandwidth", "8"]) == 0
     printed = capsys.readouterr().out
     assert fits_80_columns(printed)
-    arm = Arm.from_example("panda")
+    arm = Arm.from_example("kinova")
     law = fp.suggest_gains(arm, 8.0)
     joints = rows_below(printed, "Joints and their limits")
     assert [row[-1] for row in joints] == list(arm.joint_names)
-    assert [float(row[1]) for row in joints] == pytest.approx(arm.lower, rel=1e-3)
+    assert [float(row[4]) for row in joints] == pytest.approx(arm.effort_limit, rel=1e-3)
     home = np.array([[float(cell) for cell in row[:2]] for row in rows_below(printed, "At home")])
     assert home[:, 0] == pytest.approx(arm.home, rel=1e-3)
     assert home[:, 1] == pytest.approx(np.diag(arm.mass_matrix(arm.home)), rel=1e-3)
@@ -63,23 +63,15 @@ def test_it_says_what_the_arm_and_its_law_are(capsys):
         law.scale_on(arm), law.integral_order, law.derivative_order, law.kp, law.ki, law.kd,
         ceilings.kp, ceilings.ki, ceilings.kd,
     ]  # fmt: skip
-    columns = np.column_stack([np.broadcast_to(x, 7) for x in expected])
+    columns = np.column_stack([np.broadcast_to(x, arm.n) for x in expected])
     assert gains == pytest.approx(columns, rel=1e-3)
     margins = rows_below(printed, "Margins at home")
     report = fp.stability_report(arm, law)
     assert [float(row[0]) for row in margins] == pytest.approx(report.gain_margin, rel=1e-3)
     assert ("stable" in printed) == report.stable
-
-
-def test_gains_that_were_lowered_are_named(capsys):
-    assert main(["inspect", "kinova"]) == 0
-    printed = capsys.readouterr().out
-    law = fp.suggest_gains(Arm.from_example("kinova"), 10.0)
-    asked = 2.0 * 10.0 ** (2.0 - np.broadcast_to(law.derivative_order, 6))
-    lowered = [j + 1 for j in range(6) if np.broadcast_to(law.kd, 6)[j] < 0.99 * asked[j]]
-    assert lowered
-    for j in lowered:
-        assert f"joint {j} lowered: " in printed
+    notes = fp.control.explain_gains(arm, 8.0).notes
+    assert notes
+    assert all(note in " ".join(printed.split()) for note in notes)
     assert "Nothing had to be lowered" not in printed
 
 
@@ -90,13 +82,10 @@ def test_metres_and_newtons_are_said(folder, capsys):
     assert "of prismatic joints m, m/s and N)" in " ".join(printed.split())
     kinds = [row[0] for row in rows_below(printed, "Joints")]
     assert kinds == ["revolute", "prismatic", "revolute"]
-    assert main(["inspect", "lifter.xml", "--lock", "slide=0.2"]) == 0
-    assert "prismatic" not in capsys.readouterr().out
-
-
-def test_a_picture_is_drawn(folder, capsys):
-    assert main(["inspect", "lifter.xml", "--picture", "arm.svg"]) == 0
-    assert "Written: arm.svg" in capsys.readouterr().out
+    assert main(["inspect", "lifter.xml", "--lock", "slide=0.2", "--picture", "arm.svg"]) == 0
+    printed = capsys.readouterr().out
+    assert "prismatic" not in printed
+    assert "Written: arm.svg" in printed
     assert (folder / "arm.svg").stat().st_size > 5000
 
 
@@ -133,26 +122,6 @@ def test_the_rest_of_a_tree_is_held_by_the_tip_of_the_arm(folder, capsys):
     assert table == {"kind": "mjcf", "path": "hand.xml", "keep": "h"}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["inspect", "UR5"], "arm: expected one of two_link, .* got 'UR5' (did you mean ur5?)"),
-        (["inspect", "ur55"], "arm: expected one of two_link, .* got 'ur55' (did you mean ur5?)"),
-        (["inspect", "panda", "--lock", "door"], "--lock: expected JOINT=VALUE, got 'door'"),
-        (["inspect", "two_link", "--picture", "arm.bmp"], "a name that ends in .svg"),
-        (["init", "two_link", "--out", "taken.toml"], "taken.toml: expected a new file, got one"),
-    ],
-)
-def test_what_cannot_be_is_one_line_and_status_2(folder, capsys, arguments, message):
-    (folder / "taken.toml").write_text("mine")
-    assert main(arguments) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    words = message.split(" .* ")
-    assert all(word in error for word in words)
-    assert (folder / "taken.toml").read_text() == "mine"
-
-
 # ---------------------------------------------------------------------- init
 
 
@@ -169,8 +138,8 @@ def test_compare_runs_what_init_writes(folder, capsys):
     assert len(list((folder / "runs" / "start").glob("*.npz"))) == 20
 
 
-@pytest.mark.parametrize("name", ["z1", "lifter.xml"])
-def test_a_configuration_stays_within_the_limits_of_its_arm(folder, name):
+@pytest.mark.parametrize("name", ["ur5", "lifter.xml"])
+def test_a_configuration_stays_within_the_limits_of_its_arm_and_every_law_follows(folder, name):
     assert main(["init", name]) == 0
     config = load(folder / "config.toml")
     arm, t = config.experiment.arm, np.linspace(0.0, 10.0, 500)
@@ -181,33 +150,23 @@ def test_a_configuration_stays_within_the_limits_of_its_arm(folder, name):
     assert list(config.controllers) == ["FPID", "integer PID", "PD + gravity", "computed torque"]
     kinds = [condition.split()[0] for condition in config.conditions]
     assert kinds == ["nominal", "payload", "friction", "noise", "delay"]
-
-
-def test_every_law_follows_on_a_ur5_as_it_is(folder):
-    assert main(["init", "ur5"]) == 0
-    config = load(folder / "config.toml")
+    if name == "lifter.xml":
+        return  # its drives are weak
     experiment = dataclasses.replace(config.experiment, dynamics="compiled")
-    runs = fp.simulate(experiment, list(config.controllers.values()))
-    for run in runs:
+    for run in fp.simulate(experiment, list(config.controllers.values())):
         assert run.outcome.completed
         assert limit_report(run) == []
         assert run.metrics.rms_tail.max() < 0.05
 
 
-def test_paths_start_at_the_configurations_folder(folder, capsys):
-    assert main(["init", "lifter.xml", "--out", "deep/er/start.toml", "--lock", "wrist=0.1"]) == 0
-    table = tomllib.loads((folder / "deep" / "er" / "start.toml").read_text())["arm"]
-    assert table == {"kind": "mjcf", "path": "../../lifter.xml", "lock": {"wrist": 0.1}}
-    config = load(folder / "deep" / "er" / "start.toml")
-    assert config.experiment.arm == Arm.from_mjcf("lifter.xml", {"wrist": 0.1})
-    assert "[rad] and [m]" in (folder / "deep" / "er" / "start.toml").read_text()
-
-
-def test_names_that_are_odd_stay_text(folder):
-    odd = 'lift"er\n[x].xml'
+def test_paths_start_at_the_configurations_folder_and_odd_names_stay_text(folder):
+    odd, start = 'lift"er\n[x].xml', folder / "deep" / "er" / "start.toml"
     os.rename("lifter.xml", odd)
-    assert main(["init", odd]) == 0
-    assert load(folder / "config.toml").experiment.arm.name == "lifter"
+    assert main(["init", odd, "--out", str(start), "--lock", "wrist=0.1"]) == 0
+    table = tomllib.loads(start.read_text())["arm"]
+    assert table == {"kind": "mjcf", "path": f"../../{odd}", "lock": {"wrist": 0.1}}
+    assert load(start).experiment.arm == Arm.from_mjcf(odd, {"wrist": 0.1})
+    assert "[rad] and [m]" in start.read_text()
 
 
 @pytest.mark.parametrize("name", ["ur5", "so100"])
@@ -221,17 +180,5 @@ def test_what_is_asked_of_the_drives_can_be_borne(name):
     assert (viscous > arm.viscous_friction).all()
     assert (dry < arm.effort_limit + arm.dry_friction).all()
     assert (swing(arm)[0] > 0.0).all()
-
-
-def test_numbers_are_cut_to_two_digits_towards_zero():
-    assert rounded(np.array([0.0, 0.299, 1.0, 0.0349, 3.39, 128.0])).tolist() == [
-        0.0, 0.29, 1.0, 0.034, 3.3, 120.0,
-    ]  # fmt: skip
-
-
-@pytest.mark.parametrize("option", ["--step", "--bandwidth"])
-def test_what_is_refused_leaves_no_half_of_a_page(option, capsys):
-    assert main(["inspect", "two_link", option, "nan"]) == 2
-    told = capsys.readouterr()
-    assert told.out == ""
-    assert len(told.err.splitlines()) == 1
+    cut = [0.0, 0.29, 1.0, 0.034, 3.3, 120.0]
+    assert rounded(np.array([0.0, 0.299, 1.0, 0.0349, 3.39, 128.0])).tolist() == cut

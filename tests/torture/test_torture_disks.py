@@ -59,7 +59,7 @@ def test_a_disk_that_fails_at_any_write(what, shim, tmp_path, tally):
 
 
 def command(folder, *arguments, **options):
-    done = finished([sys.executable, "-m", "fpid_pin_start", *arguments], cwd=folder, **options)
+    done = finished([sys.executable, "-m", "fpid_pin.cli.main", *arguments], cwd=folder, **options)
     said = [line for line in done.stderr.splitlines() if "generation" not in line]
     return done.returncode, said
 

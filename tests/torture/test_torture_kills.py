@@ -35,10 +35,11 @@ RESULTS = {"tuned.npz", "history.csv", "summary.md", "report.html", "tuned.toml"
 @contextlib.contextmanager
 def start(folder, *arguments):
     """Start a command for the length of a block, which begins where the command does."""
-    # "begun" is the first thing that is ours: before it Python itself starts.
+    # "begun" is told where the command line has been started, and has loaded nothing else yet.
     code = (
-        "import sys, runpy; sys.stderr.write('begun\\n'); sys.stderr.flush(); "
-        "runpy.run_module('fpid_pin_start', run_name='__main__', alter_sys=True)"
+        "import sys; from fpid_pin.cli import main; before = main._run; "
+        "main._run = lambda words: sys.stderr.write('begun\\n') and before(words); "
+        "main.program()"
     )
     with started(
         [sys.executable, "-c", code, *arguments], stdout=subprocess.DEVNULL,

@@ -100,7 +100,7 @@ plant = { payload = { mass = 0.5 } }
         (("map_points = 3", 'controller = "PID"'), "tune.controller: expected one of"),
         (("w2 = 0.0", "w2 = -1.0"), "tune.cost.w2: expected a number >= 0, got -1"),
         (("kp = [1", "self = [1"), "tune.space.self: expected one of kp, ki,"),
-        (("[tune.space]", "[tune.spice]"), "tune.space: expected a table of parameters"),
+        (("[tune.space]", "[tune.spice]"), "tune.space: expected a value, got none"),
     ],
 )
 def test_faults_in_the_table_are_named(tmp_path, change, said):

@@ -1,0 +1,115 @@
+"""Wrong input: a line that says what, what was expected and what came, and status 2."""
+
+import contextvars
+import shlex
+import sys
+
+import pytest
+
+from fpid_pin.cli import comparison
+from fpid_pin.cli.configuration import demo_config
+from fpid_pin.cli.main import main
+
+HEAD, *LAWS = (
+    demo_config().text.replace("duration = 20.0", "duration = 0.2").split("[[controller]]")
+)
+STUDY = (
+    "[[controller]]".join([HEAD, LAWS[0], LAWS[-1]])
+    + """
+[tune]
+generations = 1
+[tune.space]
+kp = [1, 100]
+
+[campaign]
+[campaign.uncertain]
+payload = { kind = "uniform", low = 0.0, high = 1.0 }
+"""
+)
+OWN = {"own.py": "x = 1\nundefined\n", "bad.py": "def f(:\n", "other/own.py": "x = 1\n"}
+
+
+def imports(value):
+    return {"format = 1": f"format = 1\nimport = {value}"}
+
+
+def space(bounds, law='kind = "suggested_fpid"'):
+    head = STUDY.split("[[controller]]")[0]
+    return {STUDY: f"{head}[[controller]]\n{law}\n[tune.space]\nbandwidth = {bounds}\n"}
+
+
+@pytest.mark.parametrize(
+    ("words", "change", "said"),
+    [
+        ("run", {}, "Missing argument"),
+        ("run none.toml", {}, "none.toml: no such file"),
+        ("run other", {}, "other: cannot be read (Is a directory)"),
+        ("run own.npz", {}, "own.npz: cannot be read (not a text file)"),
+        ("run /dev/zero", {}, "/dev/zero: expected at most 16777216 bytes, got more"),
+        ("compare study.toml", {"[0.901, 0.931]": "[0.9, 1.7]"},
+         "study.toml: controller.0.integral_order.1: expected a number in [0, 1], got 1.7"),
+        ("run study.toml", {'kind = "two_link"': 'kind = "two_link"\nlenghts = [1.0]'},
+         "study.toml: arm.lenghts: expected none, got 'lenghts'"),
+        ("run study.toml", {}, "expected one controller, or --controller NAME, got 'FPID, publ"),
+        ("run study.toml --controller 'integr PID'", {}, "did you mean integer PID?"),
+        ("compare study.toml --every 0", {}, "--every: expected a whole number >= 1, got 0"),
+        ("compare study.toml --metric speed", {}, "--metric: expected one of tail, rms,"),
+        ("compare study.toml --out own.py", {}, "got a file"),
+        ("compare study.toml --out own.py/x", {}, "cannot be written"),
+        ("compare study.toml --out other", {}, "other: expected a new folder or one that"),
+        ("compare study.toml --out new", {"integer PID": "a" * 300}, "of 255 bytes at most"),
+        ("tune study.toml", space("[0.5, 10]"),
+         'tune.space.bandwidth: expected "shared" behind its bounds'),
+        ("tune study.toml", space('[-1, 10, "shared"]'), "tune.space.bandwidth.low: expected "),
+        ("view none.npz", {}, "none.npz: no such file"),
+        ("operators --order 1.7", {}, "1.7"),
+        ("operators --step 5e-324", {}, "step: expected a number in [1e-09, 10]"),
+        ("inspect UR5", {}, "got 'UR5' (did you mean ur5?)"),
+        ("inspect ur55", {}, "got 'ur55' (did you mean ur5?)"),
+        ("inspect panda --lock door", {}, "--lock: expected JOINT=VALUE, got 'door'"),
+        ("inspect two_link --picture arm.bmp", {}, "a name that ends in .svg"),
+        ("inspect two_link --step nan", {}, "step: expected a number"),
+        ("inspect two_link --bandwidth nan", {}, "bandwidth: expected a number"),
+        ("init two_link --out own.py", {}, "own.py: expected a new file, got one"),
+        ("campaign run study.toml --workers 2 --dask tcp://127.0.0.1:1", {}, "not both"),
+        ("campaign run study.toml --workers 0", {}, "workers: expected a whole number >= 1"),
+        ("campaign run study.toml --chunk 0", {}, "chunk: expected a whole number >= 1"),
+        ("tune study.toml --workers 0", {}, "workers: expected a whole number >= 1, got 0"),
+        ("campaign run study.toml --runs 0", {}, "runs: expected a whole number >= 1, got 0"),
+        ("campaign run study.toml --out own.py", {}, "file is not a database"),
+        ("campaign resume none.sqlite", {}, "expected a campaign's ledger, got no file"),
+        ("compare study.toml", imports('"own.py"'), "import: expected --allow-import, as the code"),
+        ("compare study.toml --allow-import", imports('"own.py"'),
+         "import: own.py:2: NameError: name 'undefined' is not defined"),
+        ("compare study.toml --allow-import", imports('"bad.py"'), "bad.py:1: SyntaxError"),
+        ("compare study.toml --allow-import", imports(3),
+         "import: expected a path, or a list of them, got 3"),
+        ("compare study.toml --allow-import", imports('"none.py"'),
+         "import: expected a Python file, got"),
+        ("compare study.toml --allow-import", imports('["other/own.py", "own.py"]'),
+         "expected files of different names, got own.py twice"),
+    ],
+)  # fmt: skip
+def test_wrong_input_is_one_line_and_status_2(words, change, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(comparison, "simulate", None)  # Any work would fail otherwise.
+    text = STUDY
+    for old, new in change.items():
+        assert old in text
+        text = text.replace(old, new)
+    (tmp_path / "other").mkdir()
+    for name, content in {"study.toml": text, **OWN}.items():
+        (tmp_path / name).write_text(content)
+    (tmp_path / "own.npz").write_bytes(b"\xff\xfe\x00")
+    before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
+    status = contextvars.copy_context().run(main, shlex.split(words))
+    sys.modules.pop("fpid_pin_own_own", None)
+    assert status == 2
+    told = capsys.readouterr()
+    lines = [line for line in told.err.splitlines() if " plants, " not in line]
+    assert len(lines) == 1, told.err
+    assert lines[0].startswith("fpid-pin: ")
+    assert said in lines[0]
+    assert told.out == ""
+    after = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
+    assert {path: data for path, data in after.items() if "__pycache__" not in str(path)} == before
