@@ -1,5 +1,6 @@
 # `make demo` and `make test` each set up what they need in .venv, once, and then run it.
 # `make check` adds the linter and the type checker; `make clean` removes what these made.
+# `make coverage` runs the tests once more and prints which branches they take.
 # `make torture` makes all attacks of which the tests make a few, and prints a table of them.
 
 PYTHON ?= python3
@@ -9,7 +10,7 @@ BIN := $(VENV)/bin
 RUN_STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 
-.PHONY: demo test lint check torture clean
+.PHONY: demo test lint check coverage torture clean
 
 demo: $(RUN_STAMP)
 	$(BIN)/fpid-pin demo
@@ -23,6 +24,9 @@ lint: $(TEST_STAMP)
 	$(BIN)/mypy
 
 check: lint test
+
+coverage: $(TEST_STAMP)
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile --cov --cov-report=term:skip-covered
 
 torture: $(TEST_STAMP)
 	FPID_TORTURE=full $(BIN)/python -m pytest -q --timeout 7200 tests/torture

@@ -31,16 +31,11 @@ def state(arm, seed=0):
 
 @every_arm
 def test_mass_rate_less_twice_coriolis_is_skew(arm):
-    for seed in range(5):
-        q, v, _ = state(arm, seed)
-        h = 1e-6
-        rate = (arm.mass_matrix(q + h * v) - arm.mass_matrix(q - h * v)) / (2 * h)
-        skew = rate - 2 * arm.coriolis_matrix(q, v)
-        np.testing.assert_allclose(skew, -skew.T, atol=1e-6)
-        # The same without a difference quotient: C + C^T is the rate of M, so x^T (M' - 2C) x = 0.
-        np.testing.assert_allclose(
-            arm.coriolis_matrix(q, v) + arm.coriolis_matrix(q, v).T, rate, atol=1e-6
-        )
+    q, v, _ = state(arm)
+    h = 1e-6
+    rate = (arm.mass_matrix(q + h * v) - arm.mass_matrix(q - h * v)) / (2 * h)
+    c = arm.coriolis_matrix(q, v)
+    np.testing.assert_allclose(c + c.T, rate, atol=1e-6)
 
 
 @every_arm
@@ -63,16 +58,7 @@ def test_tool_jacobian_is_the_slope_of_the_tool_pose(arm):
 
 
 @every_arm
-def test_pickled_arm_is_the_same_arm(arm):
-    copy = pickle.loads(pickle.dumps(arm))
-    assert copy == arm
-    assert not copy.home.flags.writeable
-    q, v, a = state(arm)
-    assert np.array_equal(copy.forward_dynamics(q, v, a), arm.forward_dynamics(q, v, a))
-
-
-@every_arm
-def test_table_goes_through_json_and_toml_and_back(arm):
+def test_a_table_goes_through_json_and_toml_and_back_and_an_arm_through_a_pickle(arm):
     changed = (
         arm.with_payload(1.5, (0.0, 0.1, 0.02), inertia=np.diag((0.01, 0.02, 0.02)))
         .with_friction(viscous=0.3, dry=0.1)
@@ -85,6 +71,7 @@ def test_table_goes_through_json_and_toml_and_back(arm):
         table = descriptions.to_dict(one)
         assert descriptions.from_dict(json.loads(json.dumps(table, allow_nan=False)), Arm) == one
         assert descriptions.from_dict(tomllib.loads(tomli_w.dumps(table)), Arm) == one
+        assert pickle.loads(pickle.dumps(one)) == one
     assert changed != arm
 
 
@@ -126,12 +113,10 @@ def test_payload_is_the_composition_of_inertias(arm):
 
 
 def test_payload_may_sit_at_any_frame():
-    arm = ARMS["two_link"]
-    at_elbow = arm.with_payload(1.0, (1.0, 0.0, 0.0), frame="link1")
-    expected = Arm.planar((1.0, 0.8), (2.0, 1.0))
-    q = (0.3, 0.7)
-    np.testing.assert_allclose(at_elbow.mass_matrix(q), expected.mass_matrix(q), atol=1e-13)
-    np.testing.assert_allclose(at_elbow.gravity_vector(q), expected.gravity_vector(q), atol=1e-13)
+    at_elbow = ARMS["two_link"].with_payload(1.0, (1.0, 0.0, 0.0), frame="link1")
+    expected, rest = Arm.planar((1.0, 0.8), (2.0, 1.0)), np.zeros(2)
+    tau = (arm.inverse_dynamics((0.3, 0.7), rest, (1.0, 2.0)) for arm in (at_elbow, expected))
+    assert next(tau) == pytest.approx(next(tau), abs=1e-13)
 
 
 def consistent(inertia):
@@ -153,6 +138,8 @@ def test_perturbed_arm_is_physically_consistent(seed, mass, com, inertia):
     arm = ARMS["panda"]
     other = arm.perturbed(np.random.default_rng(seed), mass=mass, com=com, inertia=inertia)
     before, after = list(arm.model.inertias)[1:], list(other.model.inertias)[1:]
+    again = arm.perturbed(np.random.default_rng(seed), mass=mass, com=com, inertia=inertia)
+    assert again == other
     for one, two in zip(before, after, strict=True):
         assert abs(two.mass / one.mass - 1) <= mass + 1e-12
         assert np.abs(two.lever - one.lever).max() <= com + 1e-12
@@ -162,15 +149,6 @@ def test_perturbed_arm_is_physically_consistent(seed, mass, com, inertia):
             scale = max(np.linalg.eigvalsh(pseudo)[-1], 1e-12)
             assert np.linalg.eigvalsh(pseudo)[0] >= -1e-9 * scale
     assert np.linalg.eigvalsh(other.mass_matrix(other.home))[0] > 0
-
-
-def test_perturbation_is_the_random_state_s_own():
-    arm = ARMS["ur5"]
-    one, two = (arm.perturbed(np.random.default_rng(5)) for _ in range(2))
-    assert one == two
-    assert one != arm.perturbed(np.random.default_rng(6))
-    none = arm.perturbed(np.random.default_rng(5), mass=0.0)
-    assert none == arm
 
 
 def test_friction_and_limits_are_kept_beside_the_rigid_body():
@@ -184,18 +162,6 @@ def test_friction_and_limits_are_kept_beside_the_rigid_body():
     assert np.array_equal(arm.forward_dynamics(q, v, a), expected)
     assert arm.with_friction(dry=0).viscous_friction.tolist() == [0.1, 0.2]
     assert not ARMS["two_link"].dry_friction.any()
-
-
-def test_gravity_of_another_planet():
-    arm = ARMS["ur5"]
-    moon = arm.with_gravity(1.62)
-    np.testing.assert_allclose(
-        moon.gravity_vector(arm.home), arm.gravity_vector(arm.home) * 1.62 / 9.81, atol=1e-12
-    )
-    hung = arm.with_gravity((0, 0, 9.81))
-    np.testing.assert_allclose(
-        hung.gravity_vector(arm.home), -arm.gravity_vector(arm.home), atol=1e-12
-    )
 
 
 def test_an_arm_cannot_be_altered():
@@ -277,12 +243,3 @@ def test_scaled_links_have_factors_of_mass_and_shape_and_go_through_a_table(arm)
         for wrong in (0.0, -1.0, (1.0, 2.0, 3.0)):
             with pytest.raises(ArgumentError, match=name):
                 arm.with_scaled_links(**{name: wrong})
-
-
-def test_changes_at_once_are_those_one_by_one():
-    arm = Arm.from_example("ur5")
-    tables = {"scaled_links": {"mass": 1.2}}, {"payload": {"mass": 0.7}}
-    together = arm.with_changes(*tables, {"friction": {"viscous": 0.3}})
-    one_by_one = arm.with_scaled_links(1.2).with_payload(0.7).with_friction(0.3)
-    assert together == one_by_one
-    assert together.to_dict() == one_by_one.to_dict()

@@ -63,11 +63,6 @@ def test_other_files_are_refused(tmp_path, read, text, message):
         read(write(tmp_path, text, "a.xml"))
 
 
-def test_no_file_is_one_line(tmp_path):
-    with pytest.raises(ArmError, match="expected a URDF or MJCF file, got none"):
-        Arm.from_file(tmp_path / "none.urdf")
-
-
 # ---------------------------------------------------------------------- robot_descriptions
 
 

@@ -33,11 +33,7 @@ def test_terms_are_those_of_equation_35():
         np.testing.assert_allclose(arm.mass_matrix(q), mass, rtol=0, atol=1e-12)
         np.testing.assert_allclose(arm.coriolis_matrix(q, v) @ v, coriolis, rtol=0, atol=1e-12)
         np.testing.assert_allclose(arm.gravity_vector(q), gravity, rtol=0, atol=1e-12)
-
-
-def test_angles_turn_counter_clockwise_in_the_vertical_plane():
-    arm = Arm.two_link()
-    for q, _ in states(20):
+        # Angles turn counter clockwise in the vertical plane.
         x = L1 * np.cos(q[0]) + L2 * np.cos(q.sum())
         z = L1 * np.sin(q[0]) + L2 * np.sin(q.sum())
         np.testing.assert_allclose(arm.tool_pose(q)[:3, 3], [x, 0, z], atol=1e-14)

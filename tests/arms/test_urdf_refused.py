@@ -124,14 +124,24 @@ def test_deep_chains_are_arms():
 LONG = "n" * 300
 
 
-def test_a_path_that_the_system_cannot_hold_is_one_line(tmp_path):
-    with pytest.raises(ArmError, match="cannot be read: File name too long") as caught:
-        Arm.from_urdf(tmp_path / f"{LONG}.urdf")
+@pytest.mark.parametrize(
+    ("read", "path", "message"),
+    [
+        (Arm.from_urdf, "none.urdf", r"none\.urdf: expected a URDF file, got none"),
+        (Arm.from_urdf, ".", "expected a URDF file, got a folder"),
+        (Arm.from_urdf, "binary.urdf", "expected well-formed XML"),
+        (Arm.from_urdf, f"{LONG}.urdf", "cannot be read: File name too long"),
+        (Arm.from_urdf, "a\0b.urdf", "expected a URDF file, got none"),
+        (Arm.from_file, "none.urdf", "expected a URDF or MJCF file, got none"),
+    ],
+)
+def test_a_path_that_has_no_robot_is_one_line(tmp_path, monkeypatch, read, path, message):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "binary.urdf").write_bytes(b"\xff\xfe\x00robot")
+    with pytest.raises(ArmError, match=message) as caught:
+        read(path)
     assert len(str(caught.value)) < 300
-    with pytest.raises(ArmError, match="expected a URDF file, got none"):
-        Arm.from_urdf("a\0b.urdf")
-    with pytest.raises(ArgumentError, match="path: expected the path of a URDF file, got int"):
-        Arm.from_urdf(5)
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("address", [f"package://{LONG}/{LONG}", "a\x7fb"])
@@ -155,6 +165,8 @@ def test_a_mesh_of_such_a_path_is_a_missing_one(address, tmp_path):
         ({"inertia": "near"}, r"inertia: expected one of .*did you mean nearest\?"),
         ({"keep": 5}, "keep: expected joints' names, or the link at the arm's tip, got int"),
         ({"tool": "tpi"}, r"tool: expected one of .*did you mean tip\?"),
+        ({"lock": {"k": 0.0}}, "lock: expected one of j, got 'k'"),
+        ({"lock": {"j": float("nan")}}, r"lock\.j: .*got nan"),
     ],
 )
 def test_odd_entries_of_a_table_are_refused(entry, message):

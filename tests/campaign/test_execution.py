@@ -8,7 +8,6 @@ from studies import bits, study
 
 import fpid_pin as fp
 from fpid_pin.campaign import Uniform, load, run
-from fpid_pin.campaign.driver import pieces
 from fpid_pin.exceptions import ArgumentError, FpidError, WorkersDied
 from fpid_pin.simulation.workers import AHEAD, spread
 
@@ -39,16 +38,14 @@ def test_a_run_is_what_simulate_says(alone):
     for number in (0, 23):
         experiment = made.experiment_of(number, made.samples(number, number + 1)[0])
         for column, law in enumerate(made.controllers.values()):
-            metrics = fp.simulate(experiment, law).metrics
-            figures = {name: values[number, column] for name, values in alone.metrics.items()}
-            assert figures["peak_torque"] == metrics.peak_torque.max()
-            assert figures["rms"] == pytest.approx(np.sqrt(np.mean(metrics.rms**2)), rel=1e-14)
-            assert figures["rms_tail"] == pytest.approx(
-                np.sqrt(np.mean(metrics.rms_tail**2)), rel=1e-14
-            )
-            assert figures["energy"] == pytest.approx(metrics.energy.sum(), rel=1e-14)
-            variation = metrics.total_variation.sum()
-            assert figures["total_variation"] == pytest.approx(variation, rel=1e-14)
+            m = fp.simulate(experiment, law).metrics
+            expected = {
+                "peak_torque": m.peak_torque.max(), "rms": np.sqrt(np.mean(m.rms**2)),
+                "rms_tail": np.sqrt(np.mean(m.rms_tail**2)), "energy": m.energy.sum(),
+                "total_variation": m.total_variation.sum(),
+            }  # fmt: skip
+            figures = {name: alone.metrics[name][number, column] for name in expected}
+            assert figures == pytest.approx(expected, rel=1e-14)
 
 
 def test_chunks_threads_and_processes_change_no_bit(alone, pool, tmp_path):
@@ -168,12 +165,6 @@ def test_outcomes_say_how_runs_ended(tmp_path):
     assert np.isnan(data.metrics["rms"][:, 1]).all()
     assert data.success[:, 0].all()
     assert not data.success[:, 1].any()
-
-
-def test_pieces_end_where_they_did_before():
-    cut = pieces([0, 1, 2, 5, 6, 7, 8, 9, 12], 4)
-    assert cut == [(0, 3), (5, 8), (8, 10), (12, 13)]
-    assert pieces([], 4) == []
 
 
 class Losing(Executor):

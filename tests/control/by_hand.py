@@ -210,22 +210,6 @@ class L1:
         return self.weights[: len(self.changes)][::-1] @ np.array(self.changes)
 
 
-class GrunwaldLetnikov:
-    """Eq. (1) of f - f(0), which is Caputo's derivative for orders below one."""
-
-    def __init__(self, alpha, h, rows):
-        factors = 1.0 - (alpha + 1.0) / np.arange(1, rows)
-        self.weights = h**-alpha * np.concatenate([[1.0], np.cumprod(factors)])
-        self.past, self.rows = None, 0
-
-    def __call__(self, f):
-        if self.past is None:
-            self.first, self.past = f, np.zeros((self.weights.size, f.size))
-        self.past[self.rows] = f - self.first
-        self.rows += 1
-        return self.weights[: self.rows][::-1] @ self.past[: self.rows]
-
-
 class PiecewiseLinear:
     """I^order of f, straight between samples, over the whole past (Diethelm, Ford, Freed, 2004)."""
 
@@ -245,19 +229,13 @@ class PiecewiseLinear:
 
 
 class Fpid:
-    """Eqs. (10), (22) and (30)-(32), with operators of the kind that is given; None: orders 1."""
+    """Eqs. (10), (22) and (30)-(32) with orders 1."""
 
-    def __init__(
-        self, gains, rates, operator=None, orders=(1.0, 1.0), h=1e-3, rows=0, k0=1.0, k1=2.0
-    ):
-        self.gains, self.rates, self.operators, self.k0, self.k1 = gains, rates, None, k0, k1
-        if operator is not None:
-            self.operators = operator(1.0 - orders[0], h, rows), operator(orders[1], h, rows)
+    def __init__(self, gains, rates, k0=1.0, k1=2.0):
+        self.gains, self.rates, self.k0, self.k1 = gains, rates, k0, k1
 
     def torque(self, x):
         self.phi = x.e, x.total, x.rate
-        if self.operators is not None:
-            self.phi = x.e, self.operators[0](x.total), self.operators[1](x.e)
         self.s = -(x.rate + self.k1 * x.e + self.k0 * x.total)
         return sum(gain * term for gain, term in zip(self.gains, self.phi, strict=True))
 

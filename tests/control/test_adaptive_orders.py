@@ -134,16 +134,6 @@ def test_white_noise_of_the_rate_does_not_drive_mu():
 # ------------------------------------------------------------------------------ files
 
 
-def test_a_run_file_has_the_orders_and_the_law_that_moved_them(tmp_path):
-    run = ran(moving([[0.5, 0.4], [0.3, 0.2]], derivative_order_bounds=(0.4, 0.95)))
-    back = fp.Run.load(run.save(tmp_path / "run.npz"))
-    for name in ("integral_order", "derivative_order"):
-        assert (getattr(back, name) == getattr(run, name)).all()
-    assert back.controller.derivative_order_bounds == (0.4, 0.95)
-    assert (back.controller.order_learning_rate == [[0.5, 0.4], [0.3, 0.2]]).all()
-    assert (fp.simulate(back.experiment, back.controller).torque == run.torque).all()
-
-
 # ------------------------------------------------------------------------------ rates to begin with
 
 

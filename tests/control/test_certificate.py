@@ -8,15 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_lyapunov
 
 import fpid_pin as fp
 from fpid_pin.control import Safeguards, certify_gains, gain_ceilings, suggest_gains
 from fpid_pin.control.certificate import best_scaling, joint_factors, norm_bound
 from fpid_pin.control.linear import LinearSystem, linear_arm
-from fpid_pin.control.linear_law import terms_of
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.fractional import ExponentialSum
 from fpid_pin.fractional.design import modes_of
 
 STEP = 1e-3
@@ -80,7 +77,7 @@ def test_a_certified_box_keeps_the_scaled_norm_below_one_on_a_dense_grid(suggest
     assert found.reach * largest(grid, np.ones(3 * arm.n)) > 1.0  # scaling is what does it
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_the_norm_of_a_system_is_bounded_between_frequencies(seed):
     """Lightly damped: two of three peaks are between the frequencies that are looked at first."""
     rng = np.random.default_rng(seed)
@@ -126,45 +123,6 @@ def test_one_joint_has_the_closed_form(kp, kd):
     assert 0.985 * exact < found.reach < exact
     assert found.high[0, 0] == pytest.approx(kp * (1.0 + found.reach))
     assert found.low[1:, 0] == pytest.approx([0.0, kd])
-
-
-@pytest.mark.parametrize("adversary", ["random", "slow", "greedy"])
-def test_no_sequence_of_gains_inside_the_box_is_found_that_blows_up(suggested, adversary):
-    arm, law, found = suggested
-    assert _driven(arm, law, found.reach, adversary).max() < 1e-2
-    if adversary == "greedy":  # it would find what is there to be found
-        assert _driven(arm, law, 3.0 * found.reach, adversary).max() > 1e2
-
-
-def _driven(arm, law, reach, adversary, runs=4, ticks=8000):
-    """Return how large arms are after so many ticks, over how they were kicked, (runs,)."""
-    design = ExponentialSum(modes=6)
-    (terms,) = terms_of(law, arm, [arm.home], step=STEP, horizon=20.0, design=design)
-    a, b, c = terms.a, terms.b, terms.c
-    rng, n, table = np.random.default_rng(7), arm.n, table_of(arm, law).reshape(-1)
-    fixed = a + b @ (table.reshape(3, n, 1) * c.reshape(3, n, -1)).sum(axis=0)
-    # What the greedy adversary makes grow: energy to come, were gains fixed.
-    weight = np.zeros(len(a))
-    weight[: 2 * n] = [1.0] * n + [1e-2] * n
-    to_come = solve_discrete_lyapunov(fixed.T, np.diag(weight))
-    x = rng.normal(size=(runs, len(a))) * (np.arange(len(a)) < 2 * n)
-    start = np.linalg.norm(x[:, : 2 * n], axis=1)
-    signs = rng.choice([-1.0, 1.0], size=(runs, 3 * n))
-    for _ in range(ticks):
-        terms = x @ c.T
-        if adversary == "greedy":
-            ahead = (x @ fixed.T) @ (to_come @ b)
-            signs = np.sign(np.tile(ahead, 3) * terms)
-        elif adversary == "random":
-            signs = rng.choice([-1.0, 1.0], size=(runs, 3 * n))
-        else:
-            flips = rng.random((runs, 3 * n)) < 1.0 / rng.integers(20, 2000)
-            signs = np.where(flips, -signs, signs)
-        torque = (table * (1.0 + reach * signs) * terms).reshape(runs, 3, n).sum(axis=1)
-        x = x @ a.T + torque @ b.T
-        if np.abs(x).max() > 1e12:
-            return np.full(runs, np.inf)
-    return np.linalg.norm(x[:, : 2 * n], axis=1) / start
 
 
 def test_a_law_with_its_box_is_the_law():

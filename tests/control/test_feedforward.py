@@ -50,18 +50,6 @@ def test_on_the_exact_model_the_error_is_that_of_the_integration_rule(step):
     assert np.abs(run.error).max() < 1.01 * 0.5 * step * kd / kp * 0.3 * w**2
 
 
-@pytest.mark.parametrize("integrator", ["semi_implicit_euler", "rk4"])
-def test_on_a_whole_arm_the_error_halves_with_the_step(integrator):
-    arm = fp.Arm.two_link().with_friction(viscous=0.5)
-    law = dataclasses.replace(LAW, scale="inertia")
-    errors = []
-    for step in (2e-3, 1e-3, 5e-4):
-        experiment = following(arm, 4.0, step=step, integrator=integrator)
-        errors.append(tail(fp.simulate(experiment, with_model(law))))
-    assert errors[1] < 0.01 * tail(fp.simulate(following(arm, 4.0), law))
-    assert np.divide(errors[:-1], errors[1:]) == pytest.approx([2.0, 2.0], rel=0.02)
-
-
 def test_at_rest_the_arm_is_held_without_any_error():
     arm = fp.Arm.from_example("ur5")
     law = dataclasses.replace(with_model(LAW, OMEGA), scale="inertia")
@@ -82,19 +70,6 @@ def test_a_constant_torque_is_cancelled_by_its_closed_form(law, friction):
     feedback = 2.0 * (100.0 * run.error[:, 0] + 20.0 * (run.v_ref - run.v)[:, 0])
     assert np.abs(run.torque[:, 0] - feedback + found).max() < 1e-10
     assert friction or np.abs(run.error[-1]).max() < 1e-8
-
-
-@pytest.mark.parametrize("name", ["z1", "xarm7"])
-def test_an_arm_whose_friction_stops_joints_within_a_step_bears_an_observer(name):
-    arm = fp.Arm.from_example(name)
-    assert (STEP * arm.viscous_friction > 2.0 * np.diag(arm.mass_matrix(arm.home))).any()
-    plant = fp.Plant(arm=arm.with_payload(0.3))
-    experiment = following(arm, 1.0, plant=plant, dynamics="compiled")
-    for law in (*OBSERVED[1:], fp.Pid(100.0, 200.0, 20.0, scale="inertia")):
-        laws = [dataclasses.replace(law, observer=omega) for omega in (30.0, 0.0)]
-        run, alone = fp.simulate(experiment, laws)
-        assert run.outcome.completed
-        assert np.linalg.norm(run.metrics.rms) < 1.1 * np.linalg.norm(alone.metrics.rms)
 
 
 def test_a_true_arm_that_is_too_light_is_where_the_closed_form_puts_it():

@@ -1,4 +1,7 @@
-"""The adaptive FPID against laws written out by hand."""
+"""What an adaptive FPID and its loop refuse.
+
+That it is the law of the paper is in tests/simulation/test_independent_operator.py.
+"""
 
 import dataclasses
 
@@ -7,58 +10,6 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.exceptions import ArgumentError
-
-
-def test_a_design_that_keeps_the_past_is_for_signals():
-    law = dataclasses.replace(fp.paper_controller(), design=fp.fractional.L1())
-    with pytest.raises(ArgumentError, match="design: expected one with modes, got L1"):
-        law.start(fp.Arm.two_link(), step=1e-3)
-    with pytest.raises(ArgumentError, match="design: expected a Design, got str"):
-        dataclasses.replace(fp.paper_controller(), design="crone")
-
-
-def recorded(orders="symbol", duration=2.0, **changes):
-    controller = dataclasses.replace(fp.paper_controller(orders, supervised=False), **changes)
-    return controller, fp.simulate(fp.paper_experiment(duration=duration), controller)
-
-
-@pytest.mark.parametrize("regressors", ["law", "integer"])
-def test_the_record_satisfies_equations_10_21_and_30_to_32(regressors):
-    """Torque, surface and gains recomputed from q alone, by full-memory quadrature."""
-    controller, run = recorded(regressors=regressors, learning_rate=(3.0, 7.0))
-    h, e = run.step, run.error
-    rate = run.v_ref - run.v
-    integral = np.zeros_like(e)
-    steps = h * (e[1:] + e[:-1]) / 2 + h**2 * (rate[:-1] - rate[1:]) / 12
-    integral[1:] = np.cumsum(steps, axis=0)
-    surface = -(rate + 2.0 * e + 1.0 * integral)
-    assert np.abs(run.s - surface).max() < 1e-11
-    bank = fp.fractional.Bank(
-        controller.design, [[1 - 0.901, 1 - 0.931], [0.921, 0.932]], step=h, horizon=20.0
-    )
-    fractional = np.array(
-        [bank.update(np.stack([i, x]), np.stack([x, r])).copy()
-         for i, x, r in zip(integral, e, rate, strict=True)]
-    )  # fmt: skip
-    terms = [e, fractional[:, 0], fractional[:, 1]]
-    u = run.kp * terms[0] + run.ki * terms[1] + run.kd * terms[2]
-    assert np.abs(run.u_fpid - u).max() < 1e-10 * np.abs(u).max()
-    regressed = terms if regressors == "law" else [e, integral, rate]
-    for gains, phi in zip((run.kp, run.ki, run.kd), regressed, strict=True):
-        growth = -h * np.array([3.0, 7.0]) * run.s * phi
-        assert np.abs(np.diff(gains, axis=0) - growth[:-1]).max() < 1e-11
-
-
-def test_a_loop_gives_what_the_simulation_gave():
-    controller = fp.paper_controller()
-    experiment = fp.paper_experiment(duration=0.3)
-    run = fp.simulate(experiment, controller)
-    loop = controller.start(experiment.arm, step=experiment.step, horizon=20.0)
-    for k, t in enumerate(run.t):
-        reference = np.sin([t, t]), np.cos([t, t]), -np.sin([t, t])
-        tau = loop.torque(run.q[k], run.v[k], *reference)
-        assert (tau == run.torque[k]).all()
-        assert (loop.signals()["kd"] == run.kd[k]).all()
 
 
 @pytest.mark.parametrize(
@@ -72,12 +23,14 @@ def test_a_loop_gives_what_the_simulation_gave():
         ({"learning_rate": np.inf}, r"learning_rate: .* got inf"),
         ({"regressors": "laws"}, r"one of law, integer, got 'laws' \(did you mean law\?\)"),
         ({"kd": True}, r"kd: expected numbers, got True"),
+        ({"design": "crone"}, r"design: expected a Design, got str"),
+        ({"design": fp.fractional.L1()}, r"design: expected one with modes, got L1"),
         ({"supervisor": 5.0}, r"supervisor: expected a Supervisor or None, got float"),
     ],
 )
 def test_bad_arguments_give_one_clear_line(changes, message):
     with pytest.raises(ArgumentError, match=message) as caught:
-        dataclasses.replace(fp.paper_controller(), **changes)
+        dataclasses.replace(fp.paper_controller(), **changes).start(fp.Arm.two_link(), step=1e-3)
     assert "\n" not in str(caught.value)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 import fpid_pin as fp
 
-STEP, TICKS = 1e-3, 3000
+STEP, TICKS = 1e-3, 1500
 KP, KI, KD = np.array([10.0, 12.0]), np.array([25.0, 20.0]), np.array([20.0, 15.0])
 RATES = np.array([[25.0, 17.0], [3.0, 0.7], [11.0, 29.0]])
 K0, K1 = np.array([1.0, 0.6]), np.array([2.0, 1.7])
@@ -61,11 +61,10 @@ def test_without_learning_it_is_the_pid_on_any_signal(scale, limit):
 
 @LIMITS
 @SCALES
-@pytest.mark.parametrize("rates", [RATES, np.full((3, 2), 25.0)], ids=["own rates", "one rate"])
-def test_with_learning_it_is_the_plain_adaptive_integer_loop(scale, limit, rates):
+def test_with_learning_it_is_the_plain_adaptive_integer_loop(scale, limit):
     arm = fp.Arm.two_link().with_limits(effort=limit)
-    loop = adaptive(scale, rates).start(arm, step=STEP)
-    law = by_hand.Fpid([KP, KI, KD], rates, k0=K0, k1=K1)
+    loop = adaptive(scale, RATES).start(arm, step=STEP)
+    law = by_hand.Fpid([KP, KI, KD], RATES, k0=K0, k1=K1)
     plain, moved = written_out(arm, law, scale), 0.0
     for row in signals(seed=2):
         gains = law.gains
@@ -77,15 +76,7 @@ def test_with_learning_it_is_the_plain_adaptive_integer_loop(scale, limit, rates
     assert moved > 1.0
 
 
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"regressors": "integer"},
-        {"design": fp.fractional.ExponentialSum(modes=8)},
-        {"design": fp.fractional.Crone()},
-    ],
-    ids=["integer regressors", "8 modes", "CRONE"],
-)
+@pytest.mark.parametrize("changes", [{"regressors": "integer"}, {"design": fp.fractional.Crone()}])
 def test_neither_the_design_nor_the_regressors_matter_at_orders_one(changes):
     """The gradient of the integer law has the integer regressors, and no operator is at work."""
     experiment = fp.paper_experiment(duration=1.0)

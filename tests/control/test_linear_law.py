@@ -127,16 +127,6 @@ def test_a_linear_law_answers_as_its_loop_does(name):
     assert found == pytest.approx(left, abs=1e-6 * np.abs(left).max())
 
 
-def test_what_no_torque_shows_is_no_state():
-    arm = fp.Arm.from_example("ur5")
-    # Twelve numbers a joint are estimated; at rest the weight on four joints shows.
-    law = linearised(LAWS["Slotine-Li"], arm, arm.home, step=STEP, horizon=HORIZON)
-    assert len(law.following) == 4
-    law = linearised(dataclasses.replace(FPID, ki=0.0), arm, arm.home, step=STEP, horizon=HORIZON)
-    assert len(law.direct) == arm.n  # D^mu e alone
-    assert len(law.following) == 2 * arm.n  # e and e' of the last sample
-
-
 def test_where_a_law_is_asked_about_counts():
     arm, q = fp.Arm.two_link(), np.array([0.7, -0.4])
     law = linearised(fp.ComputedTorque(100.0, 20.0), arm, q, step=STEP, horizon=HORIZON)

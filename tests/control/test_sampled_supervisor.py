@@ -29,81 +29,6 @@ def pushed(guard, step=1e-3, **changes):
     return experiment, fp.simulate(experiment, supervised(guard))
 
 
-class Printed:
-    """The law of docs/supervisor.md in matrices, for one robot."""
-
-    def __init__(self, guard, arm, h):
-        self.guard, self.arm, self.h = guard, arm, h
-        self.pole = np.exp(-guard.observer * h) if guard.observer else 0.0
-        self.xi, self.predicted = np.zeros(arm.n), None
-
-    def energy(self, e, rate):
-        x = np.stack([e, rate])
-        return 0.5 * np.sum(x * (self.guard.p @ x))
-
-    def u_s(self, q, v, q_ref, v_ref, a_ref, u):
-        """Return u_s beside a torque u, which both saturate nowhere."""
-        guard, h, n = self.guard, self.h, self.arm.n
-        (p11, p12), (_, p22) = guard.p
-        v_hat = v
-        if guard.observer and self.predicted is not None:
-            miss = v - self.predicted
-            v_hat = self.predicted + (1.0 - self.pole**2) * miss
-            self.xi = self.xi + (1.0 - self.pole) ** 2 / h * miss
-        e, rate, ahead = q_ref - q, v_ref - v_hat, guard.lookahead or h
-        viscous = self.arm.viscous_friction
-        mass = self.arm.mass_matrix(q) + h * np.diag(viscous)
-        bias = self.arm.inverse_dynamics(q, v_hat, np.zeros(n)) + viscous * v
-        a = np.linalg.solve(mass, u - bias) + self.xi
-        eta = ahead**2 * (p22 + h * p12 + h**2 * p11 / 4.0)
-        there = e + ahead * rate
-        g = ahead * ((h * p11 / 2.0 + p12) * there + (h * p12 / 2.0 + p22) * rate)
-        z = a_ref - a + g / eta
-        least = self.energy(there, rate) - g @ g / (2.0 * eta)
-        v_m = guard.threshold
-        radius = np.sqrt(max(2.0 * (guard.target * v_m - least) / eta, 0.0))
-        size = np.linalg.norm(z)
-        bound = np.broadcast_to(guard.disturbance_bound, n)
-        reserve = np.abs(np.linalg.solve(mass, z / size)) @ bound
-        change = z / size * np.clip(size + reserve - radius, 0.0, size)
-        if self.energy(e, rate) < guard.trigger * v_m:
-            change = np.zeros(n)
-        self.predicted = v_hat + h * (a + change)
-        return mass @ change
-
-
-@beyond
-@pytest.mark.parametrize("name", ["two_link", "panda"])
-@pytest.mark.parametrize("quiet", [False, True])
-def test_u_s_is_the_law_as_printed(name, quiet):
-    """Without an observer V is that of the measured rate, and z, too."""
-    arm = fp.Arm.two_link() if name == "two_link" else fp.Arm.from_example(name)
-    # h F_v is up to a tenth of M_jj: how friction counts is to be seen.
-    viscous = np.diag(arm.mass_matrix(arm.home)) * np.linspace(0.0, 0.1, arm.n) / 2e-3
-    arm = arm.with_limits(effort=np.inf).with_friction(viscous=viscous)
-    push = np.linspace(8.0, 1.0, arm.n)
-    guard = fp.Supervisor.quiet(2.0, 0.5) if quiet else fp.Supervisor(
-        2.0, 0.5, disturbance_bound=push)  # fmt: skip
-    controller = fp.AdaptiveFpid(kp=10.0, ki=20.0, kd=5.0, supervisor=guard)
-    rng = np.random.default_rng(0)
-    acted = []
-    for scale in np.repeat([0.1, 0.5, 1.0], 5):
-        loop, printed = controller.start(arm, step=2e-3), Printed(guard, arm, 2e-3)
-        q, v = rng.normal(size=(2, arm.n))
-        q_ref, v_ref = q + scale * rng.normal(size=arm.n), v + scale * rng.normal(size=arm.n)
-        for _ in range(10):
-            q, v = q + 2e-3 * v, v + 0.05 * rng.normal(size=arm.n)
-            q_ref, a_ref = q_ref + 2e-3 * v_ref, rng.normal(size=arm.n)
-            loop.torque(q, v, q_ref, v_ref, a_ref)
-            seen = loop.signals()
-            expected = printed.u_s(q, v, q_ref, v_ref, a_ref, seen["u_fpid"])
-            # Rounding: of M^-1 M, whose condition is 1e4 on panda, and of torques of 1e3 N m.
-            assert seen["u_s"] == pytest.approx(expected, rel=1e-8, abs=1e-8)
-            assert seen["lyapunov"] == pytest.approx(printed.energy(q_ref - q, v_ref - v))
-            acted.append(expected.any())
-    assert 10 < sum(acted) < len(acted) - 10
-
-
 def test_it_is_silent_in_the_paper_s_experiment_to_the_last_bit():
     experiment = dataclasses.replace(fp.paper_experiment(), dynamics="compiled")
     alone = fp.simulate(experiment, fp.paper_controller(supervised=False))
@@ -137,21 +62,8 @@ def test_it_keeps_the_set_where_sgn_makes_it_worse_and_the_torque_stays_quiet(st
     assert np.abs(runs["R"].torque).max() <= 75.0
     if step > 2.5e-4:
         assert largest(runs["sgn"], R) > largest(runs["none"], R)
-
-
-@beyond
-def test_masses_that_are_wrong_by_a_fifth_do_not_drive_it_out_where_it_is_told():
-    """20 % of the weight (27.4, 7.8) N m is not in a d_u that the push uses up."""
-    told = dataclasses.replace(R, disturbance_bound=np.multiply(1.2, PUSH))
-    most = {"F": 0.0, "told": 0.0, "R": 0.0}
-    for k in range(6):
-        arm = fp.Arm.two_link().perturbed(np.random.default_rng(k), mass=0.2)
-        plant = fp.Plant(arm=arm, disturbance=Cosine(PUSH, frequency=1.0))
-        experiment = dataclasses.replace(fp.paper_experiment(duration=4.0), plant=plant)
-        runs = fp.simulate(experiment, [supervised(g) for g in (F, told, R)])
-        most = {n: max(x, largest(run, R)) for (n, x), run in zip(most.items(), runs, strict=True)}
-    assert max(most["F"], most["told"]) <= 1.0
-    assert most["R"] < 1.002
+    else:
+        assert largest(runs["sgn"], R) < 1.01
 
 
 @beyond

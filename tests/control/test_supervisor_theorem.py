@@ -141,23 +141,6 @@ def test_bounded_torques_drive_it_out_by_no_more_than_the_excess_that_the_docs_g
             assert (v_next <= limit * (1.0 + 1e-9)).all()
 
 
-def test_whatever_the_push_v_settles_where_the_docs_say():
-    n = 3
-    rng, robots, joints, tolerance = systems(30, n)
-    v_t, eta = robots["target"], eta_of(robots)
-    delta = rng.uniform(0.0, 4.0, RUNS) * tolerance
-    joints["bound"] = delta[:, np.newaxis] / np.sqrt(n)
-    kept = np.maximum(v_t + eta / 2.0 * delta**2, (delta / tolerance) ** 2 * v_t)
-    e, rate = place(rng, robots, n, kept / v_t)
-    a0 = rng.normal(size=e.shape) * 10.0 ** rng.uniform(-1.0, 3.5, (RUNS, 1))
-    t = robots["h"][:, np.newaxis]
-    for _ in range(100):
-        change, direction = act(robots, joints, e, rate, a0)
-        a = a0 - change + np.where(direction < 0.0, -1.0, 1.0) * joints["bound"]
-        e, rate = e + t * rate + t**2 / 2.0 * a, rate + t * a
-        assert (energy(robots, e, rate) <= kept * (1.0 + 1e-9)).all()
-
-
 def test_r_min_is_the_smallest_radius_of_the_ball_within_the_set():
     rng, robots, joints, tolerance = systems(20, 3)
     radii = []
@@ -190,17 +173,6 @@ def test_the_change_is_the_least_that_brings_the_look_ahead_into_the_set():
         other = change + 0.3 * size * rng.normal(size=change.shape)
         other *= 0.999 * size / np.maximum(np.linalg.norm(other, axis=1, keepdims=True), 1e-300)
         assert (seen(a0 - other)[acts] > v_t[acts]).all()
-
-
-def test_between_samples_v_is_above_its_ends_by_the_curvature_of_e_at_most():
-    rng, robots, _, _ = systems(22, 3)
-    e, rate = place(rng, robots, 3, 1.0)
-    a = rng.normal(size=e.shape) * 10.0 ** rng.uniform(0.0, 5.0, (RUNS, 1))
-    ends = np.maximum(energy(robots, e, rate), after(robots, e, rate, a))
-    h, size = robots["h"], np.linalg.norm(a, axis=1)
-    bound = np.sqrt(2.0 * ends) + h**2 / 8.0 * np.sqrt(robots["p11"]) * size
-    for part in np.linspace(0.0, 1.0, 21):
-        assert (np.sqrt(2.0 * after(robots, e, rate, a, part)) <= bound * (1.0 + 1e-9)).all()
 
 
 @functools.cache

@@ -85,7 +85,7 @@ def test_laws_that_are_chaotic_on_prescribed_inputs_in_a_closed_loop(name, tmp_p
 
 
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(6))
 def test_random_laws_are_equal_to_the_last_bit(seed, tmp_path, node):
     controller, arm, step = random_law(seed)
     proof = recorded(controller, arm, 3000, step)
@@ -110,7 +110,7 @@ def test_the_papers_experiment_has_the_same_bits_in_c_and_javascript(supervised,
 
 
 @pytest.mark.usefixtures("gcc")
-@pytest.mark.parametrize("name", ["FPID, orders that move", "FPID, quiet", "Slotine-Li"])
+@pytest.mark.parametrize("name", ["FPID, quiet", "Slotine-Li"])
 def test_valgrind_finds_no_read_of_what_was_not_written(name, tmp_path):
     if shutil.which("valgrind") is None:
         pytest.skip("no valgrind")

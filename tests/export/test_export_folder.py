@@ -25,21 +25,6 @@ FILES = {
 
 
 @dataclass(frozen=True, eq=False)
-class SmoothPd(fp.Controller):
-    """A PD law whose rate is filtered."""
-
-    kp: ArrayLike
-    kd: ArrayLike
-    tau: ArrayLike = 0.005
-    memory = ("rate",)
-
-    @staticmethod
-    def torque(c):
-        c.rate += c.h / (c.tau + c.h) * (c.e_dot - c.rate)
-        return c.kp * c.e + c.kd * c.rate
-
-
-@dataclass(frozen=True, eq=False)
 class Unprintable(fp.Controller):
     kp: ArrayLike = 1.0
 
@@ -119,15 +104,6 @@ def test_cmake_builds_both_precisions_and_ctest_passes(tmp_path, monkeypatch):
             assert "warning" not in done.stdout + done.stderr
         assert "100% tests passed" in done.stdout
     assert finished([f"{built}/fpid_example"]).returncode == 0
-
-
-@pytest.mark.usefixtures("gcc")
-def test_a_law_of_ones_own_that_is_a_kernel_is_exported(tmp_path):
-    arm = ARM.with_limits(effort=8.0)
-    folder = fp.export_c(SmoothPd(kp=30.0, kd=(6.0, 3.0)), arm, 1e-3, tmp_path / "c", ticks=900)
-    found = build.compare(build.compile_check(folder, tmp_path / "p"), folder / "vectors.bin")
-    assert found.equal == found.total == 1800
-    assert found.peak == 8.0
 
 
 BOTH = """

@@ -3,8 +3,6 @@ import warnings
 import exact_derivatives as exact
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.special import gamma
 
 from fpid_pin.exceptions import ArgumentError, FpidWarning
@@ -93,24 +91,6 @@ def test_a_changed_order_gives_what_the_new_order_would_have_given_from_the_star
     assert np.array_equal(exact.stream(bank, value[200:], rate[200:]), want[200:])
 
 
-def test_the_three_initialisations_do_what_they_say_in_the_first_samples():
-    order, start = np.array([0.3, 0.9]), 2.0
-    value, rate = np.full((50, 2), start), np.zeros((50, 2))
-    jump = start * (np.arange(1, 50)[:, None] * STEP) ** -order / gamma(1 - order)
-    none, rest, kicked = (
-        exact.stream(bank_of(ExponentialSum(40), order, initialisation=word), value, rate)
-        for word in STARTS
-    )
-    assert not none.any()
-    assert not rest[0].any()
-    assert np.allclose(rest[1:], jump, rtol=1e-9, atol=0)
-    assert np.allclose(kicked[0], start * STEP**-order, rtol=1e-12)
-    assert np.array_equal(kicked[1:], rest[1:])
-    # A filter at rest has the kick of its high-frequency gain.
-    bank = bank_of(Crone(1e-2, 1e3, 5), 0.9, initialisation="grunwald_letnikov")
-    assert np.isclose(bank.update(np.array(1.5), np.array(0.0)), 1.5 * 1e3**0.9, rtol=1e-12)
-
-
 def test_a_rate_bias_leaves_no_drift_over_ten_minutes():
     step, bias, order = 0.01, 0.005, np.array([0.05, 0.5, 0.95])
     t = np.repeat(np.arange(60_001)[:, None] * step, 3, axis=1)
@@ -134,32 +114,6 @@ def test_a_rate_that_is_not_known_gives_streamed_l1():
     for k in (1, 10, 999, 5000):
         full = (weights[:k] * np.diff(value[: k + 1], axis=0)[::-1]).sum(axis=0)
         assert np.abs(streamed[k] - full).max() < 1e-8
-
-
-@settings(max_examples=30)
-@given(
-    st.floats(0.0, 1.0),
-    st.floats(-10, 10),
-    st.floats(-10, 10),
-    st.sampled_from(MODAL),
-    st.integers(0, 1000),
-)
-def test_the_operator_is_linear(order, a, b, design, seed):
-    (f, fr), (g, gr) = signal(30, (), seed), signal(30, (), seed + 1)
-    bank = bank_of(design, order)
-    got = bank.recorded(a * f + b * g, a * fr + b * gr)
-    want = a * bank.recorded(f, fr) + b * bank.recorded(g, gr)
-    scale = 1 + abs(a) * np.abs(fr).max() + abs(b) * np.abs(gr).max()
-    assert np.abs(got - want).max() < 1e-9 * scale
-
-
-def test_the_fractional_integral_of_one_is_a_power():
-    """I^lambda 1 = t^lambda/Gamma(1 + lambda), by D^(1-lambda) of the integral t."""
-    t, order = np.arange(3000)[:, None] * STEP, np.array([0.1, 0.5, 0.9])
-    got = bank_of(ExponentialSum(32), 1 - order, horizon=3.0).recorded(
-        t + 0 * order, 1 + 0 * t + 0 * order
-    )
-    assert np.abs(got - t**order / gamma(1 + order)).max() < 1e-8
 
 
 @pytest.mark.parametrize("design", [ExponentialSum(32), Crone(1e-2, 1e2, 3)], ids=repr)

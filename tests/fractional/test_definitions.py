@@ -56,14 +56,6 @@ def test_halving_the_step_shows_the_order_of_convergence(function, rate, expecte
     assert np.abs(found - rate).max() < expected
 
 
-@pytest.mark.parametrize("order", [0.1, 0.5, 0.9])
-def test_a_known_rate_is_far_more_accurate(order):
-    t = np.arange(5001) * 1e-3
-    got = caputo(np.sin(t), order, 1e-3, rate=np.cos(t))[[10, 700, 5000]]
-    want = exact.table(exact.of_sin, [order], t[[10, 700, 5000]])[:, 0]
-    assert np.abs(got - want).max() < 2e-10
-
-
 @pytest.mark.parametrize(
     ("function", "truth", "everywhere", "later"),
     # Smooth at 0; nearly; and with a rate that is singular there, which stays limited.

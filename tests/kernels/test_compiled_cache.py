@@ -129,29 +129,6 @@ def test_no_folder_at_all_is_found_out(monkeypatch, tmp_path):
     assert len(compiled._roots()) == 2
 
 
-@pytest.mark.kernels
-def test_a_broken_cache_is_forgiven():
-    class Broken:
-        emptied = 0
-
-        def load_overload(self, *arguments):
-            raise EOFError
-
-        def flush(self):
-            self.emptied += 1
-            raise OSError
-
-        def save_overload(self, *arguments):
-            return "saved"
-
-    cache = Broken()
-    compiled._forgive(cache)
-    assert cache.load_overload(1, 2) is None
-    assert cache.emptied == 1
-    assert cache.save_overload(1, 2) == "saved"
-    compiled._forgive(object())
-
-
 def test_a_function_that_was_typed_in_is_compiled_all_the_same():
     """It stands in no file, so nothing says when a kept build of it would be stale."""
     room = {}

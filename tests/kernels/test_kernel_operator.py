@@ -15,7 +15,7 @@ from fpid_pin.kernels.operator import (
     sample,
     variable_order_derivative,
 )
-from fpid_pin.kernels.records import DERIVATIVE, INTEGRAL, INTEGRAL_OF_ERROR
+from fpid_pin.kernels.records import INTEGRAL, INTEGRAL_OF_ERROR
 
 pytestmark = pytest.mark.kernels
 
@@ -38,41 +38,6 @@ def recorded(order, f, rate, initialisation="caputo", design=DESIGN, differenced
     out = np.empty_like(f)
     record(*records, f, rate, last, out, STEP)
     return out
-
-
-def of_power(order, power):
-    """Gamma(b + 1)/Gamma(b + 1 - a) t^(b - a) without t = 0."""
-    b, a = mp.mpf(power), mp.mpf(order)
-    return np.array(
-        [float(mp.gamma(b + 1) / mp.gamma(b + 1 - a) * mp.mpf(t) ** (b - a)) for t in T[1:]]
-    )
-
-
-def of_sin(order, w):
-    """w t^(1 - a) E_(2, 2 - a)(-(w t)^2), the Mittag-Leffler series."""
-    a = mp.mpf(order)
-
-    def value(t):
-        series = mp.nsum(
-            lambda k: (-1) ** int(k) * (w * t) ** (2 * k) / mp.gamma(2 * k + 2 - a), [0, 40]
-        )
-        return float(w * mp.mpf(t) ** (1 - a) * series)
-
-    return np.array([value(t) for t in T[1:]])
-
-
-@pytest.mark.parametrize("order", [0.1, 0.9])
-def test_smooth_signals_have_their_derivatives(order):
-    w = 3.0
-    for f, rate, truth, limit in (
-        (np.sin(w * T), w * np.cos(w * T), of_sin(order, w), 1e-6),
-        (T, np.ones(SAMPLES), of_power(order, 1), 1e-8),
-        (T**2, 2.0 * T, of_power(order, 2), 1e-8),
-        (T**3, 3.0 * T**2, of_power(order, 3), 1e-8),
-    ):
-        got = recorded(order, f, rate)[:, 0]
-        assert got[0] == 0.0
-        assert np.abs(got[1:] - truth).max() < limit * np.abs(truth).max()
 
 
 @pytest.mark.parametrize("initialisation", ["caputo", "riemann_liouville", "grunwald_letnikov"])
@@ -121,16 +86,6 @@ def streamed(records, f, rate, holds):
         assert (rate_ == rate[k]).all()
         out[k] = y
     return out
-
-
-def test_sample_by_sample_is_the_whole_record_bit_by_bit():
-    order = np.array([0.0, 0.2, 0.7, 1.0])
-    f, rate = np.sin(4.0 * T) + 0.5, 4.0 * np.cos(4.0 * T)
-    for initialisation in ("caputo", "grunwald_letnikov"):
-        want = recorded(order, f, rate, initialisation)
-        signals = (np.repeat(x[:, None], 4, axis=1) for x in (f, rate))
-        got = streamed(started(order, initialisation), *signals, np.zeros((SAMPLES, 4), dtype=bool))
-        assert (got == want).all()
 
 
 def test_a_held_channel_stands_still_and_forgets_what_passed_meanwhile():
@@ -224,15 +179,6 @@ def test_value_and_sensitivity_are_those_of_the_exact_derivative(exact, f, rate,
             assert abs(slope[k] - truth) <= slope_error + 10.0 * modes
 
 
-@pytest.mark.parametrize("initialisation", ["caputo", "riemann_liouville"])
-def test_at_a_node_an_order_that_stays_gives_what_the_fixed_operator_gives(initialisation):
-    f, rate = np.cos(5.0 * T), -5.0 * np.sin(5.0 * T)
-    for order in (GAP, 0.5, 1.0):
-        y, _ = varied(np.full(SAMPLES, order), f, rate, initialisation)
-        want = recorded(order, f, rate, initialisation)[:, 0]
-        assert np.abs(y - want).max() < 1e-13 * np.abs(want).max()
-
-
 def test_an_order_that_falls_to_0_tends_to_caputo_s_limit():
     f, rate = np.cos(5.0 * T), -5.0 * np.sin(5.0 * T)
     y, _ = varied(np.concatenate([[0.3], np.zeros(SAMPLES - 1)]), f, rate)
@@ -279,14 +225,6 @@ def ticked(kind, f, rate, *, held=None, cut=None, orders=None, rated=True, sign=
     return np.array(found).T
 
 
-def test_a_derivative_takes_the_measured_rate_or_differences():
-    f, rate = np.sin(4.0 * T), 4.0 * np.cos(4.0 * T)
-    assert (ticked(DERIVATIVE, f, rate)[0] == recorded(0.4, f, rate)[:, 0]).all()
-    change = np.diff(f, prepend=f[0]) / STEP
-    want = recorded(0.4, f, change, differenced=True)[:, 0]
-    assert ticked(DERIVATIVE, f, rate, rated=False)[0] == pytest.approx(want, rel=1e-14, abs=1e-14)
-
-
 def test_an_integral_sums_its_signal_up_and_stands_still_while_it_would_wind_up():
     """I^0.6 of a constant is t^0.6/Gamma(1.6); of the error its integral comes from outside."""
     one, zero = np.ones(SAMPLES), np.zeros(SAMPLES)
@@ -304,17 +242,3 @@ def test_an_integral_sums_its_signal_up_and_stands_still_while_it_would_wind_up(
             found = ticked(kind, f, rate, **how)[0]
             assert (found[20:] == found[19]).all()
             assert np.abs(found[:20] - truth[:20]).max() < 1e-8
-
-
-def test_an_order_that_the_law_moves_is_followed_and_its_sensitivity_is_one_sample_old():
-    """Of an integral the order is lambda = 1 - alpha, and so its derivative has the other sign."""
-    f, rate = np.sin(4.0 * T), 4.0 * np.cos(4.0 * T)
-    orders = 0.4 + 0.1 * np.sin(9.0 * T)
-    y, slope = varied(orders, f, rate)
-    late = np.concatenate([[0.0, 0.0], slope[1:-1]])
-    found = ticked(DERIVATIVE, f, rate, orders=orders)
-    assert (found[0] == y).all()
-    assert (found[1] == late).all()
-    found = ticked(INTEGRAL_OF_ERROR, f, rate, orders=1.0 - orders)
-    assert found[0] == pytest.approx(y, rel=1e-12)
-    assert found[1] == pytest.approx(-late, rel=1e-12)

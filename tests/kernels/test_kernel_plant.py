@@ -193,10 +193,12 @@ FPID = fp.AdaptiveFpid(40.0, 20.0, 4.0, 0.8, 0.7, design=fp.fractional.Exponenti
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class OfItsSurface(fp.Controller):
-    """Joint by joint, with an operator of a signal of its own."""
+    """Joint by joint, with operators of a signal of its own."""
 
     order: float = 0.5
-    operators = {"i_s": fp.control.Integral("order", of="s")}
+    operators = {
+        "i_s": fp.control.Integral("order", of="s"), "d_s": fp.control.Derivative(0.5, of="s"),
+    }  # fmt: skip
 
     @staticmethod
     def surface(c):
@@ -204,7 +206,7 @@ class OfItsSurface(fp.Controller):
 
     @staticmethod
     def torque(c):
-        return 4.0 * c.s + 10.0 * c.i_s
+        return 4.0 * c.s + 10.0 * c.i_s + 0.1 * c.d_s
 
 
 STRETCHES = {
@@ -218,7 +220,9 @@ STRETCHES = {
         dataclasses.replace(FPID, feedforward=True, supervisor=fp.Supervisor.quiet(0.8, 0.7)),
     ),
     "Slotine-Li": (dataclasses.replace(BASE, plant=RUBS), fp.SlotineLi(5.0, 5.0)),
-    "operator of its own signal": (BASE, OfItsSurface()),
+    "operators of its own signal": (BASE, OfItsSurface()),
+    "weight": (BASE, fp.GravityOnly()),
+    "computed torque": (BASE, fp.ComputedTorque(60.0, 15.0)),
 }
 
 

@@ -6,11 +6,9 @@ import numba
 import numpy as np
 import pinocchio as pin
 import pytest
-import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fpid_pin.arms import Arm
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.exceptions import ArmError
 from fpid_pin.kernels import friction, rigid_body, tick
@@ -219,29 +217,6 @@ def test_the_speeds_are_those_of_the_box_problem(n, seed):
     slides = ~stuck & (dry > 0.0) & (v != 0.0)
     assert (force[slides] == (dry * np.sign(v))[slides]).all()
     assert v @ m @ v <= (1.0 + 1e-12) * (v_free @ m @ v_free)
-
-
-@pytest.mark.parametrize("speed", [1e-4, 1e-2, 1.0])
-@pytest.mark.parametrize("name", ["xarm7", "z1", "talos_arm"])
-def test_the_friction_is_that_of_a_bounded_least_squares_solver(name, speed):
-    """Minimise 1/2 l^T h M^-1 l - l^T v_free over the box, by scipy's BVLS."""
-    arm, rng, h = Arm.from_example(name), np.random.default_rng(2), 1e-3
-    model = arm.with_armature(arm.armature + h * arm.viscous_friction).model
-    bound = arm.dry_friction
-    for _ in range(EXAMPLES // 6):
-        q, v_free = rng.uniform(-2, 2, arm.n), rng.normal(0, speed, arm.n)
-        response = h * np.linalg.inv(mass_matrix(model, q))
-        root = np.linalg.cholesky(response).T
-        goal = np.linalg.solve(root.T, v_free)
-        best = scipy.optimize.lsq_linear(root, goal, (-bound, bound), "bvls", tol=1e-14).x
-        # From a cold start, and from the sticking joints that it left.
-        guess = np.zeros(arm.n)
-        for _ in range(2):
-            v, joints = rubbed(model, q, v_free, bound, guess, h)
-            guess = joints["stuck"]
-            np.testing.assert_allclose(joints["friction"], best, atol=1e-6)
-            expected = v_free - response @ joints["friction"]
-            np.testing.assert_allclose(v, expected, rtol=1e-9, atol=1e-12)
 
 
 def solved(response, v_free, guess):

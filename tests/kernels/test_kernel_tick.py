@@ -1,14 +1,13 @@
 """A tick of a controller against the equations, written out with NumPy and Pinocchio."""
 
 import dataclasses
-from collections import deque
 
 import numpy as np
 import pytest
 
 import fpid_pin as fp
 from fpid_pin.control.start import start_all
-from fpid_pin.kernels import observer, supervisor, tick
+from fpid_pin.kernels import supervisor, tick
 from fpid_pin.kernels.records import GIVEN, ROBOT
 
 pytestmark = pytest.mark.kernels
@@ -16,19 +15,17 @@ H = 2e-3
 
 
 class WrittenOut:
-    """The torques of a law, (n,), tick by tick; orders are 1, so that operators are trivial."""
+    """The torques of an FPID, (n,), tick by tick; orders are 1, so that operators are trivial."""
 
     def __init__(self, law, arm):
         self.law, self.arm, self.guard, self.k = law, arm, law.supervisor, 0
-        self.own_model = law.uses_model
         n = arm.n
         self.int_e, self.cut, self.xi = np.zeros((3, n))
         self.hold = True
         self.scale = law.scale_on(arm)
         pole = np.exp(-law.bandwidth * H)
         self.l1, self.l2 = 1.0 - pole**2, (1.0 - pole) ** 2 / H
-        if not self.own_model:
-            self.gains = np.array([np.broadcast_to(k, n) for k in (law.kp, law.ki, law.kd)])
+        self.gains = np.array([np.broadcast_to(k, n) for k in (law.kp, law.ki, law.kd)])
         if self.guard is not None:
             self.p, self.bound = self.guard.p, self.guard.bound(n)
 
@@ -48,7 +45,7 @@ class WrittenOut:
         e, rate = q_ref - q, v_ref - v
         paper = self.guard is not None and self.guard.kind == "paper"
         self.acting = paper and self.energy(e, rate) >= self.guard.threshold
-        if self.k and not self.own_model and not self.hold:
+        if self.k and not self.hold:
             self.gains = self.gains - H * 3.0 * self.s * self.terms * (self.cut * -self.s <= 0.0)
         if self.k and not self.acting:
             grows = H / 2 * (e + self.e) + H**2 / 12 * (self.rate - rate)
@@ -59,15 +56,9 @@ class WrittenOut:
             v_hat, self.xi = self.predicted + self.l1 * miss, self.xi + self.l2 * miss
         else:
             v_hat = v
-        if isinstance(law, fp.PdGravity):
-            u = law.kp * e + law.kd * rate + law.ki * self.int_e + arm.gravity_vector(q)
-        elif self.own_model:
-            a = a_ref + law.k1 * rate + law.k0 * e + law.ki * self.int_e
-            u = arm.inverse_dynamics(q, v, a)
-        else:
-            self.terms = np.stack([e, self.int_e, rate])
-            self.s = -(rate + 2.0 * e + 1.0 * self.int_e)
-            u = self.scale * (self.gains * self.terms).sum(axis=0)
+        self.terms = np.stack([e, self.int_e, rate])
+        self.s = -(rate + 2.0 * e + 1.0 * self.int_e)
+        u = self.scale * (self.gains * self.terms).sum(axis=0)
         if law.feedforward:
             u = u + arm.inverse_dynamics(q_ref, v_ref, a_ref) + arm.viscous_friction * v_ref
         if law.observer:
@@ -132,21 +123,27 @@ LAWS = {
     "paper, a bound": fpid(dataclasses.replace(PAPER, gravity_bound=(30.0, 8.0), observer=20.0)),
     "quiet": fpid(fp.Supervisor.quiet(1.4, 1.0)),
     "reserve": fpid(fp.Supervisor(1.4, 1.0, disturbance_bound=(0.15, 0.05), lookahead=0.02)),
-    "PD + gravity": fp.PdGravity(kp=40.0, kd=10.0, ki=20.0),
-    "computed torque": fp.ComputedTorque(k0=50.0, k1=12.0, ki=30.0),
-    "computed torque, guarded": fp.ComputedTorque(
-        k0=50.0, k1=12.0, observer=40.0, supervisor=fp.Supervisor(1.2, 1.0, observer=40.0)
-    ),
 }
 
 
+SEVEN = fp.AdaptiveFpid(
+    kp=40.0, ki=20.0, kd=10.0, learning_rate=3.0, k0=1.0, k1=2.0, scale="inertia", feedforward=True,
+    supervisor=fp.Supervisor(2.4, 1.0, disturbance_bound=0.02, lookahead=0.02),
+)  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ("name", "limited"), [("scaled, both assists", False), *((name, True) for name in LAWS)]
+    ("name", "limited"),
+    [("scaled, both assists", False), ("seven joints", False), *((name, True) for name in LAWS)],
 )
 def test_torques_are_those_of_the_equations(name, limited):
-    arm, law = fp.Arm.two_link().with_friction(viscous=0.3), LAWS[name]
+    arm, law = fp.Arm.two_link().with_friction(viscous=0.3), LAWS.get(name, SEVEN)
+    if name == "seven joints":  # h F_v is up to a tenth of M_jj: how friction counts is to be seen
+        arm = fp.Arm.from_example("panda").with_limits(effort=np.inf)
+        inertia = np.diag(arm.mass_matrix(np.zeros(7)))
+        arm = arm.with_friction(viscous=inertia * np.linspace(0.0, 0.1, 7) / H)
     arm = arm.with_limits(effort=(38.0, 11.0)) if limited else arm
-    t = H * np.arange(60)[:, np.newaxis] * np.array([1.0, 1.3])
+    t = H * np.arange(60)[:, np.newaxis] * np.linspace(1.0, 1.3, arm.n)
     # No error, a small one, one that a supervisor acts on, and back.
     error = 0.003 * np.sin(25.0 * t) + 0.4 * np.clip(np.sin(40.0 * t - 1.5), 0.0, 1.0) ** 2
     error[:4] = 0.0
@@ -165,10 +162,10 @@ def test_torques_are_those_of_the_equations(name, limited):
         cut += bool(np.any(state.cut))
     found, expected = np.array(found), np.array(expected)
     assert np.abs(found - expected).max() < 1e-11 * np.abs(expected).max()
-    if not written.own_model:
-        gains = np.array([state.joints[k] for k in ("kp", "ki", "kd")])
-        assert gains == pytest.approx(written.gains, rel=1e-12)
-        assert (gains != np.array([[40.0, 20.0], [20.0, 20.0], [10.0, 4.0]])).any()
+    gains = np.array([state.joints[k] for k in ("kp", "ki", "kd")])
+    assert gains == pytest.approx(written.gains, rel=1e-12)
+    start = [np.broadcast_to(k, arm.n) for k in (law.kp, law.ki, law.kd)]
+    assert (gains != np.array(start)).any()
     # Nothing that is to be compared stood idle, or acted all the time.
     assert (0 < acted < 60) == (law.supervisor is not None), acted
     assert (0 < cut < 60) == limited, cut
@@ -193,24 +190,6 @@ def records(n=2, **robot):
     return robots[0], joints
 
 
-def test_the_ball_is_where_v_of_the_look_ahead_is_at_most_v_t():
-    """A point of its boundary, in any direction from its centre, has V_T: by V itself."""
-    rng, ahead, p = np.random.default_rng(0), 3.0 * H, np.array([[1.75, 1.0], [1.0, 1.5]])
-    for _ in range(20):
-        robot, joints = records(3, p11=1.75, p12=1.0, p22=1.5, lookahead=ahead, target=0.5)
-        joints["v_hat"], joints["xi"] = rng.normal(size=(2, 3)) * 0.1
-        joints["e"], joints["v_ref"] = rng.normal(size=(2, 3)) * 0.2
-        joints["a_ref"], a = rng.normal(size=(2, 3)) * 40.0
-        direction = np.full(3, np.nan)
-        supervisor.find_push(robot, joints, a, direction)
-        assert np.linalg.norm(direction) == pytest.approx(1.0, rel=1e-14)
-        rate, a0 = joints["v_ref"] - joints["v_hat"], joints["a_ref"] - a - joints["xi"]
-        to = rng.normal(size=3)
-        on = a0 - robot.distance * direction + robot.radius * to / np.linalg.norm(to)
-        x = np.stack([joints["e"] + ahead * rate + ahead * H / 2 * on, rate + ahead * on])
-        assert 0.5 * np.einsum("aj,ab,bj", x, p, x) == pytest.approx(0.5, rel=1e-10)
-
-
 def test_where_even_the_least_v_is_beyond_v_t_the_ball_is_its_centre():
     robot, joints = records(1, p11=1.75, p12=1.0, p22=1.5, lookahead=H, target=0.5)
     joints["e"] = 10.0
@@ -227,50 +206,3 @@ def test_an_error_at_rest_where_it_should_be_is_left_alone():
     supervisor.find_push(robot, joints, np.zeros(2), direction)
     assert not robot.pushing
     assert (direction == 0.0).all()
-
-
-def observing(omega, n=2):
-    pole = np.exp(-np.asarray(omega) * H)
-    return records(n, l1=1.0 - pole**2, l2=(1.0 - pole) ** 2 / H)
-
-
-@pytest.mark.parametrize("omega", [20.0, 150.0])
-def test_both_poles_are_p_and_a_constant_unknown_acceleration_is_found(omega):
-    """From xi = 0: xi_k - w = -w (1 + k (1 - p)) p^k and v - v^ = h w k p^(k + 1).
-
-    With a double pole they are (a + b k) p^k; the first two samples give a and b.
-    """
-    w = np.array([3.0, -7.0])
-    robot, joints = observing(omega)
-    a = np.random.default_rng(0).normal(size=(200, 2))  # what the model knows, and u_s adds
-    steps = H * (a + 0.25 + w)
-    speeds = np.cumsum(steps, axis=0) - steps + np.array([1.0, 2.0])
-    found = []
-    for v, known in zip(speeds, a, strict=True):
-        joints["v"] = v
-        observer.correct_observer(robot, joints)
-        observer.predict(robot, joints, known, np.full(2, 0.25))
-        robot.ticks += 1
-        found.append((joints["v_hat"].copy(), joints["xi"].copy()))
-    v_hat, xi = np.moveaxis(np.array(found), 1, 0)
-    p, k = np.exp(-omega * H), np.arange(200.0)[:, np.newaxis]
-    # Sums of 200 speeds of size 1, times (1 - p)^2/h = 36/s: rounding of 1e-12.
-    assert xi == pytest.approx(w - w * (1.0 + k * (1.0 - p)) * p**k, abs=1e-11)
-    assert speeds - v_hat == pytest.approx(H * w * k * p ** (k + 1.0), abs=1e-13)
-
-
-@pytest.mark.parametrize(("bandwidth", "stable"), [(1.0, True), (2.0, False)])
-def test_at_1_over_h_what_is_cancelled_bears_two_samples_of_delay_and_at_2_over_h_not(
-    bandwidth, stable
-):
-    """An acceleration w that the joint has, less xi of two samples ago; the model expects xi."""
-    robot, joints = observing(bandwidth / H, n=1)
-    past = deque([0.0, 0.0, 0.0], maxlen=3)
-    for _ in range(300):
-        observer.correct_observer(robot, joints)
-        past.append(float(joints["xi"][0]))
-        observer.predict(robot, joints, -joints["xi"], np.zeros(1))
-        robot.ticks += 1
-        joints["v"] += H * (1.0 - past[0])
-    assert (abs(past[-1] - 1.0) < 0.01) == stable
-    assert (abs(past[-1]) > 1e3) != stable

@@ -32,7 +32,7 @@ def test_the_tests_of_the_kernels_pass_line_by_line_and_leave_no_branch_out(tmp_
 
     only = ["--branch", f"--include={KERNELS}/*"]
     # These take long, and visit nothing that others do not.
-    left_out = ("exact_derivative", "smooth_signals", "sample_by_sample", "alone")
+    left_out = ("exact_derivative", "alone")
     coverage("run", *only, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "kernels",
              "-k", " and ".join(f"not {name}" for name in left_out), "tests/kernels")  # fmt: skip
     coverage("json", "-o", str(report))

@@ -1,16 +1,14 @@
 """Section 5.1 of the paper written out with NumPy and plain arithmetic: nothing of the package.
 
 Two links by (35), reference (38), disturbance (37), the law (10) with its gradient (30)-(32), and
-semi-implicit Euler. How the two fractional terms are had is the caller's: an operator is started
-with (orders, step, rows) and called once a tick with f, f' of its four channels: D^(1-lambda) of
-int e for both joints, then D^mu of e.
+semi-implicit Euler. The operator of the fractional terms is called once a tick with f, f' of its
+four channels: D^(1-lambda) of int e for both joints, then D^mu of e.
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 M1, M2, L1, L2, GRAVITY = 1.0, 1.0, 1.0, 0.8, 9.8
 KP, KI, KD = np.array([10.0, 12.0]), np.array([25.0, 20.0]), np.array([20.0, 15.0])
@@ -45,11 +43,11 @@ class Record:
     s: np.ndarray
 
 
-def closed_loop(operator, *, step, duration, orders=PUBLISHED, corrected=False):
-    """Run the experiment; `corrected` adds Euler and Maclaurin's h^2 term to the trapezium."""
+def closed_loop(step, duration, orders, regressors):
+    """Run the experiment; the trapezium that sums e up has Euler and Maclaurin's h^2 term."""
     h, rows = step, round(duration / step) + 1
     alpha = np.concatenate([1.0 - np.array(orders[0]), orders[1]])
-    fractional = operator(alpha, h, rows)
+    fractional = ProductIntegration(alpha, h, rows)
     gains, (q, v) = np.stack([KP, KI, KD]), START
     total, last, phi, s = np.zeros(2), None, np.zeros((3, 2)), np.zeros(2)
     record = Record(*(np.empty((rows, *shape)) for shape in ((2,), (2,), (3, 2), (2,))))
@@ -58,14 +56,13 @@ def closed_loop(operator, *, step, duration, orders=PUBLISHED, corrected=False):
         gains = gains - h * GAMMA * s * phi
         e, e_dot = math.sin(t) - q, math.cos(t) - v
         if last is not None:
-            total = total + 0.5 * h * (e + last[0])
-            if corrected:
-                total = total + h * h / 12.0 * (last[1] - e_dot)
+            total = total + 0.5 * h * (e + last[0]) + h * h / 12.0 * (last[1] - e_dot)
         last = e, e_dot
         y = fractional(np.concatenate([total, e]), np.concatenate([e, e_dot]))
-        phi = np.stack([e, y[:2], y[2:]])
+        terms = np.stack([e, y[:2], y[2:]])
+        phi = terms if regressors == "law" else np.stack([e, total, e_dot])
         s = -(e_dot + K1 * e + K0 * total)
-        u = (gains * phi).sum(axis=0)
+        u = (gains * terms).sum(axis=0)
         record.q[k], record.torque[k], record.gains[k], record.s[k] = q, u, gains, s
         push = np.array([0.4, 0.6]) * math.cos(5.0 * math.pi * t)
         v = v + h * acceleration(q, v, u + push)
@@ -122,57 +119,3 @@ def step_shares(alpha, count):
     kernel = (np.arange(1, count)[:, np.newaxis] + theta) ** -alpha
     newest = np.array([1.0 / (1.0 - alpha), 1.0, 6.0 / (3.0 - alpha)]) / (2.0 - alpha)
     return np.column_stack([newest, (shapes * weights) @ kernel.T])
-
-
-class OustaloupCascade:
-    """The paper's CRONE block: sections (s + z_k)/(s + p_k) in series, at rest at t = 0.
-
-    z_k, p_k = low (high/low)^((k + N + (1 -/+ alpha)/2)/(2N + 1)), k = -N..N, times high^alpha.
-    Its input f - f(0) is a cubic within a step, with f' by the package's rule (see
-    `ProductIntegration`), so a step of states and input together is one matrix exponential.
-    """
-
-    def __init__(self, low, high, n):
-        self.low, self.high, self.n = low, high, n
-
-    def __call__(self, alpha, step, rows):
-        return _Cascades([self.section(a, step) for a in alpha], step)
-
-    def section(self, alpha, step):
-        """Return (transition, output row) over [states, f, f', f'', f''']."""
-        size = 2 * self.n + 1
-        zeros, poles = (
-            self.low
-            * (self.high / self.low) ** ((np.arange(size) + 0.5 * (1.0 + sign * alpha)) / size)
-            for sign in (-1, 1)
-        )
-        slopes, output = np.zeros((size + 4, size + 4)), np.zeros(size + 4)
-        output[size] = 1.0
-        for i, (z, p) in enumerate(zip(zeros, poles, strict=True)):
-            # x' = -p x + what the sections before give; given on is that plus (z - p) x.
-            slopes[i] = output
-            slopes[i, i] = -p
-            output[i] = z - p
-        slopes[[size, size + 1, size + 2], [size + 1, size + 2, size + 3]] = 1.0
-        return expm(slopes * step), self.high**alpha * output
-
-
-class _Cascades:
-    def __init__(self, sections, step):
-        self.sections, self.step, self.last = sections, step, None
-        self.states = [np.zeros(len(output)) for _, output in sections]
-
-    def __call__(self, f, rate):
-        if self.last is None:
-            self.first = f
-        else:
-            h, (f_, rate_) = self.step, self.last
-            mean = (f - f_) / h - 0.5 * (rate + rate_)
-            cubic = f_ - self.first, rate_, (rate - rate_ + 6.0 * mean) / h, -12.0 * mean / h**2
-            for c, (transition, _) in enumerate(self.sections):
-                self.states[c][-4:] = [part[c] for part in cubic]
-                self.states[c] = transition @ self.states[c]
-        self.last = f, rate
-        return np.array(
-            [output @ x for (_, output), x in zip(self.sections, self.states, strict=True)]
-        )

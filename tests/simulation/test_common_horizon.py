@@ -26,13 +26,3 @@ def test_two_durations_agree_to_the_bit_where_both_run(orders, short, long, dyna
         first, second = getattr(one, name), getattr(other, name)[:rows]
         away = np.abs(first - second).max()
         assert np.array_equal(first, second), f"{name}: up to {away:.2g} apart"
-
-
-def test_a_loop_of_one_s_own_has_the_bits_of_a_simulation_of_any_duration():
-    """`start` with the engine's own horizon, fed with the simulated angles."""
-    experiment, law = fp.paper_experiment(duration=1.0), fp.paper_controller()
-    run = fp.simulate(experiment, law)
-    loop = law.start(experiment.arm, step=experiment.step, horizon=20.0)
-    for k, t in enumerate(run.t):
-        torque = loop.torque(run.q[k], run.v[k], run.q_ref[k], run.v_ref[k])
-        assert np.array_equal(torque, run.torque[k]), f"at {t:g} s"

@@ -82,19 +82,6 @@ def test_dynamics_are_pinocchios_where_runs_are_recorded_and_compiled_where_they
         dataclasses.replace(PAPER, dynamics="compile")
 
 
-def test_computed_torque_on_the_exact_model_follows_the_closed_form():
-    """e'' + k1 e' + k0 e = 0; RK4 with a held torque comes near at 0.1 ms."""
-    experiment = dataclasses.replace(
-        fp.paper_experiment(duration=1.0, step=1e-4), plant=None, integrator="rk4",
-        dynamics="compiled",
-    )  # fmt: skip
-    run = fp.simulate(experiment, fp.ComputedTorque(25.0, 10.0))
-    e0, rate0 = run.error[0], (run.v_ref - run.v)[0]
-    t = run.t[:, np.newaxis]
-    exact = (e0 + (rate0 + 5.0 * e0) * t) * np.exp(-5.0 * t)  # a double root at -5
-    assert np.abs(run.error - exact).max() < 1e-3
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class ByJoints(fp.Controller):
     """PD, joint by joint."""
@@ -352,21 +339,6 @@ def test_the_memory_of_a_cost_does_not_grow_with_the_horizon():
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.2 * peaks[0]
-
-
-def test_workers_find_the_kernels_compiled(monkeypatch):
-    """Cold ones would each compile all of them, at the same time."""
-    order, run_chunk = [], batch.costs_of
-
-    def chunk(es, cs, costs, progress=None):
-        order.append(sorted((type(c).__name__, e.rows) for e, c in zip(es, cs, strict=True)))
-        return run_chunk(es, cs, costs, progress)
-
-    monkeypatch.setattr(batch, "costs_of", chunk)
-    laws = [FPID, FPID, fp.Pid(1.0, 1.0, 1.0)]
-    fp.evaluate([PAPER] * 3, laws, workers=2)
-    assert sorted(order[:2]) == [[("AdaptiveFpid", 3)], [("Pid", 3)]]
-    assert sorted(rows for part in order[2:] for _, rows in part) == [251] * 3
 
 
 def test_threads_do_compiled_work_and_processes_what_holds_the_lock():

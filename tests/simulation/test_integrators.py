@@ -52,18 +52,6 @@ def test_the_error_falls_with_the_step_at_the_rule_s_order(integrator, order):
     assert errors[1] < (2e-2 if order == 1 else 1e-9)
 
 
-def test_rk4_conserves_energy_without_torque_and_friction():
-    experiment = dataclasses.replace(
-        fp.paper_experiment(duration=10.0), plant=None, integrator="rk4", dynamics="compiled"
-    )
-    run = fp.simulate(experiment, Free())
-    arm = experiment.arm
-    rows = range(0, len(run.t), 50)
-    kinetic = np.array([arm.kinetic_energy(run.q[k], run.v[k]) for k in rows])
-    total = kinetic + [arm.potential_energy(run.q[k]) for k in rows]
-    assert np.abs(total - total[0]).max() < 1e-8 * kinetic.max()
-
-
 def test_implicit_viscous_friction_is_stable_where_the_explicit_rule_is_not():
     """One joint of inertia 1e-3 and F_v = 10: the explicit factor would be 1 - 10."""
     arm = fp.Arm.planar([0.1], [0.1], gravity=0.0).with_friction(viscous=10.0)

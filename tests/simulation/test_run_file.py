@@ -1,9 +1,7 @@
 """A run is one file that says everything and executes nothing."""
 
 import dataclasses
-import errno
 import json
-import os
 
 import numpy as np
 import pytest
@@ -26,11 +24,7 @@ def test_it_comes_back_bit_for_bit(run, tmp_path):
         assert (getattr(back, name) == getattr(run, name)).all(), name
     assert back.outcome == run.outcome
     assert (back.metrics.ise == run.metrics.ise).all()
-    assert back.arm.joint_names == run.arm.joint_names
-
-
-def test_it_can_be_simulated_again_from_its_record(run, tmp_path):
-    back = fp.Run.load(run.save(tmp_path / "run.npz"))
+    assert back.arm == run.arm
     again = fp.simulate(back.experiment, back.controller)
     assert (again.q == run.q).all()
     assert (again.kd == run.kd).all()
@@ -68,22 +62,6 @@ def test_a_record_whose_descriptions_mean_nothing_is_one_line(run, tmp_path):
     assert "\n" not in str(caught.value)
 
 
-def test_a_save_that_fails_leaves_the_old_file(run, tmp_path, monkeypatch):
-    path = run.save(tmp_path / "run.npz")
-    before = path.read_bytes()
-
-    def fail(*_, **__):
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(np, "savez", fail)
-    with pytest.raises(FileFormatError, match=r"cannot be written \(No space left on device\)"):
-        run.save(path)
-    assert path.read_bytes() == before
-    assert [p.name for p in tmp_path.iterdir()] == ["run.npz"]
-    with pytest.raises(FileFormatError, match="cannot be written"):
-        run.save(path / "run.npz")
-
-
 def test_limits_of_infinity_survive_the_file(tmp_path):
     arm = fp.Arm.two_link()
     plant = fp.Plant(effort_limit=np.inf, disturbance=Pulse(1.0))
@@ -99,10 +77,7 @@ def test_a_compressed_file_is_smaller_and_gives_every_bit(run, tmp_path):
     plain = run.save(tmp_path / "plain.npz")
     small = run.save(tmp_path / "small.npz", compressed=True)
     assert small.stat().st_size < 0.5 * plain.stat().st_size
-    one, other = fp.Run.load(plain), fp.Run.load(small)
-    for name in ("t", "q", "v", "q_ref", "v_ref", "torque", *run.signals):
-        assert getattr(one, name).tobytes() == getattr(other, name).tobytes(), name
-    assert one.meta == other.meta
+    other = fp.Run.load(small)
     assert other.save(tmp_path / "again.npz").read_bytes() == plain.read_bytes()
     assert run.save(tmp_path / "twice.npz", compressed=True).read_bytes() == small.read_bytes()
 

@@ -29,14 +29,6 @@ def ramp(rows, slope=1.0):
     return slope * STEP * np.arange(rows)[:, np.newaxis]
 
 
-def test_an_encoder_counts_whole_steps():
-    q = ramp(500, slope=0.37)
-    found = measured(fp.Sensors(position_resolution=1e-2), q)[:, 0]
-    assert np.abs(found - q).max() <= 0.5e-2 + 1e-12
-    counts = found / 1e-2
-    assert counts == pytest.approx(np.rint(counts), abs=1e-9)
-
-
 def test_noise_has_its_standard_deviation_and_is_white():
     q = np.zeros((20_000, 2))
     sensors = fp.Sensors(position_noise=(1e-3, 0.0), velocity_noise=0.05)
@@ -51,9 +43,13 @@ def test_noise_has_its_standard_deviation_and_is_white():
     assert abs(between) < 0.03
 
 
-def test_a_bias_is_constant():
-    found = measured(fp.Sensors(velocity_bias=0.02), ramp(5), ramp(5))
-    assert found[:, 1] == pytest.approx(ramp(5) + 0.02)
+def test_angles_are_late_and_in_whole_steps_and_rates_have_a_bias():
+    """Before t = 0 the arm was at rest where it starts."""
+    q, v = ramp(50, slope=0.37) + 0.3, ramp(50, slope=-2.0)
+    sensors = fp.Sensors(delay=7, position_resolution=1e-2, velocity_bias=0.02)
+    found, late = measured(sensors, q, v), np.concatenate([q[:1].repeat(7, axis=0), q[:-7]])
+    assert found[:, 0] == pytest.approx(1e-2 * np.rint(late / 1e-2), abs=1e-12)
+    assert found[7:, 1] == pytest.approx(v[:-7] + 0.02)
 
 
 def test_differentiation_finds_the_speed_of_a_ramp_with_the_filters_lag():
@@ -62,22 +58,6 @@ def test_differentiation_finds_the_speed_of_a_ramp_with_the_filters_lag():
     found = measured(fp.Sensors(velocity="differentiated", velocity_cutoff=cutoff), q)[:, 1, 0]
     t = STEP * np.arange(400)
     assert found == pytest.approx(2.0 * (1.0 - np.exp(-cutoff * t)), abs=1e-9)
-
-
-def test_differentiation_sees_the_quantisation():
-    q = ramp(400, slope=0.1)
-    clean = measured(fp.Sensors(velocity="differentiated"), q)[200:, 1]
-    coarse = measured(fp.Sensors(velocity="differentiated", position_resolution=1e-3), q)[200:, 1]
-    assert clean.std() < 1e-9
-    assert coarse.std() > 0.01
-
-
-def test_everything_is_late_by_whole_samples_and_the_past_was_at_rest_there():
-    q, v = ramp(50) + 0.3, ramp(50, slope=-2.0)
-    found = measured(fp.Sensors(delay=7), q, v)
-    assert (found[7:, 0] == q[:-7]).all()
-    assert (found[7:, 1] == v[:-7]).all()
-    assert (found[:7, 0] == q[0]).all()
 
 
 @pytest.mark.parametrize("velocity", ["measured", "differentiated"])

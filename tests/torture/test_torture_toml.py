@@ -186,10 +186,3 @@ def test_tables_that_are_spoilt(tmp_path_factory, text):
 @given(torn())
 def test_texts_that_are_torn(tmp_path_factory, text):
     assert fault_of(text, tmp_path_factory.getbasetemp()) == ""
-
-
-@MANY
-@given(st.text(max_size=60) | st.dictionaries(names.filter(bool), values, max_size=4).map(
-    tomli_w.dumps))  # fmt: skip
-def test_any_text(tmp_path_factory, text):
-    assert fault_of("format = 1\n" + text, tmp_path_factory.getbasetemp()) == ""

@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 
 from fpid_pin.tuning.evolution import Evolution
 
@@ -33,34 +32,3 @@ def test_the_papers_settings_mean_what_they_say():
     # Two parents that are one and the same come out of a crossover unchanged.
     assert 0.70 < crossed / offspring < 0.76
     assert 0.025 < mutated / (6 * offspring) < 0.035
-
-
-@pytest.mark.parametrize("costs", [1, 2])
-def test_a_restored_state_goes_on_to_the_last_bit(costs):
-    whole, first = made(costs), made(costs)
-    for evolution in (whole, first):
-        for _ in range(4):
-            evolution.tell(bowls(evolution.ask())[:, :costs])
-    second = made(costs, seed=99)
-    second.restore(first.state())
-    for _ in range(6):
-        ours, theirs = whole.ask(), second.ask()
-        assert np.array_equal(ours, theirs)
-        whole.tell(bowls(ours)[:, :costs])
-        second.tell(bowls(theirs)[:, :costs])
-    assert np.array_equal(whole.points, second.points)
-    assert np.array_equal(whole.costs, second.costs)
-
-
-@pytest.mark.parametrize("costs", [1, 2])
-def test_a_population_of_which_half_diverges_still_improves(costs):
-    evolution, bests = made(costs), []
-    for _ in range(25):
-        points = evolution.ask()
-        told = bowls(points)[:, :costs]
-        told[points[:, 0] > 0.5] = np.inf
-        evolution.tell(told)
-        bests.append(evolution.costs[:, 0].min())
-    assert np.isfinite(evolution.costs).all()
-    assert (evolution.points[:, 0] <= 0.5).all()
-    assert bests[-1] < bests[0] / 2

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.cli.main import main
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning import SearchSettings, Space, profile, tune
@@ -117,52 +116,3 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
         profile(EXPERIMENT, law, Space(kp=(3, 5)), Bowl())
     with pytest.raises(ArgumentError, match="points"):
         profile(EXPERIMENT, law, Space(kp=(1, 5)), Bowl(), points=1)
-
-
-CONFIG = """
-format = 1
-[arm]
-kind = "planar"
-lengths = [1.0, 1.0]
-masses = [1.0, 2.0]
-[reference]
-kind = "sinusoid"
-amplitude = 0.3
-[simulation]
-duration = 0.2
-[[controller]]
-kind = "adaptive_fpid"
-name = "mine"
-kp = 20
-ki = 10
-kd = 5
-integral_order = 0.9
-derivative_order = 0.9
-[tune]
-population = 4
-generations = 2
-map_points = 3
-profile_points = 0
-[tune.space]
-kp = [1, 40]
-integral_order = [0, 1, "shared"]
-"""
-
-
-def test_the_command_on_another_arm_says_what_was_gained(tmp_path, capsys):
-    config, out = tmp_path / "c.toml", tmp_path / "out"
-    config.write_text(CONFIG)
-    assert main(["tune", str(config), "--out", str(out)]) == 0
-    printed = capsys.readouterr().out
-    assert printed.startswith("From ")
-    summary = (out / "summary.md").read_text("utf-8")
-    assert "## Parameters" in summary
-    for label in ("kp.0", "kp.1", "integral_order"):
-        assert f"| {label} |" in summary
-    # A profile can be left out.
-    assert not (out / "profile.svg").exists()
-    # The paper's orders are no rivals on another arm, nor marks of its map.
-    assert "published orders" not in summary
-    report = (out / "report.html").read_text("utf-8")
-    assert printed.splitlines()[0] in report
-    assert main(["run", str(out / "tuned.toml"), "--out", str(tmp_path / "run")]) == 0

@@ -67,7 +67,7 @@ def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["out", "study.toml"]
 
 
-def test_a_robust_search_goes_through_every_condition(tmp_path):
+def test_a_robust_search_on_another_arm_goes_through_every_condition(tmp_path):
     conditions = """
 [[condition]]
 name = "bare"
@@ -76,8 +76,15 @@ name = "bare"
 name = "loaded"
 plant = { payload = { mass = 0.5 } }
 """
-    tune = TUNE.replace("map_points = 3", 'map_points = 0\nreduce = "worst"')
-    plan = read_plan(load(written(tmp_path, tune, conditions)))
+    tune = TUNE.replace("map_points = 3", 'map_points = 3\nprofile_points = 0\nreduce = "worst"')
+    tune = tune.replace("seeds = [0, 1]", "seeds = [0]")
+    path = written(tmp_path, tune, conditions)
+    text = path.read_text("utf-8")
+    assert 'kind = "two_link"' in text
+    other = 'kind = "planar"\nlengths = [1.0, 1.0]\nmasses = [1.0, 2.0]'
+    text = text.replace("[0.901, 0.931]", "[0.9, 0.9]").replace('kind = "two_link"', other)
+    path.write_text(text, encoding="utf-8")
+    plan = read_plan(load(path))
     assert list(plan.experiments) == ["bare", "loaded"]
     result = run_tuning(tmp_path / "study.toml", tmp_path / "out")
     each = [
@@ -85,8 +92,13 @@ plant = { payload = { mass = 0.5 } }
         for e in plan.experiments.values()
     ]
     assert result.cost == max(each)
-    assert (tmp_path / "out" / "loaded-tuned.npz").exists()
-    assert not (tmp_path / "out" / "cost-map.svg").exists()
+    out = tmp_path / "out"
+    assert (out / "loaded-tuned.npz").exists()
+    assert not (out / "profile.svg").exists()
+    summary = (out / "summary.md").read_text("utf-8")
+    assert "## Parameters" in summary
+    # The paper's orders are no rivals on another arm, nor marks of its map.
+    assert not (out / "loaded-published-orders.npz").exists()
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import BrokenExecutor
 from dataclasses import replace
 
 import psutil
@@ -22,17 +21,9 @@ CONTROLLER = fp.paper_controller(supervised=False)
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
 
 
-def square(x):
-    return x * x
-
-
 def sleep_long(begun):
     begun.touch()
     time.sleep(3600)
-
-
-def refuse(_):
-    raise ValueError("no")
 
 
 def setting(name):
@@ -52,18 +43,6 @@ class Deadly(fp.disturbances.Cosine):
 def pool():
     with WorkerPool(2) as made:
         yield made
-
-
-def test_a_killed_worker_fails_what_was_under_way_and_the_next_task_has_another(pool, tmp_path):
-    assert pool.submit(square, 3).result(timeout=PATIENCE) == 9
-    begun = tmp_path / "begun"
-    waiting = pool.submit(sleep_long, begun)
-    assert wait_until(begun.exists)
-    for process in pool.processes:
-        os.kill(process, signal.SIGKILL)
-    with pytest.raises(BrokenExecutor):
-        waiting.result(timeout=PATIENCE)
-    assert pool.submit(square, 4).result(timeout=PATIENCE) == 16
 
 
 def test_a_search_whose_worker_is_killed_gives_the_same_bits(pool):
@@ -93,11 +72,6 @@ def test_where_workers_die_again_evaluate_says_so_and_a_search_goes_on_in_this_p
         result = tune(deadly, CONTROLLER, ORDERS, settings=replace(settings, executor=pool))
     alone = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
     assert result.history.best.tobytes() == alone.history.best.tobytes()
-
-
-def test_errors_of_a_task_are_its_own(pool):
-    with pytest.raises(ValueError, match="no"):
-        pool.submit(refuse, 0).result(timeout=PATIENCE)
 
 
 def test_workers_use_one_thread_and_the_environment_stays(monkeypatch):
