@@ -43,7 +43,7 @@ _CONSTANT = {
     "bodies": ("slides",),
 }  # fmt: skip
 #: Arrays that the page fills from the step and the orders.
-_BY_STEP = ("c.poles", "c.modes", "c.table")
+_BY_STEP = ("c.robot", "c.poles", "c.modes", "c.table")
 
 
 def encoded(values: Any) -> str:
@@ -92,7 +92,8 @@ class Engine:
                 for name, values in arrays.items()
                 if name not in (*_BY_STEP, "c.numbers") and words(values).any()
             }
-            table.append(law.table(experiment) | {"places": places, "start": start})
+            robots = [[encoded(words(law.robot(h, on))) for on in (False, True)] for h in steps]
+            table.append(law.table() | {"places": places, "start": start, "robots": robots})
         self.text = f"{HELPERS}{program.text}return [{', '.join(names)}];\n"
         design = next((law.design for law in laws if law.design is not None), None)
         self.table = {

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,15 +20,16 @@ from fpid_pin.control.functions import plain_function
 from fpid_pin.control.law import Controller, Integral
 from fpid_pin.control.parameters import is_number
 from fpid_pin.control.safeguards import Safeguards
+from fpid_pin.control.state import State
 from fpid_pin.control.supervisor import Supervisor
-from fpid_pin.exceptions import ArgumentError, DesignError, FpidError
+from fpid_pin.exceptions import ArgumentError, DesignError, FpidError, FpidWarning
 from fpid_pin.export.law import start
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.simulation.engine import horizon_of
 from fpid_pin.simulation.experiment import Experiment
 
 #: Signals that a page can plot: the law's own, as many as this, and what every law has.
-OWN_SIGNALS, SIGNALS = 5, ("u_law", "u_model", "u_s")
+OWN_SIGNALS, SIGNALS = 6, ("u_law", "u_model", "u_s")
 
 
 def supervisor_of(e: Experiment, controller: Controller) -> Supervisor:
@@ -55,6 +58,8 @@ class Law:
         On the experiment's arm.
     state
         At t = 0, with room for orders that come to move where its orders can.
+    supervisor
+        Its own, or the one of a page's switch.
     settings : dict
         Fields that sliders can move, by name: one number, or one for each joint.
     moves : dict
@@ -81,11 +86,14 @@ class Law:
                 raise DesignError(f"design: expected one with shared poles, got {kind}")
             if any(other.design not in (None, self.design) for other in others):
                 raise ArgumentError("design", "the same for all controllers of a page", "another")
-        changes: dict[str, Any] = {"supervisor": None}
+        self.supervisor = supervisor_of(experiment, law)
+        changes: dict[str, Any] = {"supervisor": self.supervisor}
         if isinstance(law, AdaptiveFpid):
             # Orders may come to move.
             changes["order_learning_rate"] = np.maximum(law.order_learning_rate, 1e-300)
-        self.state = start(dataclasses.replace(law, **changes), arm, self._step, self._horizon)
+        with warnings.catch_warnings(action="ignore", category=FpidWarning):
+            # What a description has to say it said where it was made.
+            self.state = start(replace(law, **changes), arm, self._step, self._horizon)
         self.settings: dict[str, Any] = {}
         self.moves: dict[str, list[Any]] = {}
         if isinstance(law, AdaptiveFpid):
@@ -94,9 +102,10 @@ class Law:
             self._of_fields(law)
 
     @property
-    def operators(self) -> Mapping[str, Any]:
-        """The law's operators, by their outputs."""
-        return self.state.controller.operators
+    def orders(self) -> list[str]:
+        """Fields that are orders of the law's operators."""
+        operators = self.state.controller.operators.values()
+        return [x.order for x in operators if isinstance(x.order, str)]
 
     @property
     def functions(self) -> tuple[Any, ...]:
@@ -107,12 +116,8 @@ class Law:
     @property
     def signals(self) -> list[str]:
         """Names of the numbers that a page can plot of it."""
-        own = [
-            name for name in self.state.controller.shown.values() if name in self.state.record.names
-        ]
-        if isinstance(self.controller, AdaptiveFpid):
-            own = ["kp", "ki", "kd", "integral_order", "derivative_order"]
-        own = [name for name in own if name not in (*SIGNALS, "lyapunov")]
+        shown = self.state.controller.shown.values()
+        own = [name for name in shown if name not in (*SIGNALS, "lyapunov")]
         return [*own[:OWN_SIGNALS], *SIGNALS]
 
     def follows_steps(self, steps: Sequence[float]) -> bool:
@@ -175,8 +180,7 @@ class Law:
         changes: list[dict[str, Any]]
         changes = [{name: value[()]} for value in (np.full(shape, 0.25), np.full(shape, 0.5), x)]
         low, high, found = (
-            self._numbers(dataclasses.replace(self.controller, **change), self._step)
-            for change in changes
+            self._numbers(replace(self.controller, **change), self._step) for change in changes
         )
         moved = [key for key in low if not np.array_equal(low[key], high[key])]
         for key, value in found.items():
@@ -193,12 +197,23 @@ class Law:
             for key, slope in slopes.items()
         ]
 
-    def table(self, e: Experiment) -> dict[str, Any]:
+    def robot(self, h: float, supervised: bool) -> Any:
+        """Return the robot's record at a step [s], without addresses: they are others each time."""
+        law, guard = self.controller, self.supervisor
+        # An observer is not faster than its sampling.
+        ahead = None if guard.lookahead is None else max(guard.lookahead, h)
+        guard = replace(guard, observer=min(guard.observer, 1.0 / h), lookahead=ahead)
+        guarded = guard if supervised else None
+        law = replace(law, observer=min(law.observer, 1.0 / h), supervisor=guarded)
+        with warnings.catch_warnings(action="ignore", category=FpidWarning):
+            robot = State(law, self._arm, step=h, horizon=self._horizon).c.robot
+        robot[["surface", "torque", "adapt"]] = 0
+        return robot
+
+    def table(self) -> dict[str, Any]:
         """Return what the page needs of it."""
-        law, s = self.controller, supervisor_of(e, self.controller)
+        law, guard = self.controller, self.supervisor
         names = list(self.state.record.names)
-        constants = dataclasses.replace(s, lookahead=None).constants(self._step)
-        constants = {name: float(x) for name, x in constants.items() if np.isfinite(x)}
         operators = [
             {
                 "order": names.index(x.order) if isinstance(x.order, str) else -1,
@@ -214,10 +229,5 @@ class Law:
             "columns": [names.index(name) for name in self.signals],
             "guarded": getattr(law, "safeguards", None) is not None,
             "kick": getattr(law, "initialisation", "") == "grunwald_letnikov",
-            "observer": law.observer,
-            "supervisor": {
-                "kind": s.kind, "m_x": s.m_x, "reference_bound": s.reference_bound,
-                "lookahead": s.lookahead or 0.0, "observer": s.observer,
-                "bound": s.bound(e.arm.n).tolist(), "constants": constants,
-            },
-        }  # fmt: skip
+            "supervisor": {"m_x": guard.m_x, "reference_bound": guard.reference_bound},
+        }

@@ -22,7 +22,7 @@ from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.document import Page, as_text, asset, closed, document
 from fpid_pin.view.palette import ON_DARK, PALETTE
 from fpid_pin.view.playground_engine import Engine
-from fpid_pin.view.playground_law import Law, supervisor_of
+from fpid_pin.view.playground_law import Law
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.replay import licences, meshcat_file
 from fpid_pin.view.scene import experiment_scene, to_script_json
@@ -31,7 +31,7 @@ from fpid_pin.view.scene import experiment_scene, to_script_json
 SHOWN = 1200
 #: What the page calls numbers of a law.
 _SIGNALS = {
-    "kp": "Kp", "ki": "Ki", "kd": "Kd", "integral_order": "λ", "derivative_order": "μ",
+    "kp": "Kp", "ki": "Ki", "kd": "Kd", "integral_order": "λ", "derivative_order": "μ", "s": "S",
     "u_law": "torque of the law itself [N m]", "u_model": "torque by the model [N m]",
     "u_s": "torque of the supervisor [N m]",
 }  # fmt: skip
@@ -145,9 +145,8 @@ def _page(
     e: Experiment, laws: Sequence[Law], names: Sequence[str], steps: list[float]
 ) -> dict[str, Any]:
     """Return what the page has to know beside its engine."""
-    with warnings.catch_warnings():
+    with warnings.catch_warnings(action="ignore", category=FpidWarning):
         # What the description has to say about limits it said when it was made.
-        warnings.simplefilter("ignore", FpidWarning)
         alone = replace(laws[0].controller, supervisor=None)
         run = simulate(replace(e, dynamics="compiled"), alone)
     peak = np.abs(run.torque).max(axis=0, initial=0.1)
@@ -156,9 +155,9 @@ def _page(
         {
             "name": name,
             "fpid": isinstance(law.controller, AdaptiveFpid),
-            "groups": settings.law_groups(e, law),
-            "orders": [x.order for x in law.operators.values() if isinstance(x.order, str)],
-            "bound": settings.rounded(supervisor_of(e, law.controller).reference_bound * 1.0001),
+            "groups": settings.law_groups(law),
+            "orders": law.orders,
+            "bound": settings.rounded(law.supervisor.reference_bound * 1.0001),
             "signals": [[signal, _SIGNALS.get(signal, signal)] for signal in law.signals],
         }
         for law, name in zip(laws, names, strict=True)

@@ -12,7 +12,7 @@ from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS, of_paper
 from fpid_pin.view.document import asset
-from fpid_pin.view.playground_law import Law, supervisor_of
+from fpid_pin.view.playground_law import Law
 from fpid_pin.view.playground_settings import rounded
 
 #: Settings, and those of the run that is pinned beside it; None: nothing is pinned.
@@ -37,7 +37,7 @@ def presets(
     n = e.arm.n
     fpids = [k for k, x in enumerate(laws) if isinstance(x.controller, AdaptiveFpid)]
     index = fpids[0] if fpids else 0
-    supervisor = supervisor_of(e, laws[index].controller)
+    supervisor = laws[index].supervisor
 
     def part(factor: float) -> list[float]:
         return [rounded(factor * u, 2) for u in peak]

@@ -20,7 +20,7 @@ from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.view.document import asset
 from fpid_pin.view.playground_engine import encoded
-from fpid_pin.view.playground_law import Law, supervisor_of
+from fpid_pin.view.playground_law import Law
 
 #: Steps that a page offers [s].
 STEPS = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2)
@@ -54,7 +54,7 @@ def start_settings(e: Experiment, laws: Sequence[Law]) -> dict[str, Any]:
         for key, value in {
             **law.settings,
             "supervised": law.controller.supervisor is not None,
-            "m_x": supervisor_of(e, law.controller).m_x,
+            "m_x": law.supervisor.m_x,
         }.items()
     }
     return _sayable({
@@ -107,7 +107,7 @@ def toml_tables(e: Experiment, laws: Sequence[Law], names: Sequence[str]) -> dic
     _, movable, others = _disturbance(e)
     controllers = [
         to_dict(law.controller) | {
-            "supervisor": to_dict(supervisor_of(e, law.controller)),
+            "supervisor": to_dict(law.supervisor),
             "scale": law.controller.scale_on(e.arm).tolist(), "name": name,
         }
         for law, name in zip(laws, names, strict=True)
@@ -173,20 +173,19 @@ def _sliders(
     return [{"name": name, "controls": controls} for name, controls in groups.items()]
 
 
-def law_groups(e: Experiment, law: Law) -> list[dict[str, Any]]:
+def law_groups(law: Law) -> list[dict[str, Any]]:
     """Return the sliders of a law, grouped; an own law has one for each of its fields."""
-    bound = supervisor_of(e, law.controller).reference_bound
+    bound = law.supervisor.reference_bound
     sizes = {"radius": rounded(bound + 0.05), "widest": rounded(4.0 * bound + 5.0)}
     if isinstance(law.controller, AdaptiveFpid):
         return _sliders(("fpid", "any"), law.settings, sizes)
-    orders = {x.order for x in law.operators.values()}
     fields = []
     for key, value in law.settings.items():
         slider: dict[str, Any] = {
             "key": key, "label": key.replace("_", " "), "low": 0, "high": 100, "unit": "",
             "scale": "log0", "joints": "same", "least": 1e-3, "step": 0, "note": "",
         }  # fmt: skip
-        if key in orders:
+        if key in law.orders:
             slider |= {"high": 1, "scale": "linear", "step": 0.001, "note": "order of an operator"}
         elif np.min(value) > 0.0:
             slider |= {"scale": "gain", "joints": "factor"}

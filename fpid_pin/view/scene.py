@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from fpid_pin.simulation.experiment import Experiment
     from fpid_pin.simulation.run import Run
 
-_CODES = {"float32": "f4", "uint16": "u2", "uint32": "u4"}
 _STEPS = 65535
 #: Characters of a caption or a joint's name: what a picture has room for.
 _CAPTION = 80
@@ -37,9 +36,9 @@ class Buffers:
 
     def add(self, array: NDArray[Any]) -> int:
         """Store a float32, uint16 or uint32 array and return its number."""
-        little = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
+        little = array.astype(array.dtype.newbyteorder("<"))
         data = base64.b64encode(little.tobytes()).decode("ascii")
-        self.table.append({"type": _CODES[array.dtype.name], "data": data})
+        self.table.append({"type": little.dtype.str[1:], "data": data})
         return len(self.table) - 1
 
 
@@ -155,41 +154,32 @@ class SceneArms:
 
     def group(self, arms: Sequence[Arm], captions: Sequence[str], place: Stage) -> dict[str, Any]:
         """Return who is on the stage, and where it is seen from."""
-        return {
-            "runs": [
-                {
-                    "caption": _short(caption),
-                    "arm": self._known.index(arm),
-                    "offset": place.offsets[k].tolist(),
-                    "top": float(place.heights[k]),
-                    "colour": colour(k),
-                }
-                for k, (arm, caption) in enumerate(zip(arms, captions, strict=True))
-            ],
-            "camera": {
-                "towards": place.towards.tolist(),
-                "centre": place.centre.tolist(),
-                "extent": place.extent.tolist(),
-            },
-            "floor": place.floor,
-            "reach": place.reach,
-            "planar": place.planar,
-        }
+        runs = [
+            {
+                "caption": _short(caption),
+                "arm": self._known.index(arm),
+                "offset": place.offsets[k],
+                "top": place.heights[k],
+                "colour": colour(k),
+            }
+            for k, (arm, caption) in enumerate(zip(arms, captions, strict=True))
+        ]
+        camera = {name: getattr(place, name) for name in ("towards", "centre", "extent")}
+        about = {name: getattr(place, name) for name in ("floor", "reach", "planar")}
+        return {"runs": runs, "camera": camera, **about}
 
 
 def _arm_table(arm: Arm, buffers: Buffers) -> dict[str, Any]:
-    joints = []
-    for j in range(arm.n):
-        limit = float(arm.effort_limit[j])
-        joints.append(
-            {
-                "name": _short(arm.joint_names[j]),
-                "placement": _column_major(arm.model.jointPlacements[j + 1].homogeneous),
-                "axis": joint_axis(arm.model, j).tolist(),
-                "slides": arm.joint_kinds[j] == PRISMATIC,
-                "limit": limit if np.isfinite(limit) else None,
-            }
-        )
+    joints = [
+        {
+            "name": _short(arm.joint_names[j]),
+            "placement": _column_major(arm.model.jointPlacements[j + 1].homogeneous),
+            "axis": joint_axis(arm.model, j),
+            "slides": arm.joint_kinds[j] == PRISMATIC,
+            "limit": limit if np.isfinite(limit) else None,
+        }
+        for j, limit in enumerate(arm.effort_limit)
+    ]
     joint, placement = tool_placement(arm)
     return {
         "name": _short(arm.name),
@@ -207,9 +197,9 @@ def _shape_table(shape: Shape, buffers: Buffers) -> dict[str, Any]:
     return {
         "joint": shape.joint,
         "placement": _column_major(shape.placement),
-        "colour": list(shape.colour),
-        "low": low.tolist(),
-        "scale": scale.tolist(),
+        "colour": shape.colour,
+        "low": low,
+        "scale": scale,
         "vertices": buffers.add(grid),
         "triangles": buffers.add(
             shape.triangles.astype(np.uint16 if len(grid) <= _STEPS else np.uint32)
@@ -217,13 +207,13 @@ def _shape_table(shape: Shape, buffers: Buffers) -> dict[str, Any]:
     }
 
 
-def _column_major(matrix: NDArray[Any]) -> list[float]:
-    return [float(x) for x in np.asarray(matrix).T.ravel()]
+def _column_major(matrix: NDArray[Any]) -> NDArray[Any]:
+    return matrix.T.ravel()
 
 
 def to_script_json(table: Any) -> str:
-    """Return JSON that may stand inside a script element whatever strings it holds."""
-    text = json.dumps(table, allow_nan=False, separators=(",", ":"))
+    """Return JSON, of plain values and arrays, that may stand inside a script element."""
+    text = json.dumps(table, allow_nan=False, separators=(",", ":"), default=np.ndarray.tolist)
     for sign in ("<", ">", "&", "\u2028", "\u2029"):
         text = text.replace(sign, f"\\u{ord(sign):04x}")
     return text

@@ -6,6 +6,7 @@ import functools
 import itertools
 import re
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from importlib import resources
 from io import BytesIO
 from pathlib import Path
@@ -24,12 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_STYLE_KEYS = (
-    "axes", "contour", "errorbar", "figure.", "font", "grid", "hatch", "image", "legend", "lines",
-    "markers", "mathtext", "patch", "path", "pcolor", "pdf", "savefig.", "scatter", "svg", "text.",
-    "xaxis", "xtick", "yaxis", "ytick",
-)  # fmt: skip
-
 P = ParamSpec("P")
 FORMATS = ("svg", "pdf", "png")
 #: Ink of the style sheet; a report lets it follow the page's own.
@@ -43,27 +38,31 @@ _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 @functools.cache
-def _settings() -> dict[str, Any]:
+def _sheet() -> dict[str, Any]:
     from cycler import cycler
     from matplotlib import rc_params_from_file
 
-    file = resources.files("fpid_pin.view") / "fpid_pin.mplstyle"
-    with resources.as_file(file) as path:
-        everything = rc_params_from_file(path, use_default_template=True)
-    everything["axes.prop_cycle"] = cycler(color=PALETTE)
-    # Matplotlib's own defaults stand for what the sheet leaves open, not the user's settings; how
-    # windows are made is no matter of style.
-    return {k: v for k, v in everything.items() if k.startswith(_STYLE_KEYS)}
+    with resources.as_file(resources.files("fpid_pin.view") / "fpid_pin.mplstyle") as path:
+        given = rc_params_from_file(path, use_default_template=False)
+    return {**given, "axes.prop_cycle": cycler(color=PALETTE)}
+
+
+def in_style() -> AbstractContextManager[None]:
+    """Return a context in which the package's style holds, whatever the user's own is.
+
+    Matplotlib's defaults stand for what the sheet leaves open.
+    """
+    from matplotlib import style
+
+    return style.context(_sheet(), after_reset=True)
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
-    """Make a function draw in the package's style, whatever the user's own is."""
+    """Make a function draw in the package's style."""
 
     @functools.wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        import matplotlib
-
-        with matplotlib.rc_context(_settings()):
+        with in_style():
             return draw(*args, **kwargs)
 
     return wrapper
@@ -96,8 +95,6 @@ def _figure_class() -> type[Figure]:
 
 def figure_bytes(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
     """Return a figure as the bytes of an svg, pdf or png: the same ones every time."""
-    import matplotlib
-
     checks.choice("format", kind, FORMATS)
     # Dates and versions would make the same figure another file.
     empty: dict[str, dict[str, Any]] = {
@@ -106,7 +103,7 @@ def figure_bytes(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
         "png": {"Software": None},
     }
     buffer = BytesIO()
-    with matplotlib.rc_context(_settings()):
+    with in_style():
         engine = figure.get_layout_engine()
         if engine is not None:
             # Laid out once: matplotlib would do it anew, at twice the cost, for every file.

@@ -1,11 +1,14 @@
-"""Runs made by formula, where what is seen matters and what was simulated does not."""
+"""Runs made by formula, where what is seen matters and not what was simulated; and a browser."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import pytest
+from bounded import until
 
 from fpid_pin import AdaptiveFpid, Arm, Experiment, Run, paper_controller
 from fpid_pin.references import Sinusoid
@@ -63,3 +66,35 @@ def two_link() -> Arm:
 @pytest.fixture(scope="session")
 def wave(make_run: MakeRun, two_link: Arm) -> Run:
     return make_run(two_link)
+
+
+@pytest.fixture(scope="session")
+def visit(browser: Any) -> Callable[..., Any]:
+    """Return what opens a page for the length of a block.
+
+    At its end nothing may have gone wrong in it (unless `sound` is false), and it must have asked
+    for nothing but itself. Pages are small: software draws them.
+    """
+
+    @contextmanager
+    def visit(
+        address: str, ready: str = "window.fpidPin !== undefined",
+        size: tuple[int, int] = (420, 300), sound: bool = True, **options: Any,
+    ) -> Iterator[Any]:  # fmt: skip
+        page = browser.new_page(viewport={"width": size[0], "height": size[1]}, **options)
+        asked: list[str] = []
+        errors: list[str] = []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda said: errors.extend([said.text] * (said.type == "error")))
+        try:
+            page.goto(address)
+            until(page, ready)
+            yield page
+        finally:
+            page.close()
+        assert errors == [] or not sound
+        own = (address.partition("#")[0], "blob:", "data:")
+        assert [url for url in asked if not url.startswith(own)] == []
+
+    return visit

@@ -4,6 +4,7 @@ import dataclasses
 import json
 import re
 import tomllib
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from bounded import until
 
 import fpid_pin as fp
-from fpid_pin.cli.configuration import load, parse
+from fpid_pin.cli.configuration import demo_config, load, parse
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError, DesignError, ExportError
 from fpid_pin.view.playground_page import playground_html
@@ -36,46 +37,25 @@ def page_file(tmp_path_factory):
     return path
 
 
-class Visit:
-    """A page in a browser: what it asked for, and what went wrong in it."""
+class Playground:
+    """A playground in a browser."""
 
-    def __init__(self, browser, path, link="", width=1200, height=800):
-        self.context = browser.new_context(
-            viewport={"width": width, "height": height}, reduced_motion="reduce", has_touch=True
-        )
-        self.page = self.context.new_page()
-        self.requests, self.errors = [], []
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.on("pageerror", lambda error: self.errors.append(str(error)))
-        self.page.on("console", self._console)
-        self.path = path
-        self.page.goto(f"{path.as_uri()}{link}")
+    def __init__(self, page):
+        self.page = page
         self.settled()
 
-    def _console(self, message):
-        if message.type == "error":
-            self.errors.append(message.text)
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *stop):
-        self.context.close()
-
-    def until(self, expression):
-        until(self.page, expression)
-
     def settled(self):
-        self.until("window.playground && playground.state.got > 0 && !playground.state.busy")
+        until(self.page, "state.got > 0 && !state.busy")
 
     def now(self, key):
-        return self.page.evaluate(f"playground.model.now[{json.dumps(key)}]")
+        return self.page.evaluate(f"model.now[{json.dumps(key)}]")
 
     def rms(self):
-        return self.page.evaluate("playground.state.runs[0].metrics.rms")
+        return self.page.evaluate("state.runs[0].metrics.rms")
 
-    def text(self, selector):
-        return self.page.inner_text(selector)
+    def click(self, selector):
+        self.page.click(selector)
+        self.settled()
 
     def slide(self, key, part):
         """Move a slider as a hand does: on the way, and let go."""
@@ -86,43 +66,54 @@ class Visit:
         )
         self.settled()
 
-    def whole(self):
-        """Run the settings and return every sample."""
-        self.page.evaluate("playground.keep(true); playground.ask()")
-        self.settled()
-        return self.page.evaluate(
-            "(({whole, outcome}) => [Object.fromEntries(['q', 'v', 'torque'].map((name) =>"
-            " [name, Array.from(whole[name])])), outcome])(playground.state.runs[0])"
-        )
+
+@pytest.fixture(scope="module")
+def open_playground(visit, page_file):
+    @contextmanager
+    def opened(link="", width=1100, **options):
+        address = f"{page_file.as_uri()}{link}"
+        options = {"size": (width, 640), "reduced_motion": "reduce"} | options
+        with visit(address, "window.playground !== undefined", **options) as page:
+            yield Playground(page)
+
+    return opened
+
+
+@pytest.fixture(scope="module")
+def opened(open_playground):
+    with open_playground() as opened:
+        yield opened
 
 
 @pytest.fixture
-def visit(browser, page_file):
-    with Visit(browser, page_file) as opened:
-        yield opened
-        assert opened.errors == []
-        assert all(url.startswith(("file:", "blob:", "data:")) for url in opened.requests)
-
-
-def same_as_python(opened, tmp_path, tolerance=1e-9):
-    """Hold a page's run against that of its own TOML, run by Python."""
-    text = opened.page.evaluate(
-        "playground.toToml(playground.settingsOf(playground.model.now,"
-        "playground.model.now.controller))"
+def play(opened):
+    """Return the page as it is when it has just been opened."""
+    opened.page.evaluate(
+        "element('joint').value = 'all';"
+        "Object.assign(model, {past: [], future: [], committed: null});"
+        "model.load(fresh(), null); model.commit();"
     )
+    opened.settled()
+    return opened
+
+
+def same_as_python(opened, tmp_path):
+    """Hold a page's run against that of its own TOML, run by Python, by the figures of merit.
+
+    For each sample `test_playground_settings.py` does.
+    """
+    text = opened.page.evaluate("toToml(settingsOf(model.now, model.now.controller))")
     config = parse(text, "copied.toml", tmp_path)
-    assert config.experiment.dynamics == "compiled"
     run = fp.simulate(config.experiment, next(iter(config.controllers.values())))
-    whole, outcome = opened.whole()
-    for name in ("q", "v", "torque"):
-        mine = np.array(whole[name], dtype=float).reshape(-1, run.q.shape[1])
-        assert mine.shape == run.q.shape
-        scale = max(1.0, float(np.abs(getattr(run, name)).max()))
-        assert np.abs(mine - getattr(run, name)).max() <= tolerance * scale
-    assert outcome["completed"] == run.outcome.completed
-    if not run.outcome.completed:
-        assert (outcome["joint"], outcome["cause"]) == (run.outcome.joint, run.outcome.cause)
-        assert outcome["time"] == pytest.approx(run.outcome.time, abs=1e-9)
+    shown = opened.page.evaluate("state.runs[0]")
+    assert shown["outcome"]["completed"] == run.outcome.completed
+    if run.outcome.completed:
+        for name, values in shown["metrics"].items():
+            assert np.allclose(values, getattr(run.metrics, name), rtol=1e-9), name
+    else:
+        want = (run.outcome.joint, run.outcome.cause)
+        assert (shown["outcome"]["joint"], shown["outcome"]["cause"]) == want
+        assert shown["outcome"]["time"] == pytest.approx(run.outcome.time, abs=1e-9)
     return run
 
 
@@ -130,167 +121,66 @@ def same_as_python(opened, tmp_path, tolerance=1e-9):
 
 
 @pytest.mark.browser
-def test_the_pages_run_is_pythons_compiled_run(visit, tmp_path):
-    run = same_as_python(visit, tmp_path)
+def test_the_pages_run_is_pythons_compiled_run(play, tmp_path):
+    run = same_as_python(play, tmp_path)
     again = fp.simulate(dataclasses.replace(experiment(), dynamics="compiled"), law())
     assert np.array_equal(run.torque, again.torque)  # the TOML is the description
-    metrics = visit.page.evaluate("playground.state.runs[0].metrics")
-    for name, values in metrics.items():
-        assert np.allclose(values, getattr(run.metrics, name), rtol=1e-9)
 
 
 @pytest.mark.browser
-def test_a_run_that_diverges_says_when_and_why_as_python_does(browser, page_file, tmp_path):
-    with Visit(browser, page_file, "#step=0.05&derivative_order=1,1") as opened:
-        said = opened.text("#outcome")
+def test_a_link_s_run_diverges_when_and_why_python_s_does_and_its_nonsense_is_ignored(
+    open_playground, tmp_path
+):
+    with open_playground("#step=0.05&derivative_order=1,1&kp=1&nonsense=2") as play:
+        said = play.page.inner_text("#message")
+        assert "kp: expected 2 numbers" in said
+        assert "nonsense: no such setting" in said
+        said = play.page.inner_text("#outcome")
         assert re.fullmatch(r"Diverged at [\d.]+ s, joint\d: .*speed.*\.", said)
-        run = same_as_python(opened, tmp_path, tolerance=1e-6)
-        assert not run.outcome.completed
-        opened.page.click("#reset")
-        opened.settled()
-        assert opened.text("#outcome").startswith("Ran all")
+        assert not same_as_python(play, tmp_path).outcome.completed
+        play.click("#reset")
+        assert play.page.inner_text("#outcome").startswith("Ran all")
 
 
 # ---------------------------------------------------------------------- hands
 
 
 @pytest.mark.browser
-def test_a_slider_moves_the_run_and_undo_takes_it_back(visit):
-    before = visit.rms()
-    assert visit.page.is_disabled("#undo")
-    visit.slide("integral_order", 0.3)
-    assert visit.now("0.integral_order") == [0.3, 0.3]
-    after = visit.rms()
+def test_a_slider_moves_the_run_and_undo_takes_it_back(play):
+    before = play.rms()
+    assert play.page.is_disabled("#undo")
+    play.slide("integral_order", 0.3)
+    assert play.now("0.integral_order") == [0.3, 0.3]
+    after = play.rms()
     assert after != before
-    visit.slide("kp", 0.75)
-    visit.page.click("#undo")
-    visit.page.keyboard.press("Control+z")
-    visit.settled()
-    assert visit.now("0.integral_order") == [0.901, 0.931]
-    assert visit.rms() == before
-    visit.page.click("#redo")
-    visit.settled()
-    assert visit.rms() == after
-    visit.page.click("#reset")
-    assert visit.page.is_disabled("#reset")
+    play.slide("kp", 0.75)
+    play.page.click("#undo")
+    play.page.keyboard.press("Control+z")
+    play.settled()
+    assert play.now("0.integral_order") == [0.901, 0.931]
+    assert play.rms() == before
+    play.click("#redo")
+    assert play.rms() == after
+    play.click("#reset")
+    assert play.page.is_disabled("#reset")
 
 
 @pytest.mark.browser
-def test_a_keyboard_moves_sliders_joint_by_joint(visit):
-    visit.page.locator(".opener").first.click()
-    visit.page.focus("#integral_order-1")
+def test_a_keyboard_moves_sliders_joint_by_joint_and_all_have_names(play):
+    page = play.page
+    page.locator(".opener").first.click()
+    page.focus("#integral_order-1")
     for _ in range(3):
-        visit.page.keyboard.press("ArrowLeft")
-    visit.settled()
-    assert visit.now("0.integral_order") == [0.901, 0.928]
-    visit.page.fill("[aria-label^='μ, as a number']", "0.5")
-    visit.page.keyboard.press("Tab")
-    visit.settled()
-    assert visit.now("0.derivative_order") == [0.5, 0.5]
-    visit.page.fill("[aria-label^='μ, as a number']", "1.7")
-    visit.page.keyboard.press("Tab")
-    assert "expected 0 to 1" in visit.text("#message")
-    assert visit.now("0.derivative_order") == [0.5, 0.5]
-
-
-@pytest.mark.browser
-def test_a_pinned_run_stays_beside_the_one_that_moves(visit):
-    visit.page.click("#pin")
-    visit.settled()
-    visit.slide("kp", 1.0)
-    row = visit.page.inner_text("#metrics tr >> nth=0").split("\t")
-    assert row[1] != row[2]
-    assert re.fullmatch(r"[+−][\d.]+ %", row[3].strip())
-    visit.page.click("#unpin")
-    assert visit.page.evaluate("playground.state.pinned") is None
-
-
-@pytest.mark.browser
-def test_several_laws_are_on_the_plots_at_once(visit, tmp_path):
-    assert visit.page.evaluate("playground.plots.error.curves.length") == 2  # the joints
-    visit.page.check("#beside input >> nth=1")
-    visit.page.check("#beside input >> nth=2")
-    visit.settled()
-    # One joint, a colour for each law.
-    curves = "playground.plots.error.curves.map(({kind}) => kind)"
-    assert visit.page.evaluate(curves) == [0, 1, 2]
-    assert visit.page.evaluate("playground.state.runs.map((r) => r.controller)") == [0, 1, 2]
-    assert "computed torque" in visit.text("#metrics-head")
-    # What all share moves all, what is a law's own that law alone.
-    runs = "playground.state.runs.map((r) => r.metrics.rms[0])"
-    before = visit.page.evaluate(runs)
-    visit.slide("kp", 0.9)
-    after = visit.page.evaluate(runs)
-    assert [a != b for a, b in zip(before, after, strict=True)] == [True, False, False]
-    visit.slide("payload", 0.3)
-    last = visit.page.evaluate(runs)
-    assert all(a != b for a, b in zip(after, last, strict=True))
-    # The sliders are those of the law that is chosen; the others stay on the plots.
-    visit.page.select_option("#controller", "2")
-    visit.settled()
-    assert visit.page.locator("#integral_order").count() == 0
-    assert visit.page.locator("#k0").count() == 1
-    assert visit.page.evaluate("playground.state.runs.length") == 3
-    same_as_python(visit, tmp_path)
-
-
-@pytest.mark.browser
-def test_a_link_that_makes_no_sense_says_so_and_is_ignored(browser, page_file):
-    with Visit(browser, page_file, "#kp=1&nonsense=2") as opened:
-        said = opened.text("#message")
-        assert "kp: expected 2 numbers" in said
-        assert "nonsense: no such setting" in said
-        assert opened.page.is_disabled("#reset")
-        assert opened.errors == []
-
-
-@pytest.mark.browser
-def test_the_address_carries_settings_and_pinned_run(visit, browser):
-    visit.page.click("#pin")
-    visit.settled()
-    visit.slide("derivative_order", 0.6)
-    visit.slide("velocity_noise", 0.5)
-    link = visit.page.evaluate("location.hash")
-    want = visit.page.evaluate("[playground.model.now, playground.model.pinned]")
-    with Visit(browser, visit.path, link) as other:
-        assert other.page.evaluate("[playground.model.now, playground.model.pinned]") == want
-        assert other.rms() == visit.rms()
-
-
-@pytest.mark.browser
-def test_the_toml_to_copy_is_one_that_the_command_runs(visit, tmp_path):
-    visit.slide("payload", 0.2)
-    visit.page.click("#toml")
-    path = tmp_path / "copied.toml"
-    path.write_text(visit.page.input_value("#given"), encoding="utf-8")
-    assert tomllib.loads(path.read_text())["controller"][0]["name"] == MARKUP
-    assert load(path).title == MARKUP
-    assert main(["run", str(path), "--out", str(tmp_path / "out")]) == 0
-    visit.page.click("#close")
-
-
-@pytest.mark.browser
-def test_on_a_phone_all_is_in_reach_and_nothing_sticks_out(browser, page_file):
-    with Visit(browser, page_file, width=400, height=800) as opened:
-        wide = "document.documentElement.scrollWidth <= 400"
-        assert opened.page.evaluate(wide)
-        for view in ("torque", "signal", "arm", "table", "error"):
-            opened.page.tap(f"label:has(#view-{view})")
-            assert opened.page.is_visible(f"#{view}")
-            assert opened.page.evaluate(wide)
-        slider = opened.page.locator("#kp")
-        slider.scroll_into_view_if_needed()
-        box = slider.bounding_box()
-        assert box["height"] >= 32  # a finger's
-        opened.page.touchscreen.tap(box["x"] + 0.9 * box["width"], box["y"] + box["height"] / 2)
-        opened.settled()
-        assert opened.now("0.kp")[0] > 10.0
-        assert opened.page.locator("#error").bounding_box()["y"] >= 0  # stays in sight
-
-
-@pytest.mark.browser
-def test_everything_to_be_moved_has_a_name(visit):
-    nameless = visit.page.evaluate(
+        page.keyboard.press("ArrowLeft")
+    play.settled()
+    assert play.now("0.integral_order") == [0.901, 0.928]
+    for text in ("0.5", "1.7"):
+        page.fill("[aria-label^='μ, as a number']", text)
+        page.keyboard.press("Tab")
+        play.settled()
+        assert play.now("0.derivative_order") == [0.5, 0.5]
+    assert "expected 0 to 1" in page.inner_text("#message")
+    nameless = page.evaluate(
         "[...document.querySelectorAll('input, select, button, textarea')].filter(e =>"
         " !e.closest('.dg') && !(e.labels?.length"
         " || e.getAttribute('aria-label') || e.textContent.trim()))"
@@ -300,16 +190,93 @@ def test_everything_to_be_moved_has_a_name(visit):
 
 
 @pytest.mark.browser
-def test_in_a_notebooks_frame_it_works_the_same(browser, tmp_path):
+def test_a_pinned_run_stays_beside_the_one_that_moves_and_the_address_has_both(
+    play, open_playground
+):
+    page, settings = play.page, "[model.now, model.pinned]"
+    play.click("#pin")
+    play.slide("kp", 1.0)
+    row = page.inner_text("#metrics tr >> nth=0").split("\t")
+    assert row[1] != row[2]
+    assert re.fullmatch(r"[+−][\d.]+ %", row[3].strip())
+    play.slide("velocity_noise", 0.5)
+    with open_playground(page.evaluate("location.hash")) as other:
+        assert other.page.evaluate(settings) == page.evaluate(settings)
+        assert other.rms() == play.rms()
+    play.click("#unpin")
+    assert page.evaluate("state.pinned") is None
+
+
+@pytest.mark.browser
+def test_several_laws_are_on_the_plots_at_once(play, tmp_path):
+    page = play.page
+    assert page.evaluate("plots.error.curves.length") == 2  # the joints
+    page.check("#beside input >> nth=1")
+    page.check("#beside input >> nth=2")
+    play.settled()
+    # One joint, a colour for each law.
+    curves = "plots.error.curves.map(({kind}) => kind)"
+    assert page.evaluate(curves) == [0, 1, 2]
+    assert page.evaluate("state.runs.map((r) => r.controller)") == [0, 1, 2]
+    assert "computed torque" in page.inner_text("#metrics-head")
+    # What all share moves all, what is a law's own that law alone.
+    runs = "state.runs.map((r) => r.metrics.rms[0])"
+    before = page.evaluate(runs)
+    play.slide("kp", 0.9)
+    after = page.evaluate(runs)
+    assert [a != b for a, b in zip(before, after, strict=True)] == [True, False, False]
+    play.slide("payload", 0.3)
+    last = page.evaluate(runs)
+    assert all(a != b for a, b in zip(after, last, strict=True))
+    # The sliders are those of the law that is chosen; the others stay on the plots.
+    page.select_option("#controller", "2")
+    play.settled()
+    assert page.locator("#integral_order").count() == 0
+    assert page.locator("#k0").count() == 1
+    assert page.evaluate("state.runs.length") == 3
+    same_as_python(play, tmp_path)
+
+
+@pytest.mark.browser
+def test_the_toml_to_copy_is_one_that_the_command_runs(play, tmp_path):
+    play.slide("payload", 0.2)
+    play.page.click("#toml")
+    path = tmp_path / "copied.toml"
+    path.write_text(play.page.input_value("#given"), encoding="utf-8")
+    play.page.click("#close")
+    assert tomllib.loads(path.read_text())["controller"][0]["name"] == MARKUP
+    assert load(path).title == MARKUP
+    assert main(["run", str(path), "--no-figures", "--out", str(tmp_path / "out")]) == 0
+
+
+@pytest.mark.browser
+def test_on_a_phone_all_is_in_reach_and_nothing_sticks_out(open_playground):
+    with open_playground(width=400, has_touch=True) as play:
+        page, wide = play.page, "document.documentElement.scrollWidth <= 400"
+        assert page.evaluate(wide)
+        for view in ("torque", "signal", "arm", "table", "error"):
+            page.tap(f"label:has(#view-{view})")
+            assert page.is_visible(f"#{view}")
+            assert page.evaluate(wide)
+        slider = page.locator("#kp")
+        slider.focus()  # as by the tab key, which must not leave it below the view
+        box = slider.bounding_box()
+        assert box["height"] >= 32  # a finger's
+        page.touchscreen.tap(box["x"] + 0.9 * box["width"], box["y"] + box["height"] / 2)
+        play.settled()
+        assert play.now("0.kp")[0] > 10.0
+        assert page.locator("#error").bounding_box()["y"] >= 0  # stays in sight
+
+
+@pytest.mark.browser
+def test_in_a_notebooks_frame_it_works_the_same(visit, tmp_path):
     shown = fp.view.playground(experiment(), law())
     assert shown.path is None
     path = tmp_path / "notebook.html"
     path.write_text(f"<!doctype html><body>{shown._repr_html_()}</body>", encoding="utf-8")
-    page = browser.new_page()
-    page.goto(path.as_uri())
-    frame = page.frame_locator("iframe")
-    frame.locator("#outcome", has_text="Ran all").wait_for(timeout=120_000)
-    page.close()
+    with visit(path.as_uri(), "true") as page:
+        outcome = page.frame_locator("iframe").locator("#outcome", has_text="Ran all")
+        outcome.wait_for(timeout=120_000)
 
 
 # ---------------------------------------------------------------------- making it
@@ -329,25 +296,19 @@ class InPython(fp.Controller):
 
 
 @pytest.mark.parametrize(
-    ("controller", "error", "said"),
+    ("job", "controller", "error", "said"),
     [
-        (InPython(), ExportError, "law by its functions"),
-        (law(design=fp.fractional.Crone(1e-2, 1e3, 3)), DesignError, "shared poles"),
+        (experiment(), InPython(), ExportError, "law by its functions"),
+        (experiment(), law(design=fp.fractional.Crone(1e-2, 1e3, 3)), DesignError, "shared poles"),
+        (dataclasses.replace(experiment(), integrator="rk4"), law(), ArgumentError, "semi_impl"),
     ],
-)
-def test_what_a_page_cannot_hold_is_refused_in_a_line(controller, error, said):
+)  # fmt: skip
+def test_what_a_page_cannot_hold_is_refused_in_a_line(job, controller, error, said):
     with pytest.raises(error, match=said):
-        playground_html(experiment(), controller)
-
-
-def test_rk4_is_refused():
-    with pytest.raises(ArgumentError, match="semi_implicit_euler"):
-        playground_html(dataclasses.replace(experiment(), integrator="rk4"), law())
+        playground_html(job, controller)
 
 
 def test_the_command_leaves_out_what_a_page_cannot_hold(tmp_path, capsys):
-    from fpid_pin.cli.configuration import demo_config
-
     config = tmp_path / "demo.toml"
     config.write_text(demo_config().text, encoding="utf-8")
     html = tmp_path / "page.html"

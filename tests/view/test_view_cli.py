@@ -29,26 +29,24 @@ def test_view_writes_a_page_of_several_files(make_run, two_link, tmp_path, capsy
     assert "opens in any browser" in capsys.readouterr().out
 
 
-def test_view_names_what_is_wrong_with_a_file(wave, tmp_path):
-    whole = wave.save(tmp_path / "run.npz").read_bytes()
-    (tmp_path / "cut.npz").write_bytes(whole[: len(whole) // 2])
+def test_view_names_what_is_wrong_with_a_file_and_with_captions(wave, tmp_path):
     (tmp_path / "text.npz").write_text("not a run")
-    for name, message in (
-        ("cut.npz", "another file or a damaged one"),
-        ("text.npz", "expected a run file"),
-        ("none.npz", "no such file"),
-    ):
-        with pytest.raises(FileFormatError, match=message):
-            view([tmp_path / name], html=tmp_path / "out.html")
-    assert not (tmp_path / "out.html").exists()
+    with pytest.raises(FileFormatError, match="expected a run file"):
+        view([tmp_path / "text.npz"], html=tmp_path / "out.html")
     with pytest.raises(ArgumentError, match="captions"):
-        view([tmp_path / "run.npz"], html=tmp_path / "o.html", caption=["a", "b"])
+        view([wave.save(tmp_path / "run.npz")], html=tmp_path / "out.html", caption=["a", "b"])
+    assert not (tmp_path / "out.html").exists()
 
 
-def test_live_prints_lateness_with_and_without_the_view(tmp_path, capsys):
-    file = tmp_path / "job.toml"
-    file.write_text(CONFIG)
-    live(file, duration=0.5, baseline=0.3, browser=False)
+@pytest.fixture
+def config(tmp_path):
+    path = tmp_path / "job.toml"
+    path.write_text(CONFIG)
+    return path
+
+
+def test_live_prints_lateness_with_and_without_the_view(config, capsys):
+    live(config, duration=0.5, baseline=0.3, browser=False)
     text = capsys.readouterr().out
     for words in ("without the view: 300 ticks", "with the view:    500 ticks", "frames sent"):
         assert words in text
@@ -56,11 +54,9 @@ def test_live_prints_lateness_with_and_without_the_view(tmp_path, capsys):
     assert text.count("deadlines missed") == 2
 
 
-def test_live_names_a_controller_that_is_not_there(tmp_path):
-    file = tmp_path / "job.toml"
-    file.write_text(CONFIG)
+def test_live_names_a_controller_that_is_not_there(config):
     with pytest.raises(ConfigError, match="--controller: expected one of one, got 'two'"):
-        live(file, controller="two")
+        live(config, controller="two")
 
 
 def test_the_script_of_the_pictures_runs(tmp_path, monkeypatch, make_run, two_link):

@@ -10,11 +10,11 @@ import pytest
 from bounded import until
 
 import fpid_pin as fp
-from fpid_pin.view import export_html, report_html
+from fpid_pin.view import report_html
 from fpid_pin.view.document import document
 from fpid_pin.view.link import LiveLink
 from fpid_pin.view.playground_page import playground_html
-from fpid_pin.view.replay import render
+from fpid_pin.view.replay import render, replay_html
 from fpid_pin.view.scene import experiment_scene
 
 META = re.compile(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">')
@@ -43,46 +43,39 @@ for (const text of ["window.hacked2 = 'added'"]) {
 """
 
 
-def replay_page(run, path):
-    return export_html(run, path).read_text("utf-8")
-
-
-def report_page(run, path):
-    return report_html(run, path, title="report", config_text="a = 1").read_text("utf-8")
-
-
-def playground_page(run, path):
-    law = fp.paper_controller(supervised=False)
-    return playground_html(fp.paper_experiment(duration=0.5), law)
-
-
-def live_page(run, path):
-    return render(experiment_scene(run.experiment, "live", 1.0) | {"live": True}, "live")
-
-
-PAGES = [replay_page, report_page, playground_page, live_page]
-READY = {
-    replay_page: "window.fpidPin !== undefined",
-    report_page: "document.querySelectorAll('table').length > 1",
-    playground_page: "window.playground && playground.state.got > 0",
-    live_page: "window.fpidPin !== undefined",
+LAW = fp.paper_controller(supervised=False)
+#: Each kind of page: its text, and what is true in it once it is there.
+PAGES = {
+    "replay": (replay_html, "window.fpidPin !== undefined"),
+    "report": (
+        lambda run: report_html(run, "report.html", title="report").read_text("utf-8"),
+        "document.querySelectorAll('table').length > 1",
+    ),
+    "playground": (
+        lambda run: playground_html(fp.paper_experiment(duration=0.5), LAW),
+        "window.playground && playground.state.got > 0",
+    ),
+    "live": (
+        lambda run: render(experiment_scene(run.experiment, "live", 1.0) | {"live": True}, "live"),
+        "window.fpidPin !== undefined",
+    ),
 }
 
 
 @pytest.fixture(scope="module")
 def made(wave, tmp_path_factory):
     """Return the text of each page."""
-    folder = tmp_path_factory.mktemp("pages")
-    return {make: make(wave, folder / f"{make.__name__}.html") for make in PAGES}
+    with contextlib.chdir(tmp_path_factory.mktemp("pages")):
+        return {kind: make(wave) for kind, (make, _) in PAGES.items()}
 
 
-@pytest.mark.parametrize("make", PAGES)
-def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(make, made):
-    page = made[make]
+@pytest.mark.parametrize("kind", PAGES)
+def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(kind, made):
+    page = made[kind]
     (policy,) = META.findall(page)
     rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
     scripts = SCRIPT.findall(page)
-    if make is report_page:
+    if kind == "report":
         # The replay in its frame is bound by both policies, so the outer one names its scripts.
         inner = unescape(re.search(r'srcdoc="([^"]*)"', page)[1])
         (within,) = META.findall(inner)
@@ -96,7 +89,7 @@ def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(make, mad
     assert len(scripts) >= 4
     assert set(rules.pop("script-src").split()) == hashes
     assert rules.pop("default-src") == "'none'"
-    assert ("connect-src" in rules) == (make is live_page)
+    assert ("connect-src" in rules) == (kind == "live")
     assert rules.pop("style-src") == "'unsafe-inline'"
     assert "unsafe" not in "".join(rules.values())
     # The policy stands before anything that it is to bind.
@@ -105,72 +98,57 @@ def test_a_page_names_its_scripts_by_their_hashes_and_allows_no_others(make, mad
 
 
 @pytest.mark.browser
-@pytest.mark.parametrize("make", PAGES[:3])
-def test_what_is_slipped_into_a_page_does_not_run_and_the_page_does(browser, make, made, tmp_path):
+@pytest.mark.parametrize("kind", PAGES)
+def test_what_is_slipped_into_a_page_does_not_run_and_the_page_does(visit, kind, made, tmp_path):
+    text = made[kind].replace("<body>", f"<body>{INJECTED}", 1)
+    text = text.replace("</body>", f"{INJECTED}</body>")
     path = tmp_path / "page.html"
-    text = made[make].replace("<body>", f"<body>{INJECTED}", 1)
-    path.write_text(text.replace("</body>", f"{INJECTED}</body>"), encoding="utf-8")
-    page = browser.new_page()
-    asked = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.goto(path.as_uri())
-    until(page, READY[make])
-    page.evaluate("document.getElementById('bait').click()")
-    page.evaluate(ADDED)
-    page.wait_for_timeout(300)
-    assert page.evaluate("[window.hacked, window.hacked2]") == [None, None]
-    with contextlib.suppress(Exception):
-        assert not page.evaluate("fetch('http://127.0.0.1:9/').then(() => true)")
-    page.close()
-    assert [url for url in asked if url.startswith("http")] == []
-
-
-@pytest.mark.browser
-def test_the_live_page_as_it_is_served_runs_nothing_but_its_own(browser, wave, made):
-    text = made[live_page].replace("<body>", f"<body>{INJECTED}", 1)
-    with LiveLink(text, announce=lambda line: None) as link:
-        page = browser.new_page()
-        page.goto(link.url)
-        until(page, READY[live_page])
-        page.evaluate(ADDED)
-        link.send(0.5, [(wave.q[0], wave.q_ref[0], wave.torque[0])])
-        until(page, "fpidPin.frames() > 0")
-        assert page.evaluate("[window.hacked, window.hacked2]") == [None, None]
-        page.close()
-
-
-@pytest.mark.browser
-def test_without_the_policy_each_of_these_runs(browser, tmp_path):
-    """Else the tests above could not fail."""
-    text = META.sub("", document("open", style="", body=INJECTED))
-    path = tmp_path / "open.html"
     path.write_text(text, encoding="utf-8")
-    page = browser.new_page()
-    page.goto(path.as_uri())
-    until(page, "window.hacked !== undefined")
-    page.evaluate(ADDED)
-    until(page, "window.hacked2 === 'inner'")
-    for piece in re.findall(r"<(?:script|img|svg|iframe)[^>]*>.*?(?=<script|<img|<svg|<iframe|<a)",
-                            INJECTED):  # fmt: skip
-        path.write_text(META.sub("", document("open", style="", body=piece)), encoding="utf-8")
-        page.goto(path.as_uri())
-        until(page, "window.hacked !== undefined")
-    page.close()
-
-
-SCRIPTS = {
-    "ends": "const a = '</script>' + '<!-- <script>' + '</SCRIPT>'; window.ends = a.length === 31;",
-    "lines": "const b = `1\r\n2\r3\n`;\r\nwindow.lines = b === '1\\n2\\n3\\n';",
-    "letters": "window.letters = 'é\u2028😀'.length === 4;",
-}
+    with contextlib.ExitStack() as stack:
+        address = path.as_uri()
+        if kind == "live":
+            address = stack.enter_context(LiveLink(text, announce=lambda line: None)).url
+        page = stack.enter_context(visit(address, PAGES[kind][1], sound=False))
+        page.evaluate("document.getElementById('bait').click()")
+        page.evaluate(ADDED)
+        page.wait_for_timeout(300)
+        assert page.evaluate("[window.hacked, window.hacked2]") == [None, None]
+        with contextlib.suppress(Exception):
+            assert not page.evaluate("fetch('http://127.0.0.1:9/').then(() => true)")
 
 
 @pytest.mark.browser
-def test_any_script_is_what_its_hash_says(browser, tmp_path):
+def test_without_the_policy_each_of_these_runs(visit, tmp_path):
+    """Else the tests above could not fail."""
+    path = tmp_path / "open.html"
+
+    def write(body):
+        text = META.sub("", document("open", style="", body=body))
+        path.write_text(text, encoding="utf-8")
+        return path.as_uri()
+
+    with visit(write(INJECTED), "window.hacked !== undefined", sound=False) as page:
+        page.evaluate(ADDED)
+        until(page, "window.hacked2 === 'inner'")
+        for piece in re.findall(
+            r"<(?:script|img|svg|iframe)[^>]*>.*?(?=<script|<img|<svg|<iframe|<a)", INJECTED
+        ):
+            page.goto(write(piece))
+            until(page, "window.hacked !== undefined")
+
+
+#: Texts in a script that might end it, or be changed on the way.
+TEXTS = (
+    "const a = '</script>' + '<!-- <script>' + '</SCRIPT>'; window.ends = a.length === 31;",
+    "const b = `1\r\n2\r3\n`;\r\nwindow.lines = b === '1\\n2\\n3\\n';",
+    "window.letters = 'é\u2028😀'.length === 4;",
+)
+
+
+@pytest.mark.browser
+def test_any_script_is_what_its_hash_says(visit, tmp_path):
     path = tmp_path / "page.html"
-    text = document("x", style="", body="", scripts=list(SCRIPTS.values()))
+    text = document("x", style="", body="", scripts=TEXTS)
     path.write_text(text, encoding="utf-8", newline="")
-    page = browser.new_page()
-    page.goto(path.as_uri())
-    assert [page.evaluate(f"window.{name}") for name in SCRIPTS] == [True] * len(SCRIPTS)
-    page.close()
+    with visit(path.as_uri(), "window.letters !== undefined") as page:
+        assert page.evaluate("[ends, lines, letters]") == [True] * 3

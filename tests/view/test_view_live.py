@@ -10,8 +10,7 @@ import sys
 import threading
 import urllib.error
 import urllib.request
-from contextlib import contextmanager, suppress
-from dataclasses import replace
+from contextlib import suppress
 
 import numpy as np
 import psutil
@@ -54,31 +53,21 @@ def answers(port):
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-@contextmanager
-def live_process():
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
+def test_only_loopback_is_listened_on_and_nothing_outlives_ctrl_c_or_a_kill(end):
     pipes = {"stdout": subprocess.PIPE, "stdin": subprocess.DEVNULL, "text": True}
     with started([sys.executable, "-c", LIVE], **pipes) as process:
-        lines = iter(process.stdout.readline, "")
-        line = next(line for line in lines if "http://" in line)
-        yield process, int(re.search(r"127.0.0.1:(\d+)", line)[1])
-
-
-def test_only_loopback_is_listened_on_and_ctrl_c_leaves_nothing():
-    with live_process() as (process, port):
+        line = next(line for line in iter(process.stdout.readline, "") if "http://" in line)
+        port = int(re.search(r"127.0.0.1:(\d+)", line)[1])
+        assert answers(port)
         assert addresses(process.pid) == {"127.0.0.1"}
         (child,) = psutil.Process(process.pid).children(recursive=True)
-        process.send_signal(signal.SIGINT)
-        assert "ended with a report of Timing" in process.stdout.read()
-        assert process.wait(PATIENCE) == 0
+        process.send_signal(end)
+        said = process.stdout.read()
+        assert ("ended with a report of Timing" in said) == (end == signal.SIGINT)
+        assert process.wait(PATIENCE) == (0 if end == signal.SIGINT else -end)
         assert wait_until(lambda: not child.is_running())
         assert not answers(port)
-
-
-def test_no_listener_outlives_a_killed_parent():
-    with live_process() as (process, port):
-        assert answers(port)
-        process.kill()
-        assert wait_until(lambda: not answers(port))
 
 
 @pytest.fixture
@@ -329,41 +318,13 @@ def test_keys_choose_joints_push_them_and_end_it():
     assert not hands.take("+++q")
 
 
-def test_a_live_robot_takes_the_steps_of_a_simulation():
-    job, law = paper_experiment(duration=0.5).with_dynamics("compiled"), paper_controller()
-    run = simulate(job, law)
-    simulation = Simulation(job, law)
-    robot = simulation.robot
-    for k in range(500):
-        assert np.array_equal(robot.q, run.q[k])
-        simulation.tick()
-        assert np.array_equal(robot.torque, run.torque[k])
-        assert np.array_equal(simulation.q_ref, run.q_ref[k])
-    assert np.array_equal(robot.q, run.q[500])
-
-
-def test_a_push_is_a_disturbance_pulse():
-    arm, law = Arm.two_link(), paper_controller()
-    pulse = Pulse(torque=(0.0, 3.0), start=0.1, end=0.3)
-    free = Experiment(arm, Hold(0.0), duration=0.5, dynamics="compiled")
-    run = simulate(replace(free, plant=Plant(disturbance=pulse)), law)
-    simulation = Simulation(free, law)
-    for k in range(500):
-        if k == 100:
-            simulation.push("joint2", 3.0, 0.2)
-        assert np.array_equal(simulation.robot.q, run.q[k])
-        simulation.tick()
-
-
-def test_a_robot_that_runs_away_says_so():
-    job = Experiment(Arm.two_link(), Hold(0.0), runaway_speed=1.0, duration=1.0)
-    simulation = Simulation(job, paper_controller())
-    simulation.push(1, 500.0, 1.0)
-    while simulation.robot.outcome is None:
-        assert simulation.t < 1.0
-        simulation.tick()
-    assert "joint" in str(simulation.robot.outcome)
-    assert "beyond 1 rad/s" in str(simulation.robot.outcome)
+def test_a_robot_that_runs_away_ends_the_session_and_is_told_of():
+    wild = Plant(disturbance=Pulse(torque=(0.0, 500.0), start=0.0, end=1.0))
+    job = Experiment(Arm.two_link(), Hold(0.0), runaway_speed=1.0, plant=wild)
+    report = live(job, paper_controller(), duration=60.0, view=False)
+    assert report.timing.ticks < 1000
+    assert report.fault.startswith("diverged at 0.0")
+    assert report.fault.endswith("beyond 1 rad/s")
 
 
 def test_live_runs_for_its_duration_and_reports():

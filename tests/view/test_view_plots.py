@@ -1,6 +1,7 @@
 import dataclasses
 import sys
 
+import matplotlib
 import numpy as np
 import pytest
 
@@ -10,10 +11,6 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view import figures, plots, save_figure
 from fpid_pin.view.plots import is_integer
 from fpid_pin.view.style import _MOST, figure_bytes, thinned
-
-
-def axes_of(figure):
-    return [a for a in figure.axes if a.get_visible()]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +32,7 @@ def test_every_axis_has_a_name_and_a_unit(pair, standard):
         **standard,
     }
     for name, figure in drawn.items():
-        panels = axes_of(figure)
+        panels = figure.axes
         assert all(a.get_ylabel() for a in panels), name
         assert any(a.get_xlabel() in ("time, s", "error $e$, rad") for a in panels), name
         for a in panels:
@@ -88,7 +85,7 @@ def test_legends_do_not_cover_data(pair, standard):
     """Where a panel has a legend it ends below the legend's lower edge."""
     for figure in [standard["fig5"], standard["gains"], plots.plot(pair[1])]:
         figure_bytes(figure, "png", dpi=50)
-        for panel in axes_of(figure):
+        for panel in figure.axes:
             legend = panel.get_legend()
             if legend is not None:
                 box = legend.get_window_extent()
@@ -123,18 +120,11 @@ def test_the_same_figure_gives_the_same_file(pair, tmp_path, kind):
 
 def test_a_figure_shows_itself_in_a_notebook_and_leaves_pyplot_alone(pair):
     assert plots.plot(pair[1])._repr_png_().startswith(b"\x89PNG")
-    assert "matplotlib.pyplot" not in sys.modules or not _open_figures()
-
-
-def _open_figures():
-    import matplotlib.pyplot
-
-    return matplotlib.pyplot.get_fignums()
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    assert pyplot is None or not pyplot.get_fignums()
 
 
 def test_figures_do_not_depend_on_the_users_style(pair):
-    import matplotlib
-
     ours = figure_bytes(plots.error(pair), "svg")
     with matplotlib.rc_context({"font.size": 30, "axes.facecolor": "black"}):
         assert figure_bytes(plots.error(pair), "svg") == ours

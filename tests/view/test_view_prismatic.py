@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from bounded import until
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
@@ -31,28 +30,26 @@ def scara(tmp_path_factory):
     return Arm.from_urdf(path)
 
 
-@pytest.mark.browser
-def test_a_page_moves_it_as_pinocchio_does(browser, scara, tmp_path):
+@pytest.fixture(scope="module")
+def run(scara):
     reference = fp.references.Sinusoid(amplitude=[0.3, 0.2, 0.2], frequency=3.0, phase=[0, 1, 2])
-    experiment = fp.Experiment(scara, reference, duration=1.0)
-    run = fp.simulate(experiment, fp.suggest_gains(scara))
+    return fp.simulate(fp.Experiment(scara, reference, duration=0.2), fp.suggest_gains(scara))
+
+
+@pytest.mark.browser
+def test_a_page_moves_it_as_pinocchio_does(visit, run, tmp_path):
     file = export_html(run, tmp_path / "run.html")
-    page, errors = browser.new_page(viewport={"width": 700, "height": 480}), []
-    page.on("pageerror", lambda error: errors.append(str(error)))
-    page.goto(f"{file.as_uri()}#t=0.5")
-    until(page, "window.fpidPin !== undefined")
-    page.evaluate("fpidPin.seek(0.5)")
-    page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-    view = "fpidPin.views[0].arm"
-    at = page.evaluate(f"{view}.turns.map(([turn]) => turn.position.length())")
-    q = run.q[500]
-    assert at == pytest.approx([0.0, abs(q[1]), abs(q[2])], abs=1e-4)
-    tool = page.evaluate(f"{view}.tool({q.tolist()}).toArray()")
-    assert tool == pytest.approx(scara.tool_pose(q)[:3, 3], abs=1e-6)
-    arcs = "fpidPin.views[0].arcs.length"
-    assert page.evaluate(arcs) == 3
-    assert errors == []
-    page.close()
+    with visit(f"{file.as_uri()}#t=0.1") as page:
+        page.evaluate("fpidPin.seek(0.1)")
+        page.evaluate(
+            "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
+        view, q = "fpidPin.views[0].arm", run.q[100]
+        at = page.evaluate(f"{view}.turns.map(([turn]) => turn.position.length())")
+        assert at == pytest.approx([0.0, abs(q[1]), abs(q[2])], abs=1e-4)
+        tool = page.evaluate(f"{view}.tool({q.tolist()}).toArray()")
+        assert tool == pytest.approx(run.arm.tool_pose(q)[:3, 3], abs=1e-6)
+        assert page.evaluate("fpidPin.views[0].arcs.length") == 3
 
 
 def test_a_portrait_has_every_joint_and_a_scale(scara):
@@ -100,9 +97,7 @@ def labels(figure):
     return [axes.get_ylabel() for axes in figure.axes]
 
 
-def test_figures_and_tables_say_metres_and_newtons(scara):
-    reference = fp.references.Sinusoid(amplitude=[0.3, 0.2, 0.1], frequency=2.0)
-    run = fp.simulate(fp.Experiment(scara, reference, duration=0.2), fp.suggest_gains(scara))
+def test_figures_and_tables_say_metres_and_newtons(run):
     assert labels(plots.tracking(run)) == ["angle, rad", "position, m", "position, m"]
     assert labels(plots.error(run)) == ["$q_d - q$, rad", "$q_d - q$, m", "$q_d - q$, m"]
     assert labels(plots.torque(run)) == ["torque, N m", "force, N", "force, N"]

@@ -18,12 +18,12 @@ from fpid_pin.view.realtime import keep_time
 
 
 class Clock:
-    """Stands for `time`: it moves when read (a microsecond), slept on or worked on, else not.
+    """Stands for `time`: it moves when read (5 us), slept on or worked on, else not.
 
     A sleep ends 0.6 ms later than asked for, which is more than the loop's spinning hides.
     """
 
-    READ, LATE = 1e-6, 6e-4
+    READ, LATE = 5e-6, 6e-4
 
     def __init__(self):
         self.now = 0.0

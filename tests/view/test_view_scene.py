@@ -1,3 +1,5 @@
+"""A replay as a table of plain values, and as the file that holds it."""
+
 import base64
 import json
 import os
@@ -6,9 +8,10 @@ import warnings
 import numpy as np
 import pytest
 
-from fpid_pin import Arm, FpidWarning
+from fpid_pin import Arm, FpidWarning, Run
 from fpid_pin.arms import names
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.view import export_html
 from fpid_pin.view.camera import stage
 from fpid_pin.view.scene import captions_of, replay_scene, to_script_json
 from fpid_pin.view.shapes import shapes_of
@@ -89,7 +92,7 @@ def test_equal_arms_are_described_once(make_run):
     runs = [make_run(Arm.from_example("ur5"), name=name) for name in ("a", "b")]
     one, two = replay_scene(runs[:1], fps=10), replay_scene(runs, fps=10)
     assert len(two["arms"]) == 1
-    assert len(json.dumps(two)) < 1.05 * len(json.dumps(one))
+    assert len(to_script_json(two)) < 1.05 * len(to_script_json(one))
 
 
 def test_arms_stand_side_by_side_without_touching(make_run, two_link):
@@ -130,3 +133,21 @@ def test_a_run_of_one_sample_can_be_shown(make_run, two_link):
         scene = replay_scene([make_run(two_link, rows=1)])
     assert scene["groups"][0]["duration"] == 0.0
     assert scene["groups"][0]["runs"][0]["outcome"].startswith("diverged at")
+
+
+@pytest.mark.parametrize(("name", "most"), [("two_link", 1.5e6), ("ur5", 6e6)])
+def test_twenty_seconds_make_a_page_within_the_budget(make_run, two_link, tmp_path, name, most):
+    arm = two_link if name == "two_link" else Arm.from_example(name)
+    make_run(arm, duration=20.0).save(tmp_path / "run.npz")
+    path = export_html(Run.load(tmp_path / "run.npz"), tmp_path / "run.html")
+    assert path.stat().st_size < most
+
+
+def test_the_same_run_gives_the_same_page_with_the_names_of_those_whose_work_is_in_it(
+    make_run, tmp_path
+):
+    run = make_run(Arm.from_example("asr_twodof"))
+    one, two = (export_html(run, tmp_path / f"{k}.html").read_bytes() for k in "ab")
+    assert one == two
+    for credit in (b"Three.js Authors", b"qbmove"):
+        assert credit in one

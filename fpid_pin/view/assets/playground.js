@@ -58,7 +58,6 @@ function remember() {
 // ------------------------------------------------------------------ runs
 
 // One message at a time; of those that were asked for meanwhile only the newest.
-let whole = false;
 function ask() {
   clearTimeout(state.scene);
   state.asked = performance.now();
@@ -71,7 +70,7 @@ function send() {
   Object.assign(state, {busy: true, waiting: false, sent: state.asked, hasPinned: pinned !== null});
   if (pinned) runs.push(settingsOf(pinned, pinned.controller));
   document.body.classList.add("busy");
-  worker.postMessage({runs, signal: element("signal-name").value, whole});
+  worker.postMessage({runs, signal: element("signal-name").value});
 }
 worker.onmessage = ({data: {runs, fault}}) => {
   state.busy = false;
@@ -305,5 +304,4 @@ function open() {
 open();
 window.addEventListener("hashchange", open);
 if (reduced.matches) stage.toggled(false); else stage.play(true);
-window.playground = {model, state, ask, toToml, settingsOf, toLink, fromLink, stage, plots, commands,
-  keep(all) { whole = all; }};
+window.playground = {model, state};

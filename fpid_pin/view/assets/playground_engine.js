@@ -7,6 +7,7 @@ const decode = (text) => new Float64Array(
 const N = E.n, B = E.block, MODES = E.modes, WIDTH = 3 + MODES;
 const POINTS = decode(E.points), PAYLOAD = decode(E.payload);
 const LAWS = E.laws.map((law) => ({...law, width: Object.keys(law.fields).length,
+  robots: law.robots.map((pair) => pair.map(decode)),
   start: Object.entries(law.start).map(([name, text]) => [law.places[name], decode(text)])}));
 const STEPS = E.steps.map(({step, poles, weights}) =>
   ({step, poles: decode(poles), weights: decode(weights)}));
@@ -90,22 +91,13 @@ function setLaw(S, law) {
   }
 }
 
-// Observer and supervisor, as `control.state` and `control.supervisor` set them, for this step.
-function setAssistance(S, law) {
-  const s = law.supervisor, robot = (values) => write("c.robot", 0, values);
-  const bandwidth = Math.min(law.observer || (S.supervised ? s.observer : 0), 1 / S.step);
-  const pole = Math.exp(-bandwidth * S.step);
-  robot({h: S.step, observes: bandwidth > 0, l1: 1 - pole * pole, l2: (1 - pole) * (1 - pole) / S.step,
-    supervised: S.supervised});
-  if (!S.supervised) return;
-  // Those of V are in proportion to the square of what M_x leaves beside the reference.
-  const size = ((S.m_x - s.reference_bound) / (s.m_x - s.reference_bound)) ** 2;
-  robot({...s.constants, [s.kind]: true});
-  for (const name of ["threshold", "target", "trigger"]) {
-    if (name in s.constants) robot({[name]: size * s.constants[name]});
-  }
-  if (s.kind === "sampled") robot({lookahead: Math.max(s.lookahead, S.step)});
-  s.bound.forEach((bound, j) => { M[numberOf(j, law.fields.bound)] = bound; });
+// Observer and supervisor, as Python's own robot has them at this step.
+function setAssistance(S, law, step) {
+  M.set(law.robots[STEPS.indexOf(step)][Number(S.supervised)], AT["c.robot"]);
+  // Sizes of V are in proportion to the square of what M_x leaves beside the reference.
+  const {m_x, reference_bound} = law.supervisor;
+  const size = ((S.m_x - reference_bound) / (m_x - reference_bound)) ** 2;
+  for (const name of ["threshold", "target", "trigger"]) M[place("c.robot", 0, name)] *= size;
 }
 
 function setPlant(S) {
@@ -173,8 +165,9 @@ function simulate(S) {
   M.fill(0);
   for (const [at, values] of law.start) M.set(values, at);
   setLaw(S, law);
-  setAssistance(S, law);
-  setOperators(S, law, STEPS.find((each) => each.step === S.step));
+  const step = STEPS.find((each) => each.step === S.step);
+  setAssistance(S, law, step);
+  setOperators(S, law, step);
   setPlant(S);
   M.set(law.columns, AT["rows.columns"]);
   const rows = Math.round(E.duration / S.step) + 1, out = {};

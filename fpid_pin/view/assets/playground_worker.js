@@ -37,14 +37,14 @@ function frames(run) {
   return {t: rows.map((row) => row * run.step), q: motion("q"), q_ref: motion("q_ref")};
 }
 
-function answer(S, signal, whole) {
-  const key = JSON.stringify([S, signal, whole]), before = known.get(key);
+function answer(S, signal) {
+  const key = JSON.stringify([S, signal]), before = known.get(key);
   known.delete(key);
   const start = performance.now(), run = before ? null : simulate(S);
   const curves = (values) => E.joints.map((_, j) => thin(run, values, j));
   const found = before ?? {
     metrics: run.metrics, outcome: run.outcome, rows: run.rows, controller: S.controller,
-    milliseconds: performance.now() - start, frames: frames(run), whole: whole ? run : null,
+    milliseconds: performance.now() - start, frames: frames(run),
     plots: {error: curves(run.q_ref.map((x, i) => x - run.q[i])), torque: curves(run.torque),
       signal: signal in run ? curves(run[signal]) : null}};
   known.set(key, found);
@@ -52,9 +52,9 @@ function answer(S, signal, whole) {
   return found;
 }
 
-self.onmessage = ({data: {runs, signal, whole}}) => {
+self.onmessage = ({data: {runs, signal}}) => {
   try {
-    self.postMessage({runs: runs.map((S) => answer(S, signal, whole))});
+    self.postMessage({runs: runs.map((S) => answer(S, signal))});
   } catch (error) {
     self.postMessage({fault: String(error)});
   }
