@@ -87,10 +87,13 @@ def run(
 
     from fpid_pin.cli.configuration import load
     from fpid_pin.cli.results import OutputOptions
+    from fpid_pin.exceptions import ConfigError
 
     options = OutputOptions(not no_runs, not no_figures, every, png)
     found = load(config, allow_import)
     name = found.chosen(controller)
+    for line in found.experiment.joints_that_fall():
+        raise ConfigError(f"{config}: {line}")
     one = dataclasses.replace(
         found, controllers={name: found.controllers[name]}, conditions={"nominal": found.experiment}
     )

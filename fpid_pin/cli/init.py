@@ -13,6 +13,7 @@ from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.cli.arm_argument import arm_of_table
 from fpid_pin.cli.table import say
+from fpid_pin.control.gains import impossible_joints
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import kind_of, put_text
 
@@ -102,6 +103,8 @@ def run_init(text: str, table: dict[str, Any], out: Path) -> None:
             f"{out}: expected a new file, got one that exists (--out names another)"
         )
     arm = arm_of_table(table)
+    for line in impossible_joints(arm):
+        say(line)
     written = configuration(arm, _relative(table, out), asked=text, file=out)
     put_text(out, written)
     say(f"Written: {out} (fpid-pin compare {out})")
@@ -153,7 +156,7 @@ def payload(arm: Arm) -> float:
     lifted = np.abs(arm.tool_jacobian(arm.home)[:3].T @ arm.model.gravity.linear)
     spare = arm.effort_limit - np.abs(arm.gravity_vector(arm.home))
     bears = [s / x for s, x in zip(spare, lifted, strict=True) if x > 1e-9 and np.isfinite(s)]
-    most = min([_LOAD * mass, *(_LOAD * max(x, 0.0) for x in bears)])
+    most = min([_LOAD * mass, *(_LOAD * max(x, 0.0) for x in bears)]) if (spare > 0).all() else 0.0
     return float(rounded(np.array([max(most, 1e-3 * mass)]))[0])
 
 

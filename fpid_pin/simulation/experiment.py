@@ -96,6 +96,18 @@ class Experiment(Description):
         limit: FloatArray = np.minimum(self.arm.effort_limit, plant_of(self).effort_limit)
         return limit
 
+    def joints_that_fall(self) -> list[str]:
+        """Return a line for each joint that no drive can hold where the run starts."""
+        arm, limit = plant_of(self).arm, self.torque_limit
+        weight = np.abs(arm.gravity_vector(np.asarray(self.q0)))
+        units = ["N" if unit == "m" else "N m" for unit in arm.units]
+        return [
+            f"{arm.name}: joint {joint}: gravity where it starts is {weight[j]:.3g} {units[j]}, "
+            f"beyond what its drive gives, {limit[j]:.3g}; it falls under any controller"
+            for j, joint in enumerate(arm.joint_names)
+            if weight[j] > limit[j]
+        ]
+
     def with_dynamics(self, dynamics: str) -> Experiment:
         """Return the experiment with its dynamics written out: these where it does not say."""
         return self if self.dynamics is not None else replace(self, dynamics=dynamics)

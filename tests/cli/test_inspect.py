@@ -18,6 +18,12 @@ from fpid_pin.simulation import limit_report
 
 MJCF = Path(__file__).parent.parent / "arms" / "mjcf_arm.py"
 
+WEAK = """<robot name="weak"><link name="base"/><link name="rod"><inertial>
+<origin xyz="0.5 0 0"/><mass value="20"/>
+<inertia ixx="0.02" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+<limit lower="-3" upper="3" effort="40" velocity="10"/></joint></robot>"""
+
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
@@ -182,3 +188,19 @@ def test_what_is_asked_of_the_drives_can_be_borne(name):
     assert (swing(arm)[0] > 0.0).all()
     cut = [0.0, 0.29, 1.0, 0.034, 3.3, 120.0]
     assert rounded(np.array([0.0, 0.299, 1.0, 0.0349, 3.39, 128.0])).tolist() == cut
+
+
+@pytest.mark.filterwarnings("ignore:weak. joint hinge::")
+def test_init_says_first_what_an_arm_s_own_drives_cannot_hold(tmp_path, monkeypatch, capsys):
+    """And suggests no payload that they would have to hold as well."""
+    monkeypatch.chdir(tmp_path)
+    weak = fp.Arm.planar([1.0], [20.0], gravity=9.8).with_limits(effort=40.0)
+    assert payload(weak) <= 0.02
+    assert payload(weak.with_limits(effort=400.0)) == pytest.approx(6.0)
+    (tmp_path / "weak.urdf").write_text(WEAK)
+    assert main(["init", "weak.urdf", "--out", "weak.toml"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert "joint hinge: gravity at home is 98.1 N m, beyond its effort limit of 40 N m" in said[0]
+    assert main(["run", "weak.toml", "--controller", "FPID"]) == 2
+    assert "falls under any controller" in capsys.readouterr().err
+    assert not (tmp_path / "runs").exists()

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 import re
 import shutil
 from dataclasses import dataclass
@@ -103,6 +104,9 @@ LAWS = [
 ]  # fmt: skip
 NAMES = ["paper", "kick", "guarded", "moving", "pid", "torque", "slotine", "own", "entangled"]
 
+#: Every slider from every preset to both places, not a selection.
+FULL = os.environ.get("FPID_TORTURE") == "full"
+
 
 class Page:
     """The scripts of a page that need no window, in node."""
@@ -200,10 +204,10 @@ def test_every_slider_from_every_preset_is_as_its_toml(page, law):
         for number, (key, control) in enumerate(controls.items()):
             values = places_of(control, base.get(key, start[key]), page.table["steps"])
             # From the description to both places, but of what all laws share only by the first, on
-            # which presets are; else to one of them, sliders taking turns.
-            if k == 0 and law > 0 and not key.startswith(f"{law}."):
+            # which presets are; else to one of them, sliders taking turns. FULL: all to both.
+            if k == 0 and law > 0 and not key.startswith(f"{law}.") and not FULL:
                 values = values[(number + law) % 2 - 1 :][:1]
-            if k > 0:
+            if k > 0 and not FULL:
                 now = (number + k) % (4 if law == 0 else 12) == 0
                 values = values[k // 2 % 2 - 1 :][:1] if now else []
             asked += [{**base, key: value} for value in values]
