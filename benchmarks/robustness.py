@@ -58,8 +58,8 @@ def engine(made: Study, batches: int) -> float:
     times = []
     for batch in range(batches):
         first = batch * CHUNK
-        samples = enumerate(made.bound.samples(first, first + CHUNK), start=first)
-        experiments = [made.bound.experiment(run, sample) for run, sample in samples]
+        samples = enumerate(made.samples(first, first + CHUNK), start=first)
+        experiments = [made.experiment_of(run, sample) for run, sample in samples]
         robots = start_robots(experiments, [law] * CHUNK, dynamics="compiled")
         began = time.process_time()
         advance_all(robots)
