@@ -30,6 +30,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import Check, Flag, Number, Text, Whole
 from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.shown import listing
 from fpid_pin.text import shown
 
 T = TypeVar("T")
@@ -65,6 +66,15 @@ class Description:
                 if shape[-1] != first[1]:
                     expected = f"one length for all joints, ({first[1]},) as {first[0]}"
                     raise ArgumentError(name, expected, f"{shape}")
+
+    def __str__(self) -> str:
+        """Return a line for each field that is not as it is by default, with its unit."""
+        rows = []
+        for key in keys(cast("Any", type(self))).values():
+            value = _plain(getattr(self, key.name))
+            if key.required or value != _plain(key.default):
+                rows.append((key.name, value, next((c.unit for c in key.checks if c.unit), "")))
+        return listing(type(self).__name__, rows)
 
     def _set(self, **values: Any) -> None:
         """Complete fields while the description is made; it is frozen from then on."""
@@ -255,7 +265,7 @@ def _plain(value: Any) -> Any:
         return {str(key): _plain(item) for key, item in value.items() if item is not None}
     if isinstance(value, (list, tuple)):
         return [_plain(item) for item in value]
-    if isinstance(value, (bool, int, float, str)):
+    if value is None or isinstance(value, (bool, int, float, str)):
         return value
     return to_dict(value)
 

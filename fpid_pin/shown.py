@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
-from fpid_pin.text import visible
+from fpid_pin.text import cut, visible
 
 
 class Shown:
@@ -17,6 +17,26 @@ class Shown:
 
     def _repr_html_(self) -> str:
         return f"<pre>{fit(self, keep=chr(10))}</pre>"
+
+
+def listing(title: str, rows: Iterable[tuple[str, Any, str]]) -> str:
+    """Return a title and a line for each (name, plain value, unit), numbers with four digits."""
+    found = [(name, cut(brief(value), 72), unit) for name, value, unit in rows]
+    width = max((len(name) for name, _, _ in found), default=0)
+    return "\n".join([title, *(f"  {n:{width}}  {v} {u}".rstrip() for n, v, u in found)])
+
+
+def brief(value: Any) -> str:
+    """Return a plain value on one line; numbers that are all alike are one."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{k} {brief(v)}" for k, v in value.items() if k != "kind")
+        return f"{value['kind']} ({inner})" if "kind" in value else inner
+    if isinstance(value, (list, tuple)):
+        parts = list(map(brief, value))
+        return parts[0] if len(set(parts)) == 1 else f"[{' '.join(parts)}]"
+    return visible(str(value))
 
 
 def fit(value: Any, keep: str = "") -> str:

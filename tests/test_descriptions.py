@@ -220,3 +220,16 @@ def test_a_field_called_kind_does_not_hide_the_description_s():
     table = descriptions.to_dict(fp.Supervisor(3.0, 1.0, kind="paper"))
     assert (table["kind"], table["variant"]) == ("supervisor", "paper")
     assert descriptions.from_dict(table, fp.Supervisor).kind == "paper"
+
+
+def test_a_description_prints_what_is_not_as_it_is_by_default():
+    law = fp.suggest_gains(fp.Arm.from_example("ur5"))
+    lines = str(law).splitlines()
+    assert lines[0] == "AdaptiveFpid"
+    assert len(lines) <= 15
+    assert max(map(len, lines)) <= 100
+    found = dict(line.strip().split(maxsplit=1) for line in lines[1:])
+    assert found["kp"] == "100 N m/rad"  # all joints alike
+    assert found["scale"].startswith("[4.377 5.152 ")
+    assert "k0" not in found
+    assert str(fp.Plant()) == "Plant"

@@ -178,7 +178,7 @@ class OperatorReport(Shown):
         """What was measured and what a sample costs, in lines."""
         one, many = self.cost
         return [
-            f"{self.design}, step {self.step:g} s, horizon {self.horizon:g} s,"
+            f"{self.design!r}, step {self.step:g} s, horizon {self.horizon:g} s,"
             f" {self.states} numbers a signal",
             f"cost of a sample: {one * 1e6:.1f} us for one signal,"
             f" {many / 240 * 1e9:.0f} ns a signal for 240",
@@ -243,7 +243,7 @@ class OperatorReport(Shown):
             ax.grid(True, which="major", alpha=0.4)
         labels = [f"order {order:g}" for order in self.order]
         figure.legend(lines, labels, loc="outside lower center", ncols=5)
-        figure.suptitle(f"{self.design}, step {self.step:g} s, horizon {self.horizon:g} s")
+        figure.suptitle(f"{self.design!r}, step {self.step:g} s, horizon {self.horizon:g} s")
         if path is not None:
             path = Path(path)
             kind = path.suffix.removeprefix(".") or "png"
