@@ -53,6 +53,7 @@ Inertia = Annotated[
     typer.Option(metavar="nearest|accept", help="Of a link's inertia that no body has."),
 ]
 Tool = Annotated[str | None, typer.Option(metavar="FRAME", help="The tool's frame.")]
+Condition = Annotated[str | None, typer.Option(help="Under which condition, by name.")]
 Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
 NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
 Png = Annotated[bool, typer.Option("--png", help="Draw figures as PNG, too.")]
@@ -76,6 +77,7 @@ def run(
     config: ConfigFile,
     out: OutputPath = None,
     controller: Chosen = None,
+    condition: Condition = None,
     every: Every = 1,
     no_runs: NoRuns = False,
     no_figures: NoFigures = False,
@@ -92,11 +94,10 @@ def run(
     options = OutputOptions(not no_runs, not no_figures, every, png)
     found = load(config, allow_import)
     name = found.chosen(controller)
+    found = found.under(condition)
     for line in found.experiment.joints_that_fall():
         raise ConfigError(f"{config}: {line}")
-    one = dataclasses.replace(
-        found, controllers={name: found.controllers[name]}, conditions={"nominal": found.experiment}
-    )
+    one = dataclasses.replace(found, controllers={name: found.controllers[name]})
     _compare(one, out or results_path(config), "tail", options)
 
 
@@ -279,6 +280,7 @@ def playground(
     config: ConfigFile,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("playground.html"),
     controller: Annotated[str | None, typer.Option(help="Which controller; none: all.")] = None,
+    condition: Condition = None,
     allow_import: AllowImport = False,
 ) -> None:
     """Write one page with sliders that simulates as they move."""
@@ -290,7 +292,7 @@ def playground(
     require_file(html)
     found = load(config, allow_import)
     name = None if controller is None else found.chosen(controller)
-    for line in write_playground(found, html, name):
+    for line in write_playground(found.under(condition), html, name):
         say(f"fpid-pin: left out: {line}", error=True)
     say_written(html)
 
@@ -299,6 +301,7 @@ def playground(
 def live(
     config: ConfigFile,
     controller: Chosen = None,
+    condition: Condition = None,
     duration: Annotated[float | None, typer.Option(help="[s]; none: until Ctrl-C.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 40.0,
     browser: Browser = True,
@@ -319,7 +322,7 @@ def live(
 
     found = load(config, allow_import)
     name = found.chosen(controller or next(iter(found.controllers)))
-    experiment, law = found.experiment, found.controllers[name]
+    experiment, law = found.under(condition).experiment, found.controllers[name]
     if checks.number("--baseline", baseline, low=0.0):
         say(f"{baseline:g} s without the view, to compare ...")
         alone = show(experiment, law, duration=baseline, view=False)

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -31,6 +31,7 @@ from fpid_pin import checks, descriptions, own_code
 from fpid_pin.arms import Arm
 from fpid_pin.checks import Array, Number, Text
 from fpid_pin.cli.progress import say_if_compiling
+from fpid_pin.cli.table import say
 from fpid_pin.control import Controller
 from fpid_pin.descriptions import Description
 from fpid_pin.disturbances import Disturbance, Sum
@@ -124,6 +125,23 @@ class Config:
     conditions: dict[str, Experiment]  # by name; only the nominal one where there is no other
     tune: Mapping[str, Any]  # this table and the next as they stand
     campaign: Mapping[str, Any]
+
+    def under(self, name: str | None) -> Config:
+        """Return the file under one of its conditions, as ``--condition`` chose, and no other.
+
+        None is the file as it stands; what is left out then is said.
+        """
+        if name is None:
+            left = [label for label in self.conditions if label != "nominal"]
+            if left:
+                say(f"Conditions left out: {', '.join(map(named, left))} (--condition NAME).")
+            return replace(self, conditions={"nominal": self.experiment})
+        try:
+            checks.choice("--condition", name, self.conditions)
+        except ArgumentError as error:
+            raise ConfigError.of(self.path, [error]) from None
+        one = self.conditions[name]
+        return replace(self, experiment=one, conditions={name: one})
 
     def chosen(self, name: str | None) -> str:
         """Return which controller ``--controller`` chose, by its name; None: the only one."""

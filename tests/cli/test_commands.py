@@ -1,6 +1,7 @@
 """The command line as a person uses it: results whole, errors on one line, status 2."""
 
 import csv
+from pathlib import Path
 
 import pytest
 
@@ -9,6 +10,7 @@ from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.kernels import compiled
+from fpid_pin.simulation.experiment import plant_of
 
 MARK = "[[controller]]"
 HEAD, *LAWS = demo_config().text.replace("duration = 20.0", "duration = 0.2").split(MARK)
@@ -193,3 +195,23 @@ def test_what_a_command_leaves_behind_is_as_little_as_is_wanted(config, capsys):
     assert not list((config.parent / "none").glob("*.npz"))
     assert "file" not in rows_of(config.parent / "none" / "summary.csv")[0]
     assert (config.parent / "none" / "report.html").exists()
+
+
+def test_a_condition_is_chosen_by_name_and_what_is_left_out_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    condition = '\n[[condition]]\nname = "{}"\nplant = {{ payload = {{ mass = {} }} }}\n'
+    loaded = condition.format("2 kg", 2.0) + condition.format("bare", 0.001)
+    text = demo_config().text.replace("duration = 20.0", "duration = 0.1")
+    Path("c.toml").write_text(text + loaded)
+    chosen = ["run", "c.toml", "--controller", "integer PID", "--no-figures", "--out"]
+    assert main([*chosen, "plain"]) == 0
+    assert "Conditions left out: '2 kg', 'bare' (--condition NAME)." in capsys.readouterr().out
+    assert main([*chosen, "loaded", "--condition", "2 kg"]) == 0
+    assert "left out" not in capsys.readouterr().out
+    arms = [
+        fp.Run.load(next(Path(folder).glob("*.npz"))).experiment for folder in ("plain", "loaded")
+    ]
+    masses = [sum(i.mass for i in plant_of(e).arm.model.inertias) for e in arms]
+    assert masses[1] - masses[0] == pytest.approx(2.0)
+    assert main(["playground", "c.toml", "--condition", "3 kg"]) == 2
+    assert "--condition: expected one of 2 kg, bare, got '3 kg'" in capsys.readouterr().err
