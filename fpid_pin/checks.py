@@ -174,12 +174,12 @@ def vector(name: str, value: ArrayLike, n: int) -> FloatArray:
     return array
 
 
-def choice(name: str, value: Any, options: Iterable[str]) -> str:
-    """Check that `value` is one of `options`; an error gives the nearest one."""
+def choice(name: str, value: Any, options: Iterable[str], among: str = "one of") -> str:
+    """Check that `value` is among `options`; an error gives the nearest one."""
     known = list(options)
     if isinstance(value, str) and value in known:
         return value
-    expected = cut("one of " + ", ".join(known)) if known else "none"
+    expected = cut(f"{among} " + ", ".join(known)) if known else "none"
     small = value.lower() if isinstance(value, str) else ""
     near = [option for option in known if option.lower() == small]
     near = near or difflib.get_close_matches(small and value, known, n=1)

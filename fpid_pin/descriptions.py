@@ -340,10 +340,9 @@ def _read_fields(
     known, fields = keys(cls), {}
     for name in table:
         try:
-            checks.choice(_join(path, name), name, known)
+            checks.choice(_join(path, name), name, known, among="one of the keys")
         except ArgumentError as error:
-            expected = error.expected.replace("one of", "one of the keys", 1)
-            faults.append(ArgumentError(error.name, expected, error.got))
+            faults.append(error)
     for name, key in known.items():
         where = _join(path, name)
         if name not in table:

@@ -95,8 +95,8 @@ def run(
     found = load(config, allow_import)
     name = found.chosen(controller)
     found = found.under(condition)
-    for line in found.experiment.joints_that_fall():
-        raise ConfigError(f"{config}: {line}")
+    if falling := found.experiment.joints_that_fall():
+        raise ConfigError.of(config, falling[:1])
     one = dataclasses.replace(found, controllers={name: found.controllers[name]})
     _compare(one, out or results_path(config), "tail", options)
 

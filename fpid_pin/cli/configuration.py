@@ -136,11 +136,7 @@ class Config:
             if left:
                 say(f"Conditions left out: {', '.join(map(named, left))} (--condition NAME).")
             return replace(self, conditions={"nominal": self.experiment})
-        try:
-            checks.choice("--condition", name, self.conditions)
-        except ArgumentError as error:
-            raise ConfigError.of(self.path, [error]) from None
-        one = self.conditions[name]
+        one = self.conditions[self._choice("--condition", name, self.conditions)]
         return replace(self, experiment=one, conditions={name: one})
 
     def chosen(self, name: str | None) -> str:
@@ -149,9 +145,12 @@ class Config:
             several = ", ".join(map(named, self.controllers))
             fault = f"expected one controller, or --controller NAME, got {several}"
             raise ConfigError.of(self.path, [fault])
+        found = name or next(iter(self.controllers))
+        return self._choice("--controller", found, self.controllers)
+
+    def _choice(self, option: str, name: str, known: Mapping[str, object]) -> str:
         try:
-            found = name or next(iter(self.controllers))
-            return checks.choice("--controller", found, self.controllers)
+            return checks.choice(option, name, known)
         except ArgumentError as error:
             raise ConfigError.of(self.path, [error]) from None
 

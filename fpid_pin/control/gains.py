@@ -221,15 +221,16 @@ def impossible_joints(arm: Arm) -> list[str]:
     weight = np.abs(arm.gravity_vector(arm.home))
     for j, joint in enumerate(arm.joint_names):
         who, limit = f"{arm.name}: joint {joint}", arm.effort_limit[j]
+        unit = arm.effort_units[j]
         if weight[j] > limit:
             found.append(
-                f"{who}: gravity at home is {weight[j]:.3g} N m, beyond its effort limit of "
-                f"{limit:.3g} N m; it cannot hold the arm there"
+                f"{who}: gravity at home is {weight[j]:.3g} {unit}, beyond its effort limit of "
+                f"{limit:.3g} {unit}; it cannot hold the arm there"
             )
         if limit <= arm.dry_friction[j]:
             found.append(
-                f"{who}: dry friction of {arm.dry_friction[j]:.3g} N m is not below its effort "
-                f"limit of {limit:.3g} N m; it cannot be moved"
+                f"{who}: dry friction of {arm.dry_friction[j]:.3g} {unit} is not below its effort "
+                f"limit of {limit:.3g} {unit}; it cannot be moved"
             )
     return found
 

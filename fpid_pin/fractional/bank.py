@@ -95,7 +95,6 @@ class Bank:
         size = self.order.size
         # This sample and the last, and the output, all channels in a row.
         self._f, self._f_, self._rate, self._rate_, self._output = np.zeros((5, size))
-        self._moving = np.zeros(size, dtype=bool)  # no channel is held
         self._records = self._fitted()
         self._end = round(self.horizon / self.step) + 1
         self.reset()
@@ -156,8 +155,8 @@ class Bank:
         # A differenced rate is constant over the step: the same at both its ends.
         last = self._rate_ if measured else self._rate
         self._kernels.sample(
-            started, *self._records, self._f, self._f_, self._rate, last, self._moving,
-            self._output, self.step,
+            started, *self._records, self._f, self._f_, self._rate, last, self._output,
+            self.step,
         )  # fmt: skip
         self._tick += 1
         result = self._output.reshape(self.shape)

@@ -147,13 +147,13 @@ def advance_operator(op, table, poles, modes, numbers, started, held, cut, h):
 
 
 @kernel
-def sample(started, ops, poles, modes, f, f_, rate, rate_, held, out, h):
-    """Take one sample of many signals, (channels,); those that are `held` stand still."""
+def sample(started, ops, poles, modes, f, f_, rate, rate_, out, h):
+    """Take one sample of many signals, (channels,)."""
     for c in range(ops.size):
         op = ops[c]
         if not started:
             out[c] = initialise(op, modes[c], f[c], rate[c])
-        elif not held[c]:
+        else:
             out[c] = derivative(op, poles[op.row], modes[c], f[c], f_[c], rate[c], rate_[c], h)
         f_[c] = f[c]
         rate_[c] = rate[c]

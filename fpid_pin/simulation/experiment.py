@@ -100,10 +100,10 @@ class Experiment(Description):
         """Return a line for each joint that no drive can hold where the run starts."""
         arm, limit = plant_of(self).arm, self.torque_limit
         weight = np.abs(arm.gravity_vector(np.asarray(self.q0)))
-        units = ["N" if unit == "m" else "N m" for unit in arm.units]
         return [
-            f"{arm.name}: joint {joint}: gravity where it starts is {weight[j]:.3g} {units[j]}, "
-            f"beyond what its drive gives, {limit[j]:.3g}; it falls under any controller"
+            f"{arm.name}: joint {joint}: gravity where it starts is {weight[j]:.3g} "
+            f"{arm.effort_units[j]}, beyond what its drive gives, {limit[j]:.3g}; "
+            "it falls under any controller"
             for j, joint in enumerate(arm.joint_names)
             if weight[j] > limit[j]
         ]

@@ -75,34 +75,17 @@ def test_a_filter_at_rest_answers_a_step_with_its_own_step_response():
         assert got[:, column] == pytest.approx(total, rel=1e-9)
 
 
-def streamed(records, f, rate, holds):
-    """The kernel `sample` over signals (N, channels), and what it took for the last sample."""
-    channels = records.ops.size
-    f_, rate_, y = np.zeros((3, channels))
-    out = np.empty_like(f)
-    for k in range(len(f)):
-        sample(k > 0, *records, f[k], f_, rate[k], rate_, holds[k], y, STEP)
+def test_sample_by_sample_is_the_whole_record_and_channels_do_not_see_one_another():
+    orders = np.array([0.4, 0.7])
+    f = np.stack([np.exp(-T) * np.sin(9.0 * T), np.cos(3.0 * T)], axis=1)
+    rate = np.stack([np.ones(SAMPLES), np.linspace(1.0, 3.0, SAMPLES)], axis=1)
+    alone = [recorded(order, f[:, c], rate[:, c])[:, 0] for c, order in enumerate(orders)]
+    records, (f_, rate_, y) = started(orders), np.zeros((3, 2))
+    for k in range(SAMPLES):
+        sample(k > 0, *records, f[k], f_, rate[k], rate_, y, STEP)
         assert (f_ == f[k]).all()
         assert (rate_ == rate[k]).all()
-        out[k] = y
-    return out
-
-
-def test_a_held_channel_stands_still_and_forgets_what_passed_meanwhile():
-    """It goes on as one that never saw those samples; its neighbour does not notice."""
-    order, first, last = np.array([0.4, 0.4]), 20, 32
-    f, rate = np.exp(-T) * np.sin(9.0 * T), np.ones(SAMPLES)
-    holds = np.zeros((SAMPLES, 2), dtype=bool)
-    holds[first:last, 0] = True
-    # The value returns to where it was when the hold began, the rate does not.
-    f[last - 1], rate[first - 1 : last] = f[first - 1], np.linspace(1.0, 3.0, last - first + 1)
-    rate[last - 1] = rate[first - 1]
-    both = (np.repeat(x[:, None], 2, axis=1) for x in (f, rate))
-    got = streamed(started(order), *both, holds)
-    assert (got[first:last, 0] == got[first - 1, 0]).all()
-    assert (got[:, 1] == recorded(0.4, f, rate)[:, 0]).all()
-    keep = np.r_[:first, last:SAMPLES]
-    assert (got[keep, 0] == recorded(0.4, f[keep], rate[keep])[:, 0]).all()
+        assert list(y) == [alone[0][k], alone[1][k]]
 
 
 # ---------------------------------------------------------------------- orders that vary
