@@ -35,6 +35,7 @@ def mujoco_model(arm: fp.Arm) -> mujoco.MjModel:
         place, body = model.jointPlacements[k], model.inertias[k]
         turn = pin.Quaternion(place.rotation).coeffs()  # x, y, z, w
         six = np.asarray(body.inertia)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        six[:3] += 0.0 if six[:3].all() else 1e-12  # MuJoCo has no point masses
         parent = parent.add_body(
             pos=place.translation, quat=turn[[3, 0, 1, 2]], mass=body.mass, ipos=body.lever,
             fullinertia=six, explicitinertial=True,
