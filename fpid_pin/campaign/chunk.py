@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fpid_pin.campaign.data import METRICS, OVER_JOINTS
+from fpid_pin.campaign.data import METRICS
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Controller
-from fpid_pin.costs import Metrics, over_joints
+from fpid_pin.costs import Metrics
 from fpid_pin.exceptions import FpidError
 from fpid_pin.simulation import Experiment, Outcome
 
@@ -85,7 +85,7 @@ def ended(joints: Sequence[str], outcome: Outcome, metrics: Metrics) -> Ended:
             cause = f"{outcome.joint} at {outcome.time:g} s: {outcome.cause}"
             return Ended("diverged", cause)
         return Ended("failed", f"{outcome.cause} (at {outcome.time:g} s)")
-    figures = tuple(over_joints(getattr(metrics, name), OVER_JOINTS[name]) for name in METRICS)
+    figures = tuple(metric.of(getattr(metrics, name)) for name, metric in METRICS.items())
     worst = int(np.argmax(np.nan_to_num(metrics.saturated)))
     share = float(metrics.saturated[worst])
     if share > 0.0:

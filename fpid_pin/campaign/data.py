@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fpid_pin import costs
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.extras import needed
@@ -18,18 +19,11 @@ from fpid_pin.files import replacing
 
 #: How a run can end. The first two are a success.
 OUTCOMES = ("completed", "saturated", "diverged", "failed")
-#: Figures of a run and their units, and how the joints' become one (see `costs.over_joints`).
+#: Figures of a run, as `costs.METRICS` has them: the joints' become one each.
 METRICS = {
-    "rms": "rad",
-    "rms_tail": "rad",
-    "energy": "N^2 m^2 s",
-    "peak_torque": "N m",
-    "total_variation": "N m",
+    name: costs.METRICS[name]
+    for name in ("rms", "rms_tail", "energy", "peak_torque", "total_variation")
 }
-OVER_JOINTS = {
-    "rms": "rms", "rms_tail": "rms", "energy": "sum", "peak_torque": "worst",
-    "total_variation": "sum",
-}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,8 +30,7 @@ _INK, _GREY, _LOST = "#262626", "#808080", "#D20D48"
 
 def label(metric: str) -> str:
     """Return what an axis or a table calls a metric, with its unit."""
-    unit = METRICS[metric].replace("^2", "²")
-    return f"{SHOWN.get(metric, metric)}, {unit}"
+    return f"{SHOWN.get(metric, metric)}, {METRICS[metric].unit}"
 
 
 def _scale(panel: Axes, scores: FloatArray) -> bool:

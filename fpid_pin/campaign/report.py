@@ -146,7 +146,7 @@ def _metrics(data: CampaignData) -> Table:
     return [
         {"controller": name}
         | {
-            f"{metric.replace('_', ' ')}, {what}, {METRICS.get(metric, '').replace('^2', '²')}":
+            f"{metric.replace('_', ' ')}, {what}, {METRICS[metric].unit}":
                 quantile(scored(data, metric)[:, k], share)
             for metric in data.metrics
             for what, share in shares.items()

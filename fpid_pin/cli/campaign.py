@@ -113,8 +113,9 @@ def median_rows(data: CampaignData) -> list[Row]:
         row: Row = {"controller": name}
         row |= {end: int(np.sum(data.outcome[:, k] == end)) for end in OUTCOMES}
         well = data.success[:, k]
-        for (metric, unit), values in zip(METRICS.items(), data.metrics.values(), strict=True):
-            row[f"{metric} [{unit}]"] = float(np.median(values[well, k])) if well.any() else np.nan
+        for (figure, metric), values in zip(METRICS.items(), data.metrics.values(), strict=True):
+            middle = float(np.median(values[well, k])) if well.any() else np.nan
+            row[f"{figure} [{metric.unit}]"] = middle
         rows.append(row)
     return rows
 

@@ -96,7 +96,7 @@ def run(
     name = found.chosen(controller)
     found = found.under(condition)
     if falling := found.experiment.joints_that_fall():
-        raise ConfigError.of(config, falling[:1])
+        raise ConfigError.of(config, [f"{falling[0]}; it falls under any controller"])
     one = dataclasses.replace(found, controllers={name: found.controllers[name]})
     _compare(one, out or results_path(config), "tail", options)
 

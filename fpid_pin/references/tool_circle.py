@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +14,6 @@ from fpid_pin.checks import Array, Flag, FloatArray, Number
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references.reference import Motion
-from fpid_pin.references.splines import Splines, with_derivatives
 
 #: Points of the circle whose joint angles are solved for; a periodic spline joins them.
 POINTS = 180
@@ -72,7 +71,7 @@ class ToolCircle(Description):
         _ = self._splines
 
     @cached_property
-    def _splines(self) -> Splines:
+    def _splines(self) -> tuple[Any, Any, Any]:
         angles = np.linspace(0.0, 2.0 * np.pi, POINTS + 1)
         path = _solve(self.arm, self._points(angles), angles, self.orientation)
         # Imported here: scipy.interpolate would be a third of the package's import time.
@@ -80,7 +79,7 @@ class ToolCircle(Description):
 
         path[-1] = path[0]
         spline = CubicSpline(angles, path, axis=0, bc_type="periodic")
-        return with_derivatives(spline)
+        return spline, spline.derivative(1), spline.derivative(2)
 
     def _points(self, angles: FloatArray) -> FloatArray:
         """Return points of the circle [m], (K, 3)."""

@@ -11,13 +11,13 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.start import start_all
 from fpid_pin.costs import Cost, Metrics, Rows
+from fpid_pin.costs.cost import BLOCK_ROWS, MOTION, RowCosts
+from fpid_pin.costs.metrics import metrics_from
 from fpid_pin.progress import Progress, ProgressCallback
-from fpid_pin.simulation.blocks import BLOCK_ROWS, MOTION, Outcome
 from fpid_pin.simulation.engine import Block, Robot, horizon_of
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.metrics import RowCosts, metrics_from
+from fpid_pin.simulation.experiment import Experiment, Outcome
+from fpid_pin.simulation.recorded import describe_run
 from fpid_pin.simulation.run import Run
-from fpid_pin.simulation.run_meta import describe_run
 
 
 def start_robots(
@@ -83,15 +83,14 @@ def advance_all(
                     take(i, rows)
             if progress is not None:
                 progress(Progress(min(first + BLOCK_ROWS, longest) / longest))
-    return [_end(robot) for robot in robots]
-
-
-def _end(robot: Robot) -> Outcome:
-    e, end = robot.experiment, robot.outcome
-    # A run may be lost by the step after its last row, which is no part of it.
-    if end is not None and round(end.time / e.step) < e.rows:
-        return end
-    return Outcome(completed=True, time=(e.rows - 1) * e.step)
+    outcomes = []
+    for robot in robots:
+        e, end = robot.experiment, robot.outcome
+        # A run may be lost by the step after its last row, which is no part of it.
+        if end is None or round(end.time / e.step) >= e.rows:
+            end = Outcome(completed=True, time=(e.rows - 1) * e.step)
+        outcomes.append(end)
+    return outcomes
 
 
 def record_runs(
@@ -114,12 +113,11 @@ def record_runs(
     for i, outcome in enumerate(advance_all(robots, take, progress)):
         e = experiments[i]
         rows = e.rows if outcome.completed else round(outcome.time / e.step)
-        arrays = {name: values[:rows] for name, values in records[i].items()}
-        motion = {name: arrays.pop(name) for name in MOTION}
+        signals = {name: values[:rows] for name, values in records[i].items()}
+        motion = {name: signals.pop(name) for name in MOTION}
         t = np.arange(rows, dtype=np.float64) * e.step
-        name, dynamics = getattr(controllers[i], "name", ""), e.dynamics or "pinocchio"
-        meta = describe_run(e, controllers[i], name, dynamics)
-        runs.append(Run(t, **motion, signals=arrays, outcome=outcome, step=e.step,
+        meta = describe_run(e, controllers[i], e.dynamics or "pinocchio")
+        runs.append(Run(t, **motion, signals=signals, outcome=outcome, step=e.step,
                         planned_rows=e.rows, meta=meta))  # fmt: skip
     return runs
 

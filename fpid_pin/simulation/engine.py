@@ -17,19 +17,25 @@ from fpid_pin.control.law import Controller
 from fpid_pin.control.start import start_all
 from fpid_pin.control.state import State
 from fpid_pin.costs import SETTLING_BAND, Rows
+from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import records
 from fpid_pin.kernels.metrics import measure_joints
 from fpid_pin.kernels.plant import apply_actuators, has_diverged, move
-from fpid_pin.kernels.records import FRAME, MEASURE, PLANT
+from fpid_pin.kernels.records import FRAME, MEASURE, PLANT, SENSOR, Sensing
 from fpid_pin.kernels.rollout import keep_signals, load_reference, rollout
 from fpid_pin.kernels.sensors import measure
-from fpid_pin.simulation.blocks import BLOCK_ROWS, Outcome
-from fpid_pin.simulation.experiment import Experiment, plant_of
+from fpid_pin.simulation.experiment import (
+    Experiment,
+    Outcome,
+    ResolvedPlant,
+    Sensors,
+    plant_of,
+)
 from fpid_pin.simulation.pinocchio_dynamics import PinocchioDynamics
-from fpid_pin.simulation.plant import refuse_stiff
-from fpid_pin.simulation.sensors import SensorState
 
+# RK4 is stable on the negative real axis to -2.785; beyond half of it, it is not accurate either.
+_RK4_REACH = 1.4
 #: Fractional operators are fitted to the first of these that a run fits in [s]: runs of different
 #: durations then agree to the last bit as long as both last.
 HORIZONS = tuple(base * 10.0**decade for decade in range(7) for base in (20.0, 60.0))
@@ -38,6 +44,40 @@ HORIZONS = tuple(base * 10.0**decade for decade in range(7) for base in (20.0, 6
 def horizon_of(duration: float) -> float:
     """Return the horizon that fractional operators of a run of `duration` [s] are fitted for."""
     return next((horizon for horizon in HORIZONS if duration <= horizon), duration)
+
+
+class SensorState:
+    """The sensors of one run, None exact, as records for the kernels; `seed` is the noise's."""
+
+    def __init__(self, sensors: Sensors | None, seed: int, n: int, step: float) -> None:
+        joints = np.zeros(0 if sensors is None else n, SENSOR)
+        delay, noisy = 0, False
+        if sensors is not None:
+            for name, field in (
+                ("noise_q", "position_noise"), ("noise_v", "velocity_noise"),
+                ("bias", "velocity_bias"), ("resolution", "position_resolution"),
+            ):  # fmt: skip
+                joints[name] = checks.per_joint(f"sensors.{field}", getattr(sensors, field), n)
+            joints["keep"] = np.exp(-sensors.velocity_cutoff * step)
+            joints["gain"] = (1.0 - joints["keep"]) / step
+            joints["delay"] = delay = sensors.delay
+            joints["derived"] = sensors.velocity == "differentiated"
+            noisy = bool(joints["noise_q"].any() or joints["noise_v"].any())
+        self._generator = np.random.default_rng(seed)
+        noise = np.zeros((BLOCK_ROWS if noisy else 0, 2, n))
+        self._records = Sensing(joints, np.zeros((1 + delay, 2, n)), noise)
+        self._drawn = 0
+
+    def records(self, first: int, count: int) -> Sensing:
+        """Return the records for rows from `first` on, which end with their block at the latest.
+
+        Noise is drawn a block at a time: it does not depend on how many ticks are made at once.
+        """
+        noise = self._records.noise
+        if len(noise) and first + count > self._drawn:
+            noise[:] = self._generator.standard_normal(noise.shape)
+            self._drawn += len(noise)
+        return self._records
 
 
 class Block:
@@ -115,7 +155,7 @@ class Robot:
         joints["runaway"], joints["dry"] = experiment.runaway_speed, plant.dry_friction
         stages = 0
         if experiment.integrator == "rk4":
-            refuse_stiff(plant, h)
+            _refuse_stiff(plant, h)
             stages = 11
         else:
             bodies["armature"] += h * plant.viscous_friction
@@ -227,6 +267,35 @@ class Robot:
         else:
             cause = f"{'angle' if np.isfinite(torque[j]) else 'torque'} is not finite"
         return Outcome(False, row * self.experiment.step, self.experiment.arm.joint_names[j], cause)
+
+
+def _refuse_stiff(plant: ResolvedPlant, step: float) -> None:
+    """Refuse a plant that Runge-Kutta's rule cannot follow.
+
+    Raises
+    ------
+    SimulationError
+        Dry friction (its force jumps, so the order is lost and joints chatter) or viscous friction
+        too stiff for an explicit rule at this step.
+    """
+    arm = plant.arm
+    if plant.dry_friction.any():
+        joint = arm.joint_names[int(np.argmax(plant.dry_friction > 0.0))]
+        raise SimulationError(
+            f"rk4: dry friction on joint {joint} jumps with the sign of its speed, which no smooth "
+            "rule follows; use semi_implicit_euler, which treats it implicitly"
+        )
+    if plant.viscous_friction.any():
+        rates = np.linalg.eigvals(
+            np.linalg.solve(arm.mass_matrix(arm.home), np.diag(plant.viscous_friction))
+        )
+        fastest = float(np.abs(rates).max())
+        if step * fastest > _RK4_REACH:
+            raise SimulationError(
+                f"rk4: viscous friction decays at {fastest:.3g} 1/s, too stiff for a step of "
+                f"{step:g} s (at most {_RK4_REACH / fastest:.2g} s); use semi_implicit_euler, "
+                "which treats it implicitly"
+            )
 
 
 class Simulation:

@@ -19,18 +19,16 @@ from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.limits import overloaded_joints
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.workers import WorkerPool, check_workers, spread, workers_of
 
 #: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
 _NUMBERS = 11
-
 #: Runs that are started together, and of a part that is dealt out to an executor.
 PART = 64
 
 
-def pair(
+def _pairs(
     experiments: Experiment | Sequence[Experiment], controllers: Controller | Sequence[Controller]
 ) -> tuple[list[Experiment], list[Controller]]:
     """Broadcast experiments and controllers against each other: equal lengths, or one is single."""
@@ -101,10 +99,15 @@ def simulate(
     FpidWarning
         A joint whose effort limit is lower than gravity at the start pose.
     """
-    experiments, controllers = pair(experiment, controller)
-    _require_room(experiments)
-    distinct = {id(e): e for e in experiments}
-    for line in dict.fromkeys(line for e in distinct.values() for line in overloaded_joints(e)):
+    experiments, controllers = _pairs(experiment, controller)
+    size = sum(e.rows * (1 + _NUMBERS * e.arm.n) * 8.0 for e in experiments)
+    what = f"{len(experiments)} runs" if len(experiments) > 1 else "a run"
+    longest = max(e.rows for e in experiments)
+    require_memory("duration", f"{what} of {longest:.3g} rows", size)
+    distinct = {id(e): e for e in experiments}.values()
+    # A limit that was given to the plant by hand is taken to be meant.
+    lines = [line for e in distinct for line in e.joints_that_fall(by_hand=False)]
+    for line in dict.fromkeys(lines):
         warnings.warn(line, FpidWarning, stacklevel=2)
     # Imported late: it loads numba.
     from fpid_pin.simulation.batch import record_runs
@@ -112,14 +115,6 @@ def simulate(
     runs = record_runs(experiments, controllers, progress)
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
     return runs[0] if single else runs
-
-
-def _require_room(experiments: Sequence[Experiment]) -> None:
-    """Refuse a record that would not fit into memory."""
-    size = sum(e.rows * (1 + _NUMBERS * e.arm.n) * 8.0 for e in experiments)
-    longest = max(e.rows for e in experiments)
-    what = f"{len(experiments)} runs" if len(experiments) > 1 else "a run"
-    require_memory("duration", f"{what} of {longest:.3g} rows", size)
 
 
 def evaluate(
@@ -157,42 +152,36 @@ def evaluate(
     WorkersDied
         Workers of the executor died twice over the same runs.
     """
-    es, cs = pair(experiments, controllers)
-    costs: list[Cost] = (
-        [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
-    )
-    with executor_of(executor, workers, es, cs) as pool:
-        table = _table(es, cs, costs, pool, progress)
-    return table[:, 0] if cost is None or isinstance(cost, Cost) else table
-
-
-def _table(
-    es: list[Experiment], cs: list[Controller], costs: list[Cost], pool: Executor | None,
-    progress: ProgressCallback | None,
-) -> FloatArray:  # fmt: skip
-    """Return the costs of runs, (runs, costs), simulated part by part."""
     # Imported late: it loads numba.
     from fpid_pin.simulation.batch import costs_of
 
-    if pool is not None:
-        warm(es, cs)
-    # Small parts: progress is told, and Ctrl-C obeyed, after each.
-    runs = len(es)
-    size = -(-runs // max(workers_of(pool), -(-runs // PART)))
-    cuts = [slice(first, first + size) for first in range(0, runs, size)]
-    table, done = np.empty((runs, len(costs))), 0
+    es, cs = _pairs(experiments, controllers)
+    costs: list[Cost] = (
+        [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
+    )
+    table, done = np.empty((len(es), len(costs))), 0
 
-    def told(inner: Progress) -> None:
+    def tell(rows: float) -> None:
         if progress is not None:
-            progress(Progress((done + inner.part * min(size, runs - done)) / runs))
+            progress(Progress(rows / len(es)))
 
-    tasks = [(es[cut], cs[cut], costs, None if pool else told) for cut in cuts]
-    for k, rows in spread(costs_of, tasks, pool):
-        table[cuts[k]] = rows
-        done += len(rows)
-        if progress is not None and pool is not None:
-            progress(Progress(done / runs))
-    return table
+    with executor_of(executor, workers, es, cs) as pool:
+        if pool is not None:
+            warm(es, cs)
+        # Small parts: progress is told, and Ctrl-C obeyed, after each.
+        size = -(-len(es) // max(workers_of(pool), -(-len(es) // PART)))
+        cuts = [slice(first, first + size) for first in range(0, len(es), size)]
+
+        def inside(part: Progress) -> None:
+            tell(done + part.part * min(size, len(es) - done))
+
+        tasks = [(es[cut], cs[cut], costs, None if pool else inside) for cut in cuts]
+        for k, rows in spread(costs_of, tasks, pool):
+            table[cuts[k]] = rows
+            done += len(rows)
+            if pool is not None:
+                tell(done)
+    return table[:, 0] if cost is None or isinstance(cost, Cost) else table
 
 
 def executor_of(

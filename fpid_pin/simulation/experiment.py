@@ -1,4 +1,4 @@
-"""What is simulated: one robot, one job, one clock."""
+"""What is simulated: one robot, one job, one clock; the true plant, its sensors; how it ended."""
 
 from __future__ import annotations
 
@@ -10,13 +10,99 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import Array, FloatArray, Number, OneOf, Whole
+from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint, Whole
 from fpid_pin.descriptions import Description, described
+from fpid_pin.disturbances import Disturbance
 from fpid_pin.references import Motion, Reference
-from fpid_pin.simulation.plant import Plant, ResolvedPlant
-from fpid_pin.simulation.sensors import Sensors
 
 DYNAMICS = ("pinocchio", "compiled")
+
+
+@described("plant")
+@dataclass(frozen=True, eq=False)
+class Plant(Description):
+    """What is simulated, (6): ``M q'' + C q' + G + F_v q' + F_d sgn(q') = U + d(t)``.
+
+    Parameters
+    ----------
+    arm
+        The true inertias, payload and gravity; None: those of the nominal arm.
+    viscous_friction, dry_friction
+        F_v [N m s/rad] and F_d [N m], scalar or (n,); None: the arm's own.
+    disturbance
+        d(t).
+    effort_limit
+        Where the drives clip [N m], scalar or (n,); None: the arm's own; inf: nowhere.
+    """
+
+    _path = "plant"
+
+    arm: Arm | None = None
+    viscous_friction: Annotated[ArrayLike | None, PerJoint("N m s/rad", low=0.0)] = None
+    dry_friction: Annotated[ArrayLike | None, PerJoint("N m", low=0.0)] = None
+    disturbance: Disturbance | None = None
+    effort_limit: Annotated[ArrayLike | None, PerJoint("N m", above=0.0, finite=False)] = None
+
+    def resolve(self, nominal: Arm) -> ResolvedPlant:
+        """Fill what is left open from `nominal` and check every length against it."""
+        arm = nominal if self.arm is None else self.arm
+        if arm.n != nominal.n:
+            raise checks.ArgumentError(
+                "plant.arm", f"{nominal.n} joints, as the nominal arm", f"{arm.n} joints"
+            )
+
+        def own(name: str) -> FloatArray:
+            value = getattr(self, name)
+            value = getattr(arm, name) if value is None else value
+            return checks.per_joint(f"plant.{name}", value, arm.n, finite=False)
+
+        return ResolvedPlant(
+            arm, own("viscous_friction"), own("dry_friction"), own("effort_limit"), self.disturbance
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ResolvedPlant:
+    """A plant with nothing left open, arrays (n,)."""
+
+    arm: Arm
+    viscous_friction: FloatArray
+    dry_friction: FloatArray
+    effort_limit: FloatArray
+    disturbance: Disturbance | None
+
+
+@described("sensors")
+@dataclass(frozen=True, eq=False)
+class Sensors(Description):
+    """Imperfect measurements, in the order in which they spoil: delay, noise, bias, quantisation.
+
+    Parameters
+    ----------
+    position_resolution
+        Encoder step [rad], scalar or (n,); 0: not quantised.
+    position_noise, velocity_noise
+        Standard deviation of white noise on each sample [rad], [rad/s].
+    velocity_bias
+        Constant error of the velocity sensors [rad/s], scalar or (n,).
+    velocity
+        ``"measured"``: by a sensor of its own; ``"differentiated"``: from the measured position
+        by a first-order filtered difference.
+    velocity_cutoff
+        Of that filter [rad/s].
+    delay
+        Whole samples by which everything measured is late.
+    """
+
+    _path = "sensors"
+
+    position_resolution: Annotated[ArrayLike, PerJoint("rad", low=0.0)] = 0.0
+    position_noise: Annotated[ArrayLike, PerJoint("rad", low=0.0)] = 0.0
+    velocity_noise: Annotated[ArrayLike, PerJoint("rad/s", low=0.0)] = 0.0
+    velocity_bias: Annotated[ArrayLike, PerJoint("rad/s")] = 0.0
+    velocity: Annotated[str, OneOf("measured", "differentiated")] = "measured"
+    velocity_cutoff: Annotated[float, Number("rad/s", above=0.0)] = 500.0
+    delay: Annotated[int, Whole(low=0, high=1_000_000)] = 0
 
 
 @described("experiment")
@@ -96,15 +182,24 @@ class Experiment(Description):
         limit: FloatArray = np.minimum(self.arm.effort_limit, plant_of(self).effort_limit)
         return limit
 
-    def joints_that_fall(self) -> list[str]:
-        """Return a line for each joint that no drive can hold where the run starts."""
-        arm, limit = plant_of(self).arm, self.torque_limit
+    def joints_that_fall(self, *, by_hand: bool = True) -> list[str]:
+        """Return a line for each joint that no drive can hold where the run starts.
+
+        Parameters
+        ----------
+        by_hand
+            Whether a limit counts that the plant was given by hand (``Plant.effort_limit``), which
+            may well be meant; False: those of the two arms.
+        """
+        arm = plant_of(self).arm
+        limit = (
+            self.torque_limit if by_hand else np.minimum(arm.effort_limit, self.arm.effort_limit)
+        )
         weight = np.abs(arm.gravity_vector(np.asarray(self.q0)))
         return [
-            f"{arm.name}: joint {joint}: gravity where it starts is {weight[j]:.3g} "
-            f"{arm.effort_units[j]}, beyond what its drive gives, {limit[j]:.3g}; "
-            "it falls under any controller"
-            for j, joint in enumerate(arm.joint_names)
+            f"{arm.name}: joint {joint}: gravity at the start is {weight[j]:.3g} {unit}, "
+            f"beyond its effort limit of {limit[j]:.3g} {unit}"
+            for j, (joint, unit) in enumerate(zip(arm.joint_names, arm.effort_units, strict=True))
             if weight[j] > limit[j]
         ]
 
@@ -140,3 +235,30 @@ def plant_of(experiment: Experiment) -> ResolvedPlant:
     """Return the plant of an experiment; None means the nominal arm, undisturbed."""
     plant = Plant() if experiment.plant is None else experiment.plant
     return plant.resolve(experiment.arm)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended.
+
+    Parameters
+    ----------
+    completed
+        Whether it reached its duration.
+    time
+        When it ended [s].
+    joint, cause
+        Which joint ended it (none where it was the law itself), and why; empty where it completed.
+    """
+
+    completed: bool
+    time: float
+    joint: str = ""
+    cause: str = ""
+
+    def __str__(self) -> str:
+        if self.completed:
+            return f"completed at {self.time:g} s"
+        if not self.joint:
+            return f"ended at {self.time:g} s: {self.cause}"
+        return f"diverged at {self.time:g} s, {self.joint}: {self.cause}"

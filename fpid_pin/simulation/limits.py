@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.simulation.run import Run
 
 
@@ -79,20 +78,3 @@ def limit_report(run: Run) -> list[Exceedance]:
                 about = (float(limits[j]), time, value, float(np.mean(beyond)), units[j])
                 found.append(Exceedance(joint, quantity, *about))
     return sorted(found, key=lambda item: item.time)
-
-
-def overloaded_joints(experiment: Experiment) -> list[str]:
-    """Return a line for every joint whose drive cannot carry the true arm at the start pose.
-
-    The limits are those of the arms, nominal and true. One that the plant is given by hand
-    (``Plant.effort_limit``) is taken to be meant.
-    """
-    plant = plant_of(experiment)
-    weight = np.abs(plant.arm.gravity_vector(np.asarray(experiment.q0)))
-    limit = np.minimum(plant.arm.effort_limit, experiment.arm.effort_limit)
-    return [
-        f"{plant.arm.name}: joint {plant.arm.joint_names[j]}: gravity at the start is "
-        f"{weight[j]:.3g} {unit}, beyond its effort limit of {limit[j]:.3g} {unit}"
-        for j, unit in enumerate(plant.arm.effort_units)
-        if weight[j] > limit[j]
-    ]

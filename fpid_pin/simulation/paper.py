@@ -10,8 +10,7 @@ from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.disturbances import Cosine
 from fpid_pin.references import Sinusoid
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.plant import Plant
+from fpid_pin.simulation.experiment import Experiment, Plant
 
 # (lambda, mu) per joint. "symbol": as the letters say; "sign": taking the minus sign of the printed
 # mu as that of an integral, which swaps the two.
@@ -72,10 +71,8 @@ def paper_controller(orders: str = "symbol", *, supervised: bool = True) -> Adap
         kind="paper",
         reference_bound=1.0,  # sup ||[sin t, cos t]||
         disturbance_bound=(0.4, 0.6),  # N m, (37)
-        gravity_bound=(
-            27.44,
-            7.84,
-        ),  # N m, the arm stretched out: g (m1 l1 + m2 (l1 + l2)), g m2 l2
+        # N m, the arm stretched out: g (m1 l1 + m2 (l1 + l2)), g m2 l2
+        gravity_bound=(27.44, 7.84),
     )
     return AdaptiveFpid(
         kp=(10.0, 12.0),

@@ -17,8 +17,7 @@ from fpid_pin.kernels import records
 from fpid_pin.kernels.friction import apply_dry_friction
 from fpid_pin.kernels.plant import finish_runge_kutta, runge_kutta_stage
 from fpid_pin.kernels.rigid_body import factor_symmetric
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.plant import ResolvedPlant
+from fpid_pin.simulation.experiment import Experiment, ResolvedPlant
 
 
 class PinocchioDynamics:

@@ -1,15 +1,23 @@
-"""Arrays that another simulator or a robot has recorded, checked and put on a uniform clock."""
+"""What goes into a run: arrays from elsewhere on a uniform clock, and where it came from."""
 
 from __future__ import annotations
 
+import platform
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
+import pinocchio
+import scipy
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
+from fpid_pin import checks, descriptions
+from fpid_pin._version import __version__
+from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.experiment import Experiment
 
 #: Fraction of a step by which a row's time may be off the grid; it is measured as if on it.
 JITTER = 0.1
@@ -74,3 +82,33 @@ def _interpolated(grid: FloatArray, time: FloatArray, array: FloatArray) -> Floa
     columns = array.reshape(len(time), -1).T
     found = np.stack([np.interp(grid, time, column) for column in columns], axis=1)
     return found.reshape(len(grid), *array.shape[1:])
+
+
+def describe_run(experiment: Experiment, controller: Controller, dynamics: str) -> dict[str, Any]:
+    """Return the `Run.meta` of a run about to be recorded, with the dynamics that made it."""
+    name, limit = getattr(controller, "name", ""), experiment.torque_limit
+    table = descriptions.to_dict(experiment) | {"dynamics": dynamics}
+    about = {"seed": experiment.seed, "experiment": table}
+    return meta_of(name, experiment.arm, controller, limit) | about
+
+
+def meta_of(
+    name: str, arm: Arm, controller: Controller | None, effort_limit: FloatArray
+) -> dict[str, Any]:
+    """Return the `Run.meta` of a run that no experiment of ours has made."""
+    elsewhere = {"kind": "custom", "repr": "recorded elsewhere"}
+    return {
+        "name": name,
+        "versions": {
+            "fpid_pin": __version__,
+            "pin": pinocchio.__version__,
+            "numpy": np.__version__,
+            "scipy": scipy.__version__,
+            "python": platform.python_version(),
+        },
+        "platform": platform.platform(),
+        "effort_limit": effort_limit.tolist(),
+        "experiment": elsewhere,
+        "controller": elsewhere if controller is None else descriptions.to_dict(controller),
+        "arm": descriptions.to_dict(arm),
+    }

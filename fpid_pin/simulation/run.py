@@ -18,15 +18,14 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.loop import Record
 from fpid_pin.costs import Metrics, tool_distance
+from fpid_pin.costs.cost import MOTION
+from fpid_pin.costs.metrics import metrics_of
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.extras import needed
 from fpid_pin.files import replacing
 from fpid_pin.shown import html_table
-from fpid_pin.simulation.blocks import MOTION, Outcome
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.metrics import metrics_of
-from fpid_pin.simulation.recorded import on_a_clock
-from fpid_pin.simulation.run_meta import meta_of
+from fpid_pin.simulation.experiment import Experiment, Outcome
+from fpid_pin.simulation.recorded import meta_of, on_a_clock
 from fpid_pin.text import shown
 
 KIND = "run file"
@@ -228,7 +227,6 @@ class Run:
         `scipy.io.savemat` and its like take (docs/data.md).
         """
         about = self._about() | {"joint_names": list(self.arm.joint_names)}
-        del about["units"]
         return self._arrays() | about | {"meta": json.dumps(about["meta"])}
 
     def to_dataframe(self) -> Any:
@@ -243,7 +241,7 @@ class Run:
             pandas is not installed; the line says how.
         """
         frame = needed("pandas", "pandas").DataFrame(self.columns())
-        frame.attrs.update(self._about())
+        frame.attrs.update(self._about() | {"units": self._units()})
         return frame
 
     def to_csv(self, path: str | Path) -> Path:
@@ -265,7 +263,8 @@ class Run:
             pyarrow is not installed; the line says how.
         """
         table = needed("pyarrow", "parquet").table(self.columns())
-        table = table.replace_schema_metadata({"fpid_pin": json.dumps(self._about())})
+        about = json.dumps(self._about() | {"units": self._units()})
+        table = table.replace_schema_metadata({"fpid_pin": about})
         with replacing(path) as temporary:
             needed("pyarrow.parquet", "parquet").write_table(table, temporary, compression="zstd")
         return Path(path)
@@ -295,16 +294,17 @@ class Run:
         return own | dict(self.signals)
 
     def _about(self) -> dict[str, Any]:
-        """Return what goes with the columns; a signal's unit is the law's to say."""
+        outcome, meta = str(self.outcome), dict(self.meta)
+        return {"name": self.name, "step": self.step, "outcome": outcome, "meta": meta}
+
+    def _units(self) -> dict[str, str]:
+        """Return the units of columns; a signal's is the law's to say."""
         arm, units = self.arm, {"t": "s"}
         for joint, unit, effort in zip(arm.joint_names, arm.units, arm.effort_units, strict=True):
-            units |= {f"{name}.{joint}": unit for name in ("q", "q_ref")}
-            units |= {f"{name}.{joint}": f"{unit}/s" for name in ("v", "v_ref")}
-            units[f"torque.{joint}"] = effort
-        outcome, meta = str(self.outcome), dict(self.meta)
-        return {
-            "name": self.name, "step": self.step, "outcome": outcome, "units": units, "meta": meta,
-        }  # fmt: skip
+            each = {"q": unit, "q_ref": unit, "v": f"{unit}/s", "v_ref": f"{unit}/s",
+                    "torque": effort}  # fmt: skip
+            units |= {f"{name}.{joint}": unit for name, unit in each.items()}
+        return units
 
     def _repr_html_(self) -> str:
         """Return the metrics as a table, a row a joint; errors in thousandths of its unit."""

@@ -36,12 +36,9 @@ AHEAD = 2
 
 # One thread a process: Pinocchio's and BLAS's threads collapse where processes share the cores.
 _THREAD_SETTINGS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
     "NUMEXPR_NUM_THREADS",
-)
+)  # fmt: skip
 
 
 class WorkerPool(Executor):
@@ -125,18 +122,16 @@ def fit_for_workers() -> Iterator[None]:
     """
     # It unblocks the signal where it starts, so that must have happened.
     resource_tracker.ensure_running()
-    before = {name: os.environ.get(name) for name in _THREAD_SETTINGS}
+    before = {name: os.environ[name] for name in _THREAD_SETTINGS if name in os.environ}
     os.environ.update(dict.fromkeys(_THREAD_SETTINGS, "1"))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in _THREAD_SETTINGS:
+            del os.environ[name]
+        os.environ.update(before)
 
 
 def _prepare_worker(own: list[str]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.control.state import NODES
+from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.export.javascript import HELPERS, JavaScript
 from fpid_pin.export.kinds import INT, Array, Kind, bundle, real, words
 from fpid_pin.export.law import INPUTS, stand_ins
@@ -22,10 +23,8 @@ from fpid_pin.export.printer import Program
 from fpid_pin.fractional.design import integrate_step, modes_of
 from fpid_pin.kernels.records import Rows, Sensing
 from fpid_pin.kernels.rollout import rollout
-from fpid_pin.simulation.blocks import BLOCK_ROWS
-from fpid_pin.simulation.engine import Robot, horizon_of
-from fpid_pin.simulation.experiment import Experiment, plant_of
-from fpid_pin.simulation.sensors import Sensors, SensorState
+from fpid_pin.simulation.engine import Robot, SensorState, horizon_of
+from fpid_pin.simulation.experiment import Experiment, Sensors, plant_of
 from fpid_pin.view.playground_law import OWN_SIGNALS, SIGNALS, Law
 
 #: Orders between which the page interpolates what depends on them, by a polynomial through all:

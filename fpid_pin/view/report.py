@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpid_pin.costs import Metrics
+from fpid_pin.costs import METRICS
 from fpid_pin.files import put_text
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.document import Link, as_text, asset, document, framed
@@ -37,12 +36,6 @@ _LINES = "\n\t"
 #: More arms than these side by side cannot be told apart on a screen.
 MOST_IN_REPLAY = 6
 
-_UNITS = {
-    "ise": "rad² s", "iae": "rad s", "itae": "rad s²", "rms": "rad", "rms_tail": "rad",
-    "energy": "(N m)² s", "total_variation": "N m", "peak_torque": "N m",
-    "peak_error": "rad", "settling_time": "s", "overshoot": "rad", "saturated": "share of time",
-    "torque_rate": "N m/s",
-}  # fmt: skip
 _CAPTIONS = {
     "fig4": "Integer orders: tracking, control signals, errors (the paper's Fig. 4)",
     "fig5": "Fractional orders: tracking, control signals, errors (the paper's Fig. 5)",
@@ -158,12 +151,12 @@ def _replay(
 
 def metrics_table(runs: Sequence[Run], captions: Sequence[str]) -> Table:
     """Return the figures of merit of runs: a row for each run and joint."""
-    names = [field.name for field in fields(Metrics)]
-    head = ["run", "joint", *(f"{name.replace('_', ' ')}, {_UNITS[name]}" for name in names)]
+    told = [f"{name.replace('_', ' ')}, {metric.unit}" for name, metric in METRICS.items()]
+    head = ["run", "joint", *told]
     rows: list[list[object]] = [list(head)]
     for run, caption in zip(runs, captions, strict=True):
         for j, joint in enumerate(joints_of(run).names):
-            rows.append([caption, joint, *(getattr(run.metrics, name)[j] for name in names)])
+            rows.append([caption, joint, *(getattr(run.metrics, name)[j] for name in METRICS)])
     return rows
 
 

@@ -10,7 +10,7 @@ from rich.console import Console
 import fpid_pin as fp
 from fpid_pin.cli import comparison, table
 from fpid_pin.costs import Metrics
-from fpid_pin.simulation.blocks import Outcome
+from fpid_pin.simulation import Outcome
 
 COMPLETED = Outcome(True, 1.0)
 

@@ -239,7 +239,7 @@ def test_a_recorded_loop_is_the_run_that_the_engine_makes(rows):
     assert len(record) == len(run.t)
     for name in ("t", "q", "v", "q_ref", "v_ref", "torque", *run.signals):
         assert getattr(back, name) == pytest.approx(getattr(run, name), rel=1e-15, abs=0.0), name
-    for name in fp.costs.METRIC_NAMES:
+    for name in fp.costs.METRICS:
         assert getattr(back.metrics, name) == pytest.approx(getattr(run.metrics, name)), name
     assert back.controller.start(ARM, step=STEP).torque(*straight(0)).shape == (2,)
     assert repr(record) == "<Record of 301 rows, 0.001 s apart>"

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.costs import METRIC_NAMES, FromRows, MetricCost, QuadraticCost, ToolCost
+from fpid_pin.costs import METRICS, FromRows, MetricCost, QuadraticCost, ToolCost
+from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.disturbances import Cosine, Pulse
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation import batch, cost_of, entry
-from fpid_pin.simulation.blocks import BLOCK_ROWS
 from fpid_pin.simulation.engine import Simulation
 from fpid_pin.simulation.workers import WorkerPool
 
@@ -295,7 +295,7 @@ def add_u_s(total, rows):
 def test_costs_and_metrics_while_running_have_the_bits_of_the_record(plant):
     """Over more than one block; of every metric, and of rows that stream by."""
     experiment = dataclasses.replace(COMPILED, plant=plant, duration=1.1 * BLOCK_ROWS * 1e-3)
-    costs = [*map(MetricCost, METRIC_NAMES), ToolCost(), FromRows(0.0, add_u_s, None, "u_fpid")]
+    costs = [*map(MetricCost, METRICS), ToolCost(), FromRows(0.0, add_u_s, None, "u_fpid")]
     run = fp.simulate(experiment, FPID)
     streamed = fp.evaluate(experiment, [FPID], costs)[0]
     assert np.array_equal(streamed, [cost_of(run, cost) for cost in costs])

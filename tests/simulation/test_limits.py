@@ -6,7 +6,7 @@ import pytest
 import fpid_pin as fp
 from fpid_pin.control import GravityOnly
 from fpid_pin.references import Hold
-from fpid_pin.simulation.limits import limit_report, overloaded_joints
+from fpid_pin.simulation import limit_report
 
 
 def falling(arm, **others):
@@ -55,17 +55,17 @@ def test_torque_at_its_limit_is_listed_with_its_share():
 def test_a_drive_too_weak_for_the_start_pose_is_named():
     arm = fp.Arm.two_link().with_limits(effort=(20.0, 10.0))
     experiment = fp.Experiment(arm=arm, reference=Hold(0.0))
-    (line,) = overloaded_joints(experiment)
+    (line,) = experiment.joints_that_fall()
     assert "joint1" in line
     assert "27.4 N m" in line
     assert "limit of 20 N m" in line
     upright = fp.Experiment(arm=arm, reference=Hold((np.pi / 2.0, 0.0)))
-    assert overloaded_joints(upright) == []
+    assert upright.joints_that_fall() == []
 
 
 def test_the_true_arm_is_the_one_that_is_weighed():
     arm = fp.Arm.two_link().with_limits(effort=(30.0, 10.0))
     loaded = fp.Plant(arm=arm.with_payload(0.5))
-    assert overloaded_joints(fp.Experiment(arm=arm, reference=Hold(0.0))) == []
-    lines = overloaded_joints(fp.Experiment(arm=arm, reference=Hold(0.0), plant=loaded))
+    assert fp.Experiment(arm=arm, reference=Hold(0.0)).joints_that_fall() == []
+    lines = fp.Experiment(arm=arm, reference=Hold(0.0), plant=loaded).joints_that_fall()
     assert [line.split(":")[1] for line in lines] == [" joint joint1", " joint joint2"]

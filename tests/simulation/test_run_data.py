@@ -108,7 +108,7 @@ def again(run, **more):
 
 def test_a_run_of_arrays_is_as_good_as_ours(run, tmp_path):
     other = again(run, name="robot")
-    for name in fp.costs.METRIC_NAMES:
+    for name in fp.costs.METRICS:
         assert (getattr(other.metrics, name) == getattr(run.metrics, name)).all(), name
     assert limit_report(other) == limit_report(run)
     assert other.arm == ARM

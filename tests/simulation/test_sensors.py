@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.kernels.sensors import measure
-from fpid_pin.simulation.blocks import BLOCK_ROWS
-from fpid_pin.simulation.sensors import SensorState
+from fpid_pin.simulation.engine import SensorState
 
 STEP = 1e-3
 

@@ -13,7 +13,7 @@ from bounded import until
 from fpid_pin import AdaptiveFpid, Arm, Experiment, Run, paper_controller
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation import Outcome
-from fpid_pin.simulation.run_meta import describe_run
+from fpid_pin.simulation.recorded import describe_run
 
 MakeRun = Callable[..., Run]
 
@@ -52,7 +52,7 @@ def make_run() -> MakeRun:
         return Run(
             t[:stop], q[:stop], v[:stop], q_ref[:stop], v[:stop], u[:stop],
             signals={k: x[:stop] for k, x in signals.items()}, outcome=outcome, step=h,
-            planned_rows=len(t), meta=describe_run(job, law, name, "pinocchio"),
+            planned_rows=len(t), meta=describe_run(job, law, "pinocchio") | {"name": name},
         )  # fmt: skip
 
     return make
