@@ -19,7 +19,7 @@ from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.simulation import Experiment
 from fpid_pin.simulation.experiment import DYNAMICS
 from fpid_pin.tuning import RobustCost, SearchSettings, Space
-from fpid_pin.tuning.robust import REDUCTIONS
+from fpid_pin.tuning.problem import REDUCTIONS
 
 T = TypeVar("T", bound=Description)
 

@@ -1,37 +1,43 @@
-"""The body of ``fpid-pin tune``: search, and write what was found."""
+"""The body of ``fpid-pin tune``: search, compare what was found with its rivals, and write it."""
 
 from __future__ import annotations
 
 import dataclasses
 import filecmp
+import os
 import shutil
+import tomllib
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from fpid_pin import checks, descriptions
 from fpid_pin.cli.campaign import executor_of
-from fpid_pin.cli.comparison import simulate_pairs
-from fpid_pin.cli.configuration import load
+from fpid_pin.cli.comparison import Entry, joint_rows, run_rows, simulate_pairs
+from fpid_pin.cli.configuration import Config, load
 from fpid_pin.cli.output import output_folder
-from fpid_pin.cli.plans import read_plan
+from fpid_pin.cli.plans import Plan, read_plan
 from fpid_pin.cli.progress import progress_bar
-from fpid_pin.cli.results import OutputOptions
-from fpid_pin.cli.table import print_table, say
-from fpid_pin.cli.tuned import (
-    cost_rows,
-    explore,
-    rivals,
-    search_figures,
-    what_mattered,
-    write_tuned,
-)
+from fpid_pin.cli.results import OutputOptions, condition_figures, dynamics_of, write_results
+from fpid_pin.cli.table import Row, comma_separated, print_table, say
+from fpid_pin.control import AdaptiveFpid, Controller
 from fpid_pin.exceptions import FpidError
 from fpid_pin.files import discard, replacing
-from fpid_pin.simulation import entry
-from fpid_pin.tuning import TuningResult, tune
+from fpid_pin.simulation import cost_of, entry
+from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
+from fpid_pin.tuning import Profile, TuningResult, cost_map, profile, tune
+from fpid_pin.tuning.problem import over_scenarios
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: The checkpoint within the folder of results.
 KEPT = "checkpoint.npz"
+_ORDERS = ("integral_order", "derivative_order")
+_TUNED, _PUBLISHED, _INTEGER = "tuned", "published orders", "integer orders"
 
 
 def run_tuning(
@@ -87,7 +93,7 @@ def run_tuning(
         # In the folder before this takes its place: at no moment is there one without it.
         shutil.copyfile(checkpoint, folder / KEPT)
     discard(checkpoint)
-    say(*result.advice, *what_mattered(along))
+    say(*result.advice, *(along.advice if along else []))
     print_table(cost_rows(plan, entries), "Tuned")
     say(str(result))
     for name, value in result.parameters.items():
@@ -112,3 +118,147 @@ def _drop_copy(checkpoint: Path, kept: Path) -> None:
     both = checkpoint.is_file() and kept.is_file()
     if both and filecmp.cmp(checkpoint, kept, shallow=False):
         discard(checkpoint)
+
+
+def rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
+    """Return the tuned controller and, by other labels, those it has to be better than."""
+
+    def named(name: str, **changes: object) -> Controller:
+        return dataclasses.replace(cast("Any", base), name=name, **changes)  # type: ignore[no-any-return]
+
+    base = plan.controller
+    adaptive = isinstance(base, AdaptiveFpid)
+    label = base.name or ("" if adaptive else getattr(base, "_kind", "")) or "as configured"
+    if label in (_TUNED, _PUBLISHED, _INTEGER):
+        # As one that was tuned before is called, by its tuned.toml.
+        label = f"{label}, as configured"
+    found = {_TUNED: result.controller, label: named(label)}
+    if adaptive:
+        arm = next(iter(plan.experiments.values())).arm
+        integer = ((1.0,) * arm.n,) * 2
+        here = [checks.per_joint(name, getattr(base, name), arm.n).tolist() for name in _ORDERS]
+        for name, orders in ((_PUBLISHED, PUBLISHED_ORDERS["symbol"]), (_INTEGER, integer)):
+            own = name == _INTEGER or of_paper(arm)
+            if own and here != [list(order) for order in orders]:
+                found[name] = named(name, integral_order=orders[0], derivative_order=orders[1])
+    return found
+
+
+def explore(plan: Plan, result: TuningResult, pool: Executor | None) -> Profile | None:
+    """Find the cost along each parameter; None where not wanted, or the best is out of range."""
+    if not (plan.profile_points and result.within):
+        return None
+    many = result.space.size * (plan.profile_points + 2)
+    with progress_bar(f"profile, {many} candidates") as progress:
+        return profile(
+            list(plan.experiments.values()), result.controller, plan.space, plan.cost,
+            points=plan.profile_points, executor=pool, progress=progress,
+        )  # fmt: skip
+
+
+def search_figures(
+    plan: Plan, result: TuningResult, along: Profile | None, pool: Executor | None
+) -> dict[str, Figure]:
+    """Draw convergence, the profile and, for a law with orders, the cost map."""
+    from fpid_pin.view import plots
+
+    figures = {"convergence": plots.convergence(result.history.curves())}
+    if along is not None:
+        figures["profile"] = plots.profile(along.labels, along.values, along.costs, along.cost)
+    if plan.map_points:
+        grid = np.linspace(0.0, 1.0, plan.map_points) if plan.map_points > 1 else [1.0]
+        with progress_bar(f"cost map, {plan.map_points**2} candidates") as progress:
+            found = cost_map(
+                list(plan.experiments.values()), result.controller, plan.cost,
+                integral_orders=grid, derivative_orders=grid, executor=pool, progress=progress,
+            )  # fmt: skip
+        figures["cost-map"] = plots.cost_map(
+            found.integral_orders, found.derivative_orders, found.costs, _marks(plan, result)
+        )
+    return figures
+
+
+def _marks(plan: Plan, result: TuningResult) -> dict[str, Sequence[float]]:
+    """Return what the map points out: ours, on its own arm the paper's, and integer corners."""
+    arm = next(iter(plan.experiments.values())).arm
+    n = arm.n
+    tuned = [checks.per_joint(name, getattr(result.controller, name), n) for name in _ORDERS]
+    marks: dict[str, Sequence[float]] = {}
+    if n == 2 and any(order[0] != order[1] for order in tuned):
+        marks = {f"tuned, joint {j + 1}": [float(o[j]) for o in tuned] for j in range(n)}
+    else:
+        name = "tuned" if n == 1 else "tuned (mean)"
+        marks[name] = [float(np.mean(order)) for order in tuned]
+    # The paper's two joints lie closer together than a mark is wide.
+    if of_paper(arm):
+        marks["published (mean)"] = [float(np.mean(order)) for order in PUBLISHED_ORDERS["symbol"]]
+    for corner in ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.0)):
+        marks[f"integer ({corner[0]:g}, {corner[1]:g})"] = corner
+    return marks
+
+
+def cost_rows(plan: Plan, entries: Sequence[Entry]) -> list[Row]:
+    """Return the cost that was tuned for, a row a controller, beside its ratio to the best.
+
+    `entries` are condition by condition, the controllers in one order.
+    """
+    costs = [cost_of(entry.run, plan.cost) for entry in entries]
+    total = over_scenarios(plan.cost, np.array(costs).reshape(len(plan.experiments), -1))
+    with np.errstate(divide="ignore", invalid="ignore"):  # costs of 0, or of inf where all diverge
+        ratios = total[0] / total
+    names = [entry.controller for entry in entries][: len(total)]
+    return [
+        {"controller": name, "cost tuned for": float(cost), "tuned over this": float(ratio)}
+        for name, cost, ratio in zip(names, total, ratios, strict=True)
+    ]
+
+
+def write_tuned(
+    folder: Path,
+    out: Path,
+    config: Config,
+    plan: Plan,
+    result: TuningResult,
+    entries: Sequence[Entry],
+    figures: dict[str, Figure],
+    along: Profile | None,
+    options: OutputOptions,
+) -> None:
+    """Write everything into `folder`, which will be `out`."""
+    tables: dict[str, list[Row]] = {
+        "Parameters": result.rows(along),
+        "Cost tuned for": cost_rows(plan, entries),
+        "Seeds": [
+            {"seed": str(seed), "best cost": float(cost)}
+            for seed, cost in zip(result.history.seeds, result.costs, strict=True)
+        ],
+        "All joints": run_rows(entries),
+        "Each joint": joint_rows(entries),
+    }
+    said = [str(result), *result.advice, *(along.advice if along else []), dynamics_of(entries)]
+    title, figures = f"{config.title}, tuned", figures | condition_figures(entries)
+    write_results(folder, config, entries, said, tables, figures, options, title=title)
+    (folder / "tuned.toml").write_text(_tuned_toml(config, plan, result, out), encoding="utf-8")
+    (folder / "history.csv").write_text(comma_separated(result.history.rows()), encoding="utf-8")
+
+
+def _tuned_toml(config: Config, plan: Plan, result: TuningResult, out: Path) -> str:
+    """Return the configuration with the tuned controller alone, as TOML that `run` takes."""
+    import tomli_w
+
+    table = tomllib.loads(config.text)
+    table.pop("tune", None)
+    table["controller"] = [descriptions.to_dict(result.controller)]
+    # Those of the search, so that a run costs what was found to the last bit.
+    dynamics = next(iter(plan.experiments.values())).dynamics
+    table["simulation"] = table.get("simulation", {}) | {"dynamics": dynamics}
+    table["title"] = f"{config.title}, tuned"
+    source = Path(config.path).resolve().parent
+    # Paths start at the file that names them, and this one lies elsewhere.
+    if "import" in table:
+        files = [table["import"]] if isinstance(table["import"], str) else table["import"]
+        table["import"] = [os.path.relpath(source / file, out.resolve()) for file in files]
+    for arm in (table["arm"], table.get("plant", {}).get("arm")):
+        if isinstance(arm, dict) and isinstance(arm.get("path"), str):
+            arm["path"] = os.path.relpath(source / arm["path"], out.resolve())
+    return tomli_w.dumps(table)

@@ -1,10 +1,9 @@
 """Tuning of controllers: costs, genetic algorithms, Pareto fronts, checkpoints."""
 
 from fpid_pin.simulation.workers import WorkerPool
-from fpid_pin.tuning.entry import pareto, tune
-from fpid_pin.tuning.explore import CostMap, Profile, cost_map, profile
-from fpid_pin.tuning.results import History, ParetoResult, TuningResult
-from fpid_pin.tuning.robust import RobustCost, scenarios
+from fpid_pin.tuning.entry import cost_map, pareto, profile, tune
+from fpid_pin.tuning.problem import RobustCost, scenarios
+from fpid_pin.tuning.results import CostMap, History, ParetoResult, Profile, TuningResult
 from fpid_pin.tuning.settings import SearchProgress, SearchSettings
 from fpid_pin.tuning.space import Gene, Space
 

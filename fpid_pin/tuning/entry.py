@@ -1,30 +1,29 @@
-"""`tune` and `pareto`: the parameters that cost least, and the trade-off between several costs."""
+"""`tune` and `pareto`, the searches; `profile` and `cost_map`, the cost around a controller."""
 
 from __future__ import annotations
 
-import time
-import warnings
+import dataclasses
 from collections.abc import Sequence
-from datetime import timedelta
+from concurrent.futures import Executor
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from fpid_pin import checks, descriptions
-from fpid_pin.budget import require_memory, require_time
-from fpid_pin.checks import FloatArray
+from fpid_pin import checks
 from fpid_pin.control.law import Controller
-from fpid_pin.costs import Cost, QuadraticCost
-from fpid_pin.exceptions import ArgumentError, FpidWarning
-from fpid_pin.simulation import Experiment, evaluate
-from fpid_pin.simulation.entry import executor_of, warm
-from fpid_pin.tuning.results import ParetoResult, TuningResult
-from fpid_pin.tuning.robust import Objective
+from fpid_pin.costs import Cost
+from fpid_pin.progress import ProgressCallback
+from fpid_pin.simulation import Experiment
+from fpid_pin.tuning.problem import Problem
+from fpid_pin.tuning.results import CostMap, ParetoResult, Profile, TuningResult
 from fpid_pin.tuning.search import Search
 from fpid_pin.tuning.settings import SearchCallback, SearchSettings
-from fpid_pin.tuning.space import BoundSpace, Space
+from fpid_pin.tuning.space import Space
 
-#: What a candidate takes in its generation, measured for two joints [bytes].
-_RUN_BYTES = 6e3
+#: Part of a parameter's range by which it is moved to see whether it matters.
+NUDGE = 0.1
+DEFAULT_GRID = tuple(np.linspace(0.0, 1.0, 21).tolist())
 
 
 def tune(
@@ -43,7 +42,8 @@ def tune(
     Parameters
     ----------
     experiment
-        One, or several that every candidate goes through (see `RobustCost`, `scenarios`).
+        One, or several that every candidate goes through (see `RobustCost`, `scenarios`). Where
+        they do not say their dynamics, these are compiled.
     controller
         All that `space` does not name stays as it is here.
     space
@@ -69,30 +69,25 @@ def tune(
     FileFormatError
         A checkpoint cut short or altered, or a folder that cannot be written.
     """
-    search = _searched(experiment, controller, space, one_cost(cost), settings, progress)
-    bound, history = search.space, search.history()
-    bests = [int(np.argmin(evolution.costs[:, 0])) for evolution in search.evolutions]
-    points = [evolution.points[k] for evolution, k in zip(search.evolutions, bests, strict=True)]
+    search = Search(Problem(experiment, controller, space, cost), settings)
+    search.run(progress)
+    bound, bests = search.space, [int(np.argmin(e.costs[:, 0])) for e in search.evolutions]
+    points = [e.points[k] for e, k in zip(search.evolutions, bests, strict=True)]
     costs = [float(e.costs[k, 0]) for e, k in zip(search.evolutions, bests, strict=True)]
     winner = int(np.argmin(costs))
-    found, cost_found = bound.controller(points[winner], "tuned"), costs[winner]
-    if search.start_cost < cost_found:
-        # The start lies outside of the space, or the whole of it is worse.
-        found, cost_found = bound.renamed("tuned"), search.start_cost
+    # The start lies outside of the space, or the whole of it is worse.
+    kept = search.start_cost < costs[winner]
     return TuningResult(
-        controller=found,
-        cost=cost_found,
+        controller=bound.controller(None if kept else points[winner], "tuned"),
+        cost=search.start_cost if kept else costs[winner],
         start_cost=search.start_cost,
-        parameters=bound.parameters(found),
-        at_bounds=bound.at_bounds(bound.nearest(found)),
+        space=bound,
         controllers=tuple(
             bound.controller(point, f"tuned, seed {seed}")
-            for point, seed in zip(points, history.seeds, strict=True)
+            for point, seed in zip(points, search.settings.seeds, strict=True)
         ),
         costs=checks.read_only(costs),
-        history=history,
-        evaluations=int(history.evaluations[-1]),
-        simulations=search.simulations,
+        **search.found(),
     )
 
 
@@ -124,137 +119,119 @@ def pareto(
     ArgumentError, TuningError, FileFormatError
         See `tune`.
     """
-    if isinstance(costs, Cost) or len(costs) < 2:
-        raise ArgumentError("costs", "at least two costs (one: use tune)", "one")
-    search = _searched(experiment, controller, space, costs, settings, progress)
-    bound, history = search.space, search.history()
+    search = Search(Problem(experiment, controller, space, costs, several=True), settings)
+    search.run(progress)
     points = np.concatenate([evolution.points for evolution in search.evolutions])
     table = np.concatenate([evolution.costs for evolution in search.evolutions])
-    front = _front(table)
+    front: list[int] = []
+    for k in sorted(range(len(table)), key=lambda k: tuple(table[k])):
+        beaten = any((table[other] <= table[k]).all() for other in front)
+        if np.isfinite(table[k]).all() and not beaten:
+            front.append(k)
     return ParetoResult(
         controllers=tuple(
-            bound.controller(point, f"front {k + 1}") for k, point in enumerate(points[front])
+            search.space.controller(point, f"front {k + 1}")
+            for k, point in enumerate(points[front])
         ),
         costs=checks.read_only(table[front]),
-        parameters=checks.read_only(bound.values(points[front])),
-        history=history,
-        evaluations=int(history.evaluations[-1]),
-        simulations=search.simulations,
+        parameters=checks.read_only(search.space.values(points[front])),
+        **search.found(),
     )
 
 
-def _front(costs: FloatArray) -> list[int]:
-    """Return the rows that no other row beats in every cost, by rising first cost, each once."""
-    chosen: list[int] = []
-    for k in sorted(range(len(costs)), key=lambda k: tuple(costs[k])):
-        beaten = any((costs[c] <= costs[k]).all() for c in chosen)
-        if np.isfinite(costs[k]).all() and not beaten:
-            chosen.append(k)
-    return chosen
-
-
-def one_cost(cost: Cost | None) -> list[Cost]:
-    """Return the only cost as a list; None: eq. (33) with its default weights."""
-    if isinstance(cost, Sequence):
-        raise ArgumentError("cost", "one cost (several: use pareto)", f"{len(cost)}")
-    return [QuadraticCost() if cost is None else cost]
-
-
-def problem_of(
+def profile(
     experiment: Experiment | Sequence[Experiment],
     controller: Controller,
     space: Space,
-    costs: Sequence[Cost],
-) -> tuple[list[Experiment], BoundSpace]:
-    """Check what is to be made small, where; return the experiments and the space on its law.
+    cost: Cost | None = None,
+    *,
+    points: int = 9,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    progress: ProgressCallback | None = None,
+) -> Profile:
+    """Move each parameter of a controller over its range, the others held.
 
-    Where experiments do not say their dynamics, they are compiled.
+    Parameters
+    ----------
+    experiment, cost
+        See `tune`.
+    controller
+        Inside of `space`, as one that `tune` has found.
+    space
+        The parameters, with their ranges.
+    points
+        Values of each.
+    executor, workers
+        See `SearchSettings`.
+    progress
+        Called with a `Progress` now and then.
+
+    Raises
+    ------
+    ArgumentError
+        A controller outside of the space.
     """
-    experiments = [experiment] if isinstance(experiment, Experiment) else list(experiment)
-    if not experiments:
-        raise ArgumentError("experiment", "at least one", "none")
-    for each in experiments:
-        checks.instance("experiment", each, Experiment, "an Experiment")
-    sizes = sorted({each.arm.n for each in experiments})
-    if len(sizes) > 1:
-        raise ArgumentError("experiment", "arms with one number of joints", sizes)
-    checks.instance("controller", controller, Controller, "a Controller")
-    checks.instance("space", space, Space, "a Space")
-    for k, cost in enumerate(costs):
-        checks.instance(f"costs.{k}" if len(costs) > 1 else "cost", cost, Cost, "a Cost")
-    return [each.with_dynamics("compiled") for each in experiments], space.bind(
-        controller, sizes[0]
-    )
+    count = checks.integer("points", points, low=2)
+    problem = Problem(experiment, controller, space, cost)
+    bound, own = problem.space, problem.space.point(controller)
+    candidates = np.tile(own, (bound.size, count + 2, 1))
+    for k in range(bound.size):
+        nudged = max(own[k] - NUDGE, 0.0), min(own[k] + NUDGE, 1.0)
+        candidates[k, :, k] = np.append(np.linspace(0.0, 1.0, count), nudged)
+    laws = [bound.controller(point) for point in candidates.reshape(-1, bound.size)]
+    with problem.shared_out(executor, workers):
+        found = problem.costs_of([*laws, controller], progress)[:, 0]
+    table = found[:-1].reshape(bound.size, count + 2)
+    values = np.diagonal(bound.values(candidates), axis1=0, axis2=2).T[:, :count]
+    return Profile(bound.labels, values, table[:, :count], table[:, count:], float(found[-1]))
 
 
-def _searched(
+def cost_map(
     experiment: Experiment | Sequence[Experiment],
     controller: Controller,
-    space: Space,
-    costs: Sequence[Cost],
-    settings: SearchSettings | None,
-    progress: SearchCallback | None,
-) -> Search:
-    """Check what `tune` and `pareto` were given, search, and return the search at its end."""
-    settings = SearchSettings() if settings is None else settings
-    checks.instance("settings", settings, SearchSettings, "SearchSettings")
-    experiments, bound = problem_of(experiment, controller, space, costs)
-    _require_means(experiments, settings)
-    points = [bound.point(start) for start in settings.initial]
-    if len(points) < settings.population:
-        # Where the search starts from takes part in it, moved into the space where it is outside.
-        points.append(bound.nearest(controller))
-    # All that decides the result, except how many generations it goes on for.
-    configuration = {
-        "experiment": [descriptions.to_dict(e) for e in experiments],
-        "controller": descriptions.to_dict(controller),
-        "space": space.to_dict(),
-        "cost": [descriptions.to_dict(cost) for cost in costs],
-        "population": settings.population,
-        "crossover": settings.crossover,
-        "mutation": settings.mutation,
-        "seeds": list(settings.seeds),
-        "initial": np.array(points).tolist(),
-    }
-    with executor_of(settings.executor, settings.workers, experiments, [controller]) as pool:
-        objective = Objective(experiments, costs, pool)
-        search = Search(
-            objective, bound, settings, initial=np.array(points), configuration=configuration
+    cost: Cost | None = None,
+    *,
+    integral_orders: ArrayLike = DEFAULT_GRID,
+    derivative_orders: ArrayLike = DEFAULT_GRID,
+    executor: Executor | None = None,
+    workers: int | None = None,
+    progress: ProgressCallback | None = None,
+) -> CostMap:
+    """Evaluate a controller at every pair of orders.
+
+    Parameters
+    ----------
+    experiment, cost
+        See `tune`.
+    controller
+        One with `integral_order` and `derivative_order`; all else stays as it is.
+    integral_orders, derivative_orders
+        The grid's values, for all joints alike.
+    executor, workers
+        See `SearchSettings`.
+    progress
+        Called with a `Progress` now and then.
+
+    Raises
+    ------
+    ArgumentError
+        Orders outside [0, 1], or a controller without orders.
+    """
+    rows, columns = (
+        np.atleast_1d(checks.floats(name, orders, low=0.0, high=1.0, max_ndim=1))
+        for name, orders in (
+            ("integral_orders", integral_orders), ("derivative_orders", derivative_orders)
         )
-        with search.alone():
-            search.take_up()
-            if controller.control is not None:
-                _warn_of_python(experiments, controller, settings, search.done)
-            search.run(progress)
-    return search
-
-
-def _require_means(experiments: Sequence[Experiment], settings: SearchSettings) -> None:
-    """Refuse a search that memory is too small or life too short for."""
-    runs, rows = settings.population * len(experiments), sum(e.rows for e in experiments)
-    what = f"{len(settings.seeds)} seeds of {runs} runs"
-    size = len(settings.seeds) * runs * _RUN_BYTES
-    require_memory("search", f"{what} in a generation", size)
-    longest = max(e.rows for e in experiments)
-    steps = float(settings.candidates * settings.generations * rows * experiments[0].arm.n)
-    what = f"{what} of {longest:.3g} rows, {settings.generations} times"
-    require_time("search", what, steps / settings.at_once)
-
-
-def _warn_of_python(
-    experiments: Sequence[Experiment], controller: Controller, settings: SearchSettings, done: int
-) -> None:
-    """Say how long a law in plain Python will take, by the first run of the one that is given."""
-    warm(experiments, [controller] * len(experiments))
-    start = time.perf_counter()
-    evaluate(experiments, controller)
-    each = time.perf_counter() - start
-    candidates = settings.candidates * (settings.generations - done)
-    left = timedelta(seconds=round(candidates * each / settings.at_once))
-    warnings.warn(
-        f"{type(controller).__name__} is a law in plain Python: {candidates} candidates of "
-        f"{each:.2g} s each take about {left} (h:min:s); in the joint form, torque(c), it is "
-        "compiled (CONTRIBUTING.md)",
-        FpidWarning,
-        stacklevel=4,
-    )
+    )  # fmt: skip
+    space = Space(integral_order=(0, 1, "shared"), derivative_order=(0, 1, "shared"))
+    problem = Problem(experiment, controller, space, cost)
+    base: Any = controller
+    candidates: list[Controller] = [
+        dataclasses.replace(base, integral_order=a, derivative_order=b)
+        for a in rows.tolist()
+        for b in columns.tolist()
+    ]
+    with problem.shared_out(executor, workers):
+        table = problem.costs_of(candidates, progress)
+    return CostMap(rows, columns, table.reshape(len(rows), len(columns)))

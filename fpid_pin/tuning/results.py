@@ -1,4 +1,4 @@
-"""What a search leaves behind: its history, and its result."""
+"""What searches leave behind: histories and results, and the cost around a controller."""
 
 from __future__ import annotations
 
@@ -11,9 +11,18 @@ from numpy.typing import NDArray
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.shown import Shown, html_table
+from fpid_pin.tuning.space import BoundSpace
 
 IntArray = NDArray[np.int64]
+#: Part of the cost that the last quarter of a search saves, below which it has settled; part by
+#: which the bests of its seeds differ, below which they agree.
+_SETTLED, _AGREED = 0.01, 0.05
+#: Generations without which nothing is said about settling.
+_WINDOW = 10
+#: A parameter whose move by a tenth of its range changes the cost by less does not matter.
+_IDLE = 0.005
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,28 +64,19 @@ class History:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row a generation and seed, for a table."""
-        rows = []
-        for g in range(len(self)):
-            for s, seed in enumerate(self.seeds):
-                row: dict[str, Any] = {
-                    "generation": g + 1,
-                    "seed": seed,
-                    "evaluations": int(self.evaluations[g]),
-                }
-                row |= _numbered("best cost", self.best[g, s])
-                row |= _numbered("mean cost", self.mean[g, s])
-                row["diverged"] = int(self.diverged[g, s])
-                row |= {
-                    label: float(value)
-                    for label, value in zip(self.labels, self.best_parameters[g, s], strict=True)
-                }
-                rows.append(row)
-        return rows
+        return [
+            {"generation": g + 1, "seed": seed, "evaluations": int(self.evaluations[g])}
+            | _numbered("best cost", self.best[g, s])
+            | _numbered("mean cost", self.mean[g, s])
+            | {"diverged": int(self.diverged[g, s])}
+            | dict(zip(self.labels, self.best_parameters[g, s].tolist(), strict=True))
+            for g in range(len(self))
+            for s, seed in enumerate(self.seeds)
+        ]
 
     def curves(self) -> dict[str, FloatArray]:
         """Return what a convergence plot shows, (G,) each: best of each seed, and their mean."""
-        best = self.best if self.best.ndim == 2 else self.best[..., 0]
-        mean = self.mean if self.mean.ndim == 2 else self.mean[..., 0]
+        best, mean = (x if x.ndim == 2 else x[..., 0] for x in (self.best, self.mean))
         if len(self.seeds) == 1:
             return {"best": best[:, 0], "population mean": mean[:, 0]}
         named = {f"seed {seed}": best[:, s] for s, seed in enumerate(self.seeds)}
@@ -84,17 +84,78 @@ class History:
 
 
 def _numbered(name: str, value: Any) -> dict[str, float]:
-    values = np.atleast_1d(value)
-    if len(values) == 1:
-        return {name: float(values[0])}
-    return {f"{name} {k}": float(v) for k, v in enumerate(values)}
+    values = np.atleast_1d(value).tolist()
+    return {name + f" {k}" * (len(values) > 1): v for k, v in enumerate(values)}
 
 
-#: Part of the cost that the last quarter of a search saves, below which it has settled; part by
-#: which the bests of its seeds differ, below which they agree.
-_SETTLED, _AGREED = 0.01, 0.05
-#: Generations without which nothing is said about settling.
-_WINDOW = 10
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Costs along each parameter in turn.
+
+    Attributes
+    ----------
+    labels
+        Of the parameters, as in `History`.
+    values, costs
+        (parameters, K); +inf where the run diverges.
+    nudged
+        (parameters, 2): the cost with the parameter a tenth of its range lower and higher, or at
+        its bound where that is nearer.
+    cost
+        The controller's own.
+    """
+
+    labels: tuple[str, ...]
+    values: FloatArray
+    costs: FloatArray
+    nudged: FloatArray
+    cost: float
+
+    @property
+    def rises(self) -> FloatArray:
+        """By what part of the cost it rises when a parameter moves a tenth of its range, at most.
+
+        (parameters,); about 0: the parameter could be left out of the search.
+        """
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(self.nudged.max(axis=1) / self.cost - 1.0)
+
+    @property
+    def advice(self) -> list[str]:
+        """Which parameters matter, the most first, and which do not; one sentence each."""
+        rises = self.rises
+        order = np.argsort(-rises, kind="stable")
+        told = [f"{100.0 * r:.2g} %" if np.isfinite(r) else "divergence" for r in rises]
+        found = {
+            "What a tenth of its range costs": [
+                f"{self.labels[k]} ({told[k]})" for k in order if not rises[k] < _IDLE
+            ][:5],
+            "Hardly matters": [self.labels[k] for k in order if rises[k] < _IDLE],
+        }
+        return [f"{head}: {', '.join(names)}." for head, names in found.items() if names]
+
+
+@dataclass(frozen=True, eq=False)
+class CostMap:
+    """Costs of orders that all joints share.
+
+    Attributes
+    ----------
+    integral_orders, derivative_orders
+        lambda, (L,), and mu, (M,).
+    costs
+        (L, M); +inf where the run diverges.
+    """
+
+    integral_orders: FloatArray
+    derivative_orders: FloatArray
+    costs: FloatArray
+
+    @property
+    def best(self) -> tuple[float, float]:
+        """(lambda, mu) of the lowest cost on the grid."""
+        i, j = divmod(int(np.argmin(self.costs)), self.costs.shape[1])
+        return float(self.integral_orders[i]), float(self.derivative_orders[j])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,10 +168,9 @@ class TuningResult(Shown):
         The best of all seeds, or the controller that the search started from.
     start_cost
         The cost of that; +inf where it diverges.
-    parameters
-        What was sought, at the best: by name, floats where shared, else (n,).
-    at_bounds
-        Labels of those that lie at a bound of the space.
+    space
+        What was sought, on the controller that the search started from: its ``labels``, and their
+        bounds ``low`` and ``high``.
     controllers, costs
         The best of each seed, and its cost, (S,).
     history
@@ -123,13 +183,51 @@ class TuningResult(Shown):
     controller: Controller
     cost: float
     start_cost: float
-    parameters: Mapping[str, float | FloatArray]
-    at_bounds: tuple[str, ...]
+    space: BoundSpace
     controllers: tuple[Controller, ...]
     costs: FloatArray
     history: History
     evaluations: int
     simulations: int
+
+    @property
+    def parameters(self) -> Mapping[str, float | FloatArray]:
+        """What was sought, at the best: by name, floats where shared, else (n,)."""
+        return self.space.parameters(self.controller)
+
+    @property
+    def at_bounds(self) -> tuple[str, ...]:
+        """Labels of what lies at a bound of the space, or within a hundredth of its range."""
+        point = self.space.nearest(self.controller)
+        near = np.minimum(point, 1.0 - point) < 0.01
+        return tuple(label for label, here in zip(self.space.labels, near, strict=True) if here)
+
+    @property
+    def within(self) -> bool:
+        """Whether the best lies in the space: a start that was not beaten may be outside."""
+        try:
+            self.space.point(self.controller)
+        except ArgumentError:
+            return False
+        return True
+
+    def rows(self, along: Profile | None = None) -> list[dict[str, Any]]:
+        """Return one row a parameter: at the start, tuned, its range, and whether at a bound.
+
+        With a `profile` of the best, also by how much the cost rises over a tenth of the range.
+        """
+        space, at_bounds = self.space, self.at_bounds
+        columns: dict[str, Any] = {
+            "parameter": space.labels,
+            "start": space.numbers(space.base).tolist(),
+            "tuned": space.numbers(self.controller).tolist(),
+            "low": space.low.tolist(),
+            "high": space.high.tolist(),
+        }
+        if along is not None:
+            columns["a tenth of the range costs [%]"] = (100.0 * along.rises).tolist()
+        columns["at a bound"] = ["yes" if x in at_bounds else "no" for x in space.labels]
+        return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
     @property
     def mean(self) -> float:
@@ -192,9 +290,9 @@ class TuningResult(Shown):
         return f"cost {self.cost:.6g} ({about}; {self.evaluations} evaluations)"
 
     def _repr_html_(self) -> str:
-        found = [part for pair in self.parameters.items() for part in _numbered(*pair).items()]
+        rows = self.rows()
         told = " ".join([str(self), *self.advice])
-        return html_table(told, ("parameter", "found"), found)
+        return html_table(told, list(rows[0]), [list(row.values()) for row in rows])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -232,5 +330,4 @@ class ParetoResult(Shown):
 
     def _repr_html_(self) -> str:
         head = [f"cost {k + 1}" for k in range(self.costs.shape[1])] + list(self.history.labels)
-        rows = np.column_stack([self.costs, self.parameters]).tolist()
-        return html_table(str(self), head, rows)
+        return html_table(str(self), head, np.column_stack([self.costs, self.parameters]).tolist())

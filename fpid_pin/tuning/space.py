@@ -5,8 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from functools import cache
-from typing import Annotated, Any, get_args, get_type_hints
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -134,44 +133,33 @@ class BoundSpace:
 
     def __init__(self, space: Space, controller: Controller, n: int) -> None:
         self.space, self.base, self.n = space, controller, n
+        self.genes = space.genes
         known = _numeric_parameters(controller)
         self._places: dict[str, slice] = {}
-        low: list[float] = []
-        high: list[float] = []
+        ends: dict[str, list[float]] = {"low": [], "high": []}
         labels: list[str] = []
-        self._log: list[bool] = []
-        for name, gene in space.genes.items():
-            checks.choice(f"space.{name}", name, known)
-            low += _bounds(f"space.{name}.low", gene.low, gene.shared, n)
-            high += _bounds(f"space.{name}.high", gene.high, gene.shared, n)
-            self._places[name] = slice(len(labels), len(low))
-            labels += [name] if gene.shared else [f"{name}.{joint}" for joint in range(n)]
-            self._log += [gene.scale == "log"] * (len(low) - len(self._log))
-        self.low, self.high = checks.read_only(low), checks.read_only(high)
-        self.labels, self.size = tuple(labels), len(labels)
-        for name in space.genes:
-            for end, values in (("low", self.low), ("high", self.high)):
+        log: list[bool] = []
+        for name, gene in self.genes.items():
+            checks.choice(f"space.{name}", name, list(known))
+            if known[name] and not gene.shared:
+                expected = '"shared" behind its bounds, as all joints have one value'
+                raise ArgumentError(f"space.{name}", expected, "none")
+            several = [name] if gene.shared else [f"{name}.{joint}" for joint in range(n)]
+            self._places[name] = slice(len(labels), len(labels) + len(several))
+            labels += several
+            log += [gene.scale == "log"] * len(several)
+            for end, values in ends.items():
+                values += _bounds(f"space.{name}.{end}", getattr(gene, end), gene.shared, n)
                 try:
-                    self._replace({name: self._member(name, values)})
+                    self._replace({name: self._member(name, np.array(values))})
                 except ArgumentError as error:
-                    self._require_many(name)
                     raise ArgumentError(f"space.{name}.{end}", error.expected, error.got) from None
-
-    def _require_many(self, name: str) -> None:
-        """Refuse to give each joint a value of what all of them have one of."""
-        given = getattr(self.base, name)
-        given = float(self.high[self._places[name]][0]) if given is None else given
-        if self.space.genes[name].shared or np.ndim(given):
-            return
-        try:
-            self._replace({name: np.full(self.n, given)})
-        except ArgumentError:
-            expected = '"shared" behind its bounds, as all joints have one value'
-            raise ArgumentError(f"space.{name}", expected, "none") from None
+        self.low, self.high = checks.read_only(ends["low"]), checks.read_only(ends["high"])
+        self.labels, self.size, self._log = tuple(labels), len(labels), log
 
     def _member(self, name: str, values: FloatArray) -> float | FloatArray:
         part = values[self._places[name]]
-        return float(part[0]) if self.space.genes[name].shared else checks.read_only(part)
+        return float(part[0]) if self.genes[name].shared else checks.read_only(part)
 
     def _replace(self, members: Mapping[str, Any]) -> Controller:
         base: Any = self.base
@@ -190,42 +178,37 @@ class BoundSpace:
                 out[row, k] = high if x >= 1.0 else min(max(value, low), high)
         return out.reshape(np.shape(points))
 
-    def controller(self, point: FloatArray, name: str | None = None) -> Controller:
-        """Return the controller with the parameters at a point, (size,), under a name."""
-        values = self.values(point)
-        return self.renamed(name, {key: self._member(key, values) for key in self.space.genes})
+    def controller(self, point: FloatArray | None, name: str | None = None) -> Controller:
+        """Return the controller with the parameters at a point, (size,), under a name.
 
-    def renamed(self, name: str | None, members: Mapping[str, Any] | None = None) -> Controller:
-        """Return the controller that the space was met by, under another name."""
+        None: with its own parameters.
+        """
+        values = None if point is None else self.values(point)
+        members = {} if values is None else {key: self._member(key, values) for key in self.genes}
         named = {"name": name} if name is not None and hasattr(self.base, "name") else {}
-        return self._replace({**(members or {}), **named})
-
-    def at_bounds(self, point: FloatArray) -> tuple[str, ...]:
-        """Return the labels of what lies at a bound, or within a hundredth of the range of it."""
-        near = np.minimum(point, 1.0 - point) < 0.01
-        return tuple(label for label, here in zip(self.labels, near, strict=True) if here)
+        return self._replace({**members, **named})
 
     def parameters(self, controller: Controller) -> dict[str, float | FloatArray]:
         """Return what a controller has of the parameters sought, by name; NaN: left to it."""
-        given = {name: getattr(controller, name) for name in self.space.genes}
+        given = {name: getattr(controller, name) for name in self.genes}
         arrays = {name: np.asarray(value, dtype=np.float64) for name, value in given.items()}
         return {name: value if value.ndim else float(value) for name, value in arrays.items()}
 
-    def settings(self, controller: Controller) -> FloatArray:
+    def numbers(self, controller: Controller) -> FloatArray:
         """Return what a controller has of the numbers sought, (size,); NaN: left to it."""
         out = np.empty(self.size)
         for name, value in self.parameters(controller).items():
             # Learning rates may be a row for each of Kp, Ki, Kd.
             row = np.mean(value, axis=0) if np.ndim(value) > 1 else value
             rows = np.broadcast_to(row, (self.n,))
-            out[self._places[name]] = rows.mean() if self.space.genes[name].shared else rows
+            out[self._places[name]] = rows.mean() if self.genes[name].shared else rows
         return out
 
     def nearest(self, controller: Controller) -> FloatArray:
         """Return the nearest point to a controller, (size,); the middle for what is left to it."""
-        values = self.settings(controller)
-        point = self._coordinates(np.clip(values, self.low, self.high))
-        return np.where(np.isnan(values), 0.5, point)
+        numbers = self.numbers(controller)
+        point = self._coordinates(np.clip(numbers, self.low, self.high))
+        return np.where(np.isnan(numbers), 0.5, point)
 
     def point(self, controller: Controller) -> FloatArray:
         """Return the point at which `controller` lies, (size,); refuse one that lies outside."""
@@ -235,48 +218,39 @@ class BoundSpace:
                 raise ArgumentError(f"initial.{name}", f"a controller with {name}", f"a {kind}")
             given = checks.per_joint(f"initial.{name}", getattr(controller, name), self.n)
             low, high = self.low[place], self.high[place]
-            if self.space.genes[name].shared and (given != given[0]).any():
+            if self.genes[name].shared and (given != given[0]).any():
                 raise ArgumentError(f"initial.{name}", "one value for all joints", given)
             if (given < low).any() or (given > high).any():
                 raise ArgumentError(f"initial.{name}", f"within {low} and {high}", given)
-        return self._coordinates(self.settings(controller))
+        return self._coordinates(self.numbers(controller))
 
-    def _coordinates(self, values: FloatArray) -> FloatArray:
-        scaled = [
-            np.where(self._log, np.log(np.where(self._log, x, 1.0)), x)
-            for x in (values, self.low, self.high)
-        ]
-        part = (scaled[0] - scaled[1]) / (scaled[2] - scaled[1])
-        return np.asarray(np.clip(part, 0.0, 1.0))
+    def _coordinates(self, numbers: FloatArray) -> FloatArray:
+        x, low, high = (
+            np.where(self._log, np.log(np.where(self._log, values, 1.0)), values)
+            for values in (numbers, self.low, self.high)
+        )
+        return np.asarray(np.clip((x - low) / (high - low), 0.0, 1.0))
 
 
 def _bounds(name: str, value: ArrayLike, shared: bool, n: int) -> list[float]:
-    array = np.asarray(value, dtype=np.float64)
-    if array.ndim and shared and n > 1:
-        raise ArgumentError(name, "a number (the parameter is shared)", f"shape {array.shape}")
-    values: list[float] = checks.per_joint(name, array, n).tolist()
+    if np.ndim(value) and shared and n > 1:
+        raise ArgumentError(name, "a number (the parameter is shared)", f"shape {np.shape(value)}")
+    values: list[float] = checks.per_joint(name, value, n).tolist()
     return values[:1] if shared else values
 
 
-@cache
-def _left_open(cls: type) -> frozenset[str]:
-    """Return the arguments that may be a number, or None."""
-    hints = get_type_hints(cls)
-    return frozenset(name for name, hint in hints.items() if float in get_args(hint))
-
-
-def _numeric_parameters(controller: Controller) -> list[str]:
-    """Return the names of the arguments that hold numbers."""
+def _numeric_parameters(controller: Controller) -> dict[str, bool]:
+    """Return by name which arguments hold numbers, and whether all joints have one of them."""
     if not dataclasses.is_dataclass(controller):
         raise ArgumentError("controller", "a dataclass", type(controller).__name__)
-    names = []
+    found = {}
+    keys = descriptions.keys(type(controller))
     # The law's own before the options that all laws have.
     for field in sorted(dataclasses.fields(controller), key=lambda field: field.kw_only is True):
-        value = getattr(controller, field.name)
-        if value is None and field.name in _left_open(type(controller)):
-            value = 0.0  # a number that was left to the controller
-        if isinstance(value, bool) or not isinstance(value, (int, float, np.ndarray, tuple, list)):
+        key, value = keys.get(field.name), getattr(controller, field.name)
+        if key is None or (value is None and key.family is not None):
             continue
-        if field.init and np.asarray(value).dtype.kind in "iuf":
-            names.append(field.name)
-    return names
+        # None: a number that is left to the controller.
+        if value is None or np.asarray(value).dtype.kind in "iuf":
+            found[field.name] = bool(key.checks) and not key.is_per_joint
+    return found

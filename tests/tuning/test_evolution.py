@@ -1,31 +1,31 @@
 import numpy as np
 
-from fpid_pin.tuning.evolution import Evolution
+from fpid_pin.tuning import SearchSettings
+from fpid_pin.tuning.search import Evolution
 
 
-def made(costs=1, **changes):
-    settings = {"population": 60, "crossover": 0.75, "mutation": 0.03, "seed": 5} | changes
-    return Evolution(np.empty((0, 6)), costs, **settings)
+def made(seed, **changes):
+    return Evolution(np.empty((0, 6)), 1, SearchSettings(**changes), seed)
 
 
-def bowls(points):
-    return np.stack([((points - 0.3) ** 2).sum(axis=1), ((points - 0.7) ** 2).sum(axis=1)], axis=1)
+def bowl(points):
+    return ((points - 0.3) ** 2).sum(axis=1, keepdims=True)
 
 
 def test_the_papers_settings_mean_what_they_say():
     crossed = mutated = offspring = 0
     for seed in range(20):
         # Without mutation: an offspring that is no parent's copy was crossed.
-        evolution = made(mutation=0.0, seed=seed)
+        evolution = made(seed, mutation=0.0)
         parents = evolution.ask()
-        evolution.tell(bowls(parents)[:, :1])
+        evolution.tell(bowl(parents))
         known = {p.tobytes() for p in parents}
         children = evolution.ask()
         crossed += sum(child.tobytes() not in known for child in children)
         # Without crossover: a coordinate that no parent has was mutated.
-        evolution = made(crossover=0.0, seed=seed)
+        evolution = made(seed, crossover=0.0)
         parents = evolution.ask()
-        evolution.tell(bowls(parents)[:, :1])
+        evolution.tell(bowl(parents))
         children = evolution.ask()
         mutated += int((~np.isin(children, parents)).sum())
         offspring += len(children)

@@ -1,6 +1,7 @@
 """A law in plain Python in a search: the same search, and a word about how long it takes."""
 
 import dataclasses
+import time
 import warnings
 from types import SimpleNamespace
 
@@ -8,7 +9,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
-from fpid_pin.tuning import SearchSettings, Space, entry, tune
+from fpid_pin.tuning import SearchSettings, Space, search, tune
 
 EXPERIMENT = fp.paper_experiment(duration=0.1, step=5e-3)
 SPACE = Space(kp=(10, 100, "log"), kd=(1, 20))
@@ -35,7 +36,9 @@ class JointPd(fp.Controller):
 
 def test_it_says_before_the_search_how_long_it_takes(monkeypatch):
     clock = iter((0.0, 36.0))
-    monkeypatch.setattr(entry, "time", SimpleNamespace(perf_counter=lambda: next(clock)))
+    monkeypatch.setattr(
+        search, "time", SimpleNamespace(perf_counter=lambda: next(clock), monotonic=time.monotonic)
+    )
     settings = SearchSettings(population=4, generations=2)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

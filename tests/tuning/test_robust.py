@@ -6,7 +6,7 @@ from fpid_pin import descriptions
 from fpid_pin.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning import RobustCost, SearchSettings, Space, scenarios, tune
-from fpid_pin.tuning.robust import over_scenarios
+from fpid_pin.tuning.problem import over_scenarios
 
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)

@@ -49,10 +49,10 @@ def test_a_start_whose_rates_are_a_row_for_each_gain_takes_part():
     result = searched(suggested, space, generations=2)
     assert result.cost <= result.start_cost
     bound = space.bind(suggested, 2)
-    assert bound.settings(suggested)[0] == pytest.approx(np.mean(suggested.learning_rate))
+    assert bound.numbers(suggested)[0] == pytest.approx(np.mean(suggested.learning_rate))
     left = fp.SuggestedFpid()
     half = Space(derivative_order=(0.6, 1.0, "shared")).bind(left, 2)
-    assert np.isnan(half.settings(left)).all()
+    assert np.isnan(half.numbers(left)).all()
     assert half.nearest(left) == pytest.approx([0.5])
 
 
@@ -94,7 +94,7 @@ class Bowl(Cost):
 
 
 def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
-    from fpid_pin.tuning import robust
+    from fpid_pin.tuning import problem
 
     weights = np.array([4.0, 0.0])
 
@@ -102,7 +102,7 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
         kp = np.array([c.kp for c in controllers])
         return (1.0 + (weights * (kp - 2.0) ** 2).sum(axis=1))[:, np.newaxis]
 
-    monkeypatch.setattr(robust, "evaluate", costs)
+    monkeypatch.setattr(problem, "evaluate", costs)
     law = dataclasses.replace(CONTROLLER, kp=(2.0, 2.0))
     found = profile(EXPERIMENT, law, Space(kp=(1, 5)), Bowl(), points=5)
     assert found.labels == ("kp.0", "kp.1")
@@ -112,6 +112,9 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
     assert found.costs[1] == pytest.approx(np.ones(5))
     # A tenth of the range is 0.4: 4 x 0.16.
     assert found.rises == pytest.approx([0.64, 0.0])
+    assert found.advice == [
+        "What a tenth of its range costs: kp.0 (64 %).", "Hardly matters: kp.1."
+    ]  # fmt: skip
     with pytest.raises(ArgumentError, match="kp: expected within"):
         profile(EXPERIMENT, law, Space(kp=(3, 5)), Bowl())
     with pytest.raises(ArgumentError, match="points"):

@@ -47,6 +47,11 @@ def test_the_result_is_what_it_says(found):
     for controller, cost in zip(found.controllers, found.costs, strict=True):
         assert cost == fp.evaluate(EXPERIMENT, [controller], TRACKING)[0]
     assert str(found).startswith(f"cost {found.cost:.6g} (2 seeds: ")
+    (first, *_, last), along = found.rows(), found.space.labels
+    assert (first["parameter"], last["parameter"]) == (along[0], along[-1])
+    assert (first["low"], first["high"], first["start"]) == (0.0, 1.0, 0.901)
+    assert first["tuned"] == found.controller.integral_order[0]
+    assert (last["at a bound"] == "yes") == (last["parameter"] in found.at_bounds)
     rows = found.history.rows()
     assert len(rows) == 4 * 2
     assert list(rows[-1].items())[:4] == [

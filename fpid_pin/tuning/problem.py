@@ -1,17 +1,18 @@
-"""Costs over several plants and payloads at once."""
+"""What a search makes small: costs of candidates, over several plants and payloads at once."""
 
 from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 
-from fpid_pin import checks
+from fpid_pin import checks, descriptions
 from fpid_pin.checks import FloatArray, OneOf
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, Metrics, QuadraticCost, RowCost
@@ -19,6 +20,8 @@ from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, FpidWarning, WorkersDied
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment, Plant, evaluate
+from fpid_pin.simulation.entry import executor_of
+from fpid_pin.tuning.space import Space
 
 REDUCTIONS = ("mean", "worst")
 
@@ -67,22 +70,73 @@ def over_scenarios(cost: Cost, table: FloatArray) -> FloatArray:
     return np.asarray(np.add.accumulate(sound)[-1] / len(sound))
 
 
-class Objective:
-    """Costs of controllers over all experiments, each of which every controller goes through.
+class Problem:
+    """What is made small, and what may be changed for it: checked, and the space on its law.
 
-    Workers that die twice over the same runs are left alone from then on, with a warning; the work
-    goes on in this process, and the results are the same.
+    Attributes
+    ----------
+    experiments
+        All that every candidate goes through; where they do not say their dynamics, compiled.
+    costs
+        One, by default eq. (33) with its default weights; or `several`.
+    space
+        On the controller.
     """
 
     def __init__(
-        self, experiments: Sequence[Experiment], costs: Sequence[Cost], executor: Executor | None
+        self,
+        experiment: Experiment | Sequence[Experiment],
+        controller: Controller,
+        space: Space,
+        cost: Cost | Sequence[Cost] | None,
+        *,
+        several: bool = False,
     ) -> None:
-        self.experiments, self.costs, self._executor = list(experiments), list(costs), executor
+        experiments = [experiment] if isinstance(experiment, Experiment) else list(experiment)
+        if not experiments:
+            raise ArgumentError("experiment", "at least one", "none")
+        for each in experiments:
+            checks.instance("experiment", each, Experiment, "an Experiment")
+        sizes = sorted({each.arm.n for each in experiments})
+        if len(sizes) > 1:
+            raise ArgumentError("experiment", "arms with one number of joints", sizes)
+        checks.instance("controller", controller, Controller, "a Controller")
+        checks.instance("space", space, Space, "a Space")
+        if isinstance(cost, Sequence) and not several:
+            raise ArgumentError("cost", "one cost (several: use pareto)", f"{len(cost)}")
+        if several and (not isinstance(cost, Sequence) or len(cost) < 2):
+            raise ArgumentError("costs", "at least two costs (one: use tune)", "one")
+        given = cost if isinstance(cost, Sequence) else [QuadraticCost() if cost is None else cost]
+        self.costs: list[Cost] = list(given)
+        for k, one in enumerate(self.costs):
+            checks.instance(f"costs.{k}" if several else "cost", one, Cost, "a Cost")
+        self.experiments = [each.with_dynamics("compiled") for each in experiments]
+        self.space = space.bind(controller, sizes[0])
+        self._executor: Executor | None = None
 
-    def __call__(
+    def to_dict(self) -> dict[str, Any]:
+        """Return all that decides what a candidate costs, and which there are."""
+        return {
+            "experiment": [descriptions.to_dict(each) for each in self.experiments],
+            "controller": descriptions.to_dict(self.space.base),
+            "space": self.space.space.to_dict(),
+            "cost": [descriptions.to_dict(cost) for cost in self.costs],
+        }
+
+    @contextmanager
+    def shared_out(self, executor: Executor | None, workers: int | None) -> Iterator[None]:
+        """Let an executor, or so many workers, do the work of this block."""
+        with executor_of(executor, workers, self.experiments, [self.space.base]) as self._executor:
+            yield
+
+    def costs_of(
         self, controllers: Sequence[Controller], progress: ProgressCallback | None = None
     ) -> FloatArray:
-        """Return costs, (controllers, costs); +inf where a run diverged."""
+        """Return the costs of controllers over all experiments, (controllers, costs).
+
+        They are +inf where a run diverged. Workers that die twice over the same runs are left alone
+        from then on, with a warning; the work goes on here, and the results are the same.
+        """
         count = len(controllers)
         # Experiment by experiment: what neighbouring runs are given from outside is sampled once.
         experiments = [e for e in self.experiments for _ in range(count)]
