@@ -10,9 +10,7 @@ import numpy as np
 from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.statistics import quantile, scored, spearman, tornado
 from fpid_pin.checks import FloatArray
-from fpid_pin.view.palette import PLAIN, colour
-from fpid_pin.view.panels import DASHES
-from fpid_pin.view.style import lettering, new_figure, styled
+from fpid_pin.view.style import DASHES, PLAIN, colour, lettering, new_figure, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -26,8 +26,8 @@ from fpid_pin.campaign.statistics import (
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import put_text
 from fpid_pin.view.document import Link, as_text
-from fpid_pin.view.palette import colour
 from fpid_pin.view.report import Table, answer_html, figure_html, page_html, section, table_html
+from fpid_pin.view.style import colour
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

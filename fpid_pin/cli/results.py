@@ -155,7 +155,7 @@ def comparison_figures(
 ) -> dict[str, Figure]:
     """Draw the ranking, the runs under each condition, and gains of laws whose orders move."""
     from fpid_pin.view import plots
-    from fpid_pin.view.panels import ORDERS, has_all
+    from fpid_pin.view.plots import ORDERS, has_all
 
     label = f"{ranking.measure.label}, {ranking.measure.unit}".removesuffix(", ")
     figures = {

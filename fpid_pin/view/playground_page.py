@@ -20,12 +20,12 @@ from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.document import Page, as_text, asset, closed, document
-from fpid_pin.view.palette import ON_DARK, PALETTE
 from fpid_pin.view.playground_engine import Engine
 from fpid_pin.view.playground_law import Law
 from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.replay import licences, meshcat_file
 from fpid_pin.view.scene import experiment_scene, to_script_json
+from fpid_pin.view.style import ON_DARK, PALETTE
 
 #: Points of a curve: two for each of so many spans of time.
 SHOWN = 1200

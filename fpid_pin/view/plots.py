@@ -4,33 +4,31 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from fpid_pin.checks import FloatArray
 from fpid_pin.control.suggested import SuggestedFpid
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
-from fpid_pin.view.palette import colour
-from fpid_pin.view.panels import (
-    GAINS,
-    LIMIT,
-    ORDERS,
-    REFERENCE,
-    WIDTH,
-    grid,
-    has_all,
-    has_supervisor,
-    joints_of,
-    legend,
-    line,
-    looks_of,
-    shared_legend,
-)
-from fpid_pin.view.ranking import heat_map
+from fpid_pin.view.maps import convergence, cost_map, heat_map, profile
 from fpid_pin.view.scene import as_runs, captions_of
-from fpid_pin.view.searches import convergence, cost_map, profile
-from fpid_pin.view.style import figure_bytes, lettering, new_figure, save_figure, styled
+from fpid_pin.view.style import (
+    DASHES,
+    INK,
+    PALETTE,
+    PLAIN,
+    colour,
+    figure_bytes,
+    legend,
+    lettering,
+    line,
+    new_figure,
+    save_figure,
+    shared_legend,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,19 +52,124 @@ __all__ = [
     "torque",
     "tracking",
 ]
+GAINS = (("kp", "$K_P$"), ("ki", "$K_I$"), ("kd", "$K_D$"))
+ORDERS = (("integral_order", r"$\lambda$"), ("derivative_order", r"$\mu$"))
 # Of the gains over rad, and over rad and the scale's kg m^2.
 _GAIN_UNITS = ("N m/rad", r"N m/(rad s$^\lambda$)", r"N m s$^\mu$/rad")
 _SCALED_UNITS = ("s$^{-2}$", r"s$^{-2-\lambda}$", r"s$^{\mu-2}$")
+# Beside a curve in a cycle colour the reference must be told apart in grey, too: dashed.
+_REFERENCE: dict[str, Any] = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.0}
+_LIMIT: dict[str, Any] = {"color": PALETTE[1], "linestyle": ":"}
+_WIDTH = 7.0
+# More joints than this share a row of panels rather than take one each.
+_TALL = 4
+# Part of a panel's height within which two curves are taken for one.
+_CLOSE = 0.02
+
+
+class Joints(NamedTuple):
+    """What figures say of a run's joints: names, units of coordinate and effort, effort limits."""
+
+    names: Sequence[str]
+    units: Sequence[str]
+    efforts: Sequence[str]
+    limits: FloatArray
+
+    def label(self, quantity: str, j: int | None = None) -> str:
+        """Return the label of an axis of one joint's ``q``, ``error`` or ``torque``, or of all."""
+        units = self.efforts if quantity == "torque" else self.units
+        unit = ", ".join(dict.fromkeys(units)) if j is None else units[j]
+        names = {"q": "angle" if unit == "rad" else "position", "error": "$q_d - q$",
+                 "torque": "force" if unit == "N" else "torque"}  # fmt: skip
+        return f"{names[quantity]}, {unit}"
+
+    def lettered(self) -> list[str]:
+        """Return the names as figures show them."""
+        return [lettering(name) for name in self.names]
+
+
+def joints_of(run: Run) -> Joints:
+    """Return the joints of a run; where its arm cannot be rebuilt they have numbers."""
+    try:
+        arm = run.arm
+    except (KeyError, FpidError):
+        n = run.q.shape[1]
+        names = [f"joint {j + 1}" for j in range(n)]
+        return Joints(names, ["rad"] * n, ["N m"] * n, np.full(n, np.inf))
+    return Joints(list(arm.joint_names), arm.units, arm.effort_units, arm.effort_limit)
+
+
+def has_all(run: Run, signals: Sequence[tuple[str, str]]) -> bool:
+    """Whether a run recorded all of these: `GAINS`, or `ORDERS`, which are those that moved."""
+    return all(name in run.signals for name, _ in signals)
+
+
+def _has_supervisor(run: Run) -> bool:
+    given = run.meta["controller"].get("supervisor") is not None
+    return given and {"lyapunov", "u_s"} <= set(run.signals)
+
+
+def _of_one_size(runs: Run | Sequence[Run]) -> list[Run]:
+    several = as_runs(runs)
+    if not several:
+        raise ArgumentError("runs", "at least one run", "none")
+    counts = list(dict.fromkeys(run.q.shape[1] for run in several))
+    if len(counts) > 1:
+        raise ArgumentError("runs", "one number of joints", ", ".join(map(str, counts)))
+    return several
+
+
+# ------------------------------------------------------------------ a panel for each joint
+
+
+def _looks_of(runs: Sequence[Run]) -> list[dict[str, Any]]:
+    """Return how each of several runs is drawn, in the palette's order.
+
+    One that follows an earlier one closely is dashed, so that both are seen; so are those whose
+    colours alone might be mistaken.
+    """
+    looks = []
+    for k, run in enumerate(runs):
+        dash = max(k // PLAIN, sum(_hides(run, earlier) for earlier in runs[:k]))
+        looks.append({"color": colour(k), "linestyle": DASHES[min(dash, len(DASHES) - 1)]})
+    return looks
+
+
+def _hides(run: Run, earlier: Run) -> bool:
+    """Return whether the errors of a run would cover those of another for most of the time."""
+    rows = min(len(run.t), len(earlier.t))
+    if not rows:
+        return False
+    apart = np.median(np.abs(run.error[:rows] - earlier.error[:rows]), axis=0)
+    return bool((apart <= _CLOSE * np.ptp(earlier.error[:rows], axis=0)).all())
+
+
+def _by_joint(
+    runs: Sequence[Run], quantity: str, height: float, looks: Sequence[dict[str, Any]]
+) -> tuple[Figure, list[Axes]]:
+    """Draw a quantity of runs, a panel a joint under its name, in one column or two."""
+    joints = joints_of(runs[0])
+    names = joints.lettered()
+    columns = 1 if len(names) <= _TALL else 2
+    rows = -(-len(names) // columns)
+    width = _WIDTH if columns == 1 else 1.35 * _WIDTH
+    figure, panels = new_figure(rows, columns, width, 0.5 + height * rows, count=len(names))
+    for j, (panel, name) in enumerate(zip(panels, names, strict=True)):
+        for run, look in zip(runs, looks, strict=True):
+            line(panel, run.t, getattr(run, quantity)[:, j], **look)
+        panel.set(title=name, ylabel=joints.label(quantity, j))
+    for bottom in panels[-columns:]:
+        bottom.set_xlabel("time, s")
+        bottom.tick_params(labelbottom=True)
+    return figure, panels
 
 
 @styled
 def tracking(run: Run) -> Figure:
     """Draw each joint's angle and its reference over time."""
-    figure, panels = grid(run, 1.6)
+    figure, panels = _by_joint([run], "q", 1.6, [{"label": "actual"}])
     for j, panel in enumerate(panels):
-        line(panel, run.t, run.q[:, j], "actual")
-        line(panel, run.t, run.q_ref[:, j], "desired", **REFERENCE)
-        panel.set_ylabel(joints_of(run).coordinate(j))
+        line(panel, run.t, run.q_ref[:, j], "desired", **_REFERENCE)
     legend(panels[0], 2)
     return figure
 
@@ -75,11 +178,7 @@ def tracking(run: Run) -> Figure:
 def error(runs: Run | Sequence[Run]) -> Figure:
     """Draw each joint's tracking error, of one run or several."""
     several = _of_one_size(runs)
-    figure, panels = grid(several[0], 1.5)
-    for j, panel in enumerate(panels):
-        for run, look in zip(several, looks_of(several), strict=True):
-            line(panel, run.t, run.error[:, j], **look)
-        panel.set_ylabel(joints_of(several[0]).error(j))
+    figure, _ = _by_joint(several, "error", 1.5, _looks_of(several))
     if len(several) > 1:
         shared_legend(figure, captions_of(several, None))
     return figure
@@ -88,20 +187,64 @@ def error(runs: Run | Sequence[Run]) -> Figure:
 @styled
 def torque(run: Run) -> Figure:
     """Draw each joint's torque, with its limit where there is one: a line where it is near."""
-    figure, panels = grid(run, 1.5)
+    figure, panels = _by_joint([run], "torque", 1.5, [{"label": "applied"}])
     joints = joints_of(run)
     for j, (panel, limit) in enumerate(zip(panels, joints.limits, strict=True)):
-        line(panel, run.t, run.torque[:, j], "applied")
-        panel.set_ylabel(joints.effort(j))
         if np.abs(run.torque[:, j]).max(initial=0.0) > 0.25 * limit:
-            panel.axhline(limit, label="limit", **LIMIT)
-            panel.axhline(-limit, **LIMIT)
+            panel.axhline(limit, label="limit", **_LIMIT)
+            panel.axhline(-limit, **_LIMIT)
         elif np.isfinite(limit):
             panel.set_title(f"limit $\\pm${limit:g} {joints.efforts[j]}", loc="right",
                             fontsize=8, fontweight="normal")  # fmt: skip
     if np.isfinite(joints.limits).any():
         legend(panels[int(np.argmax(np.isfinite(joints.limits)))], 2)
     return figure
+
+
+@styled
+def comparison(runs: Sequence[Run]) -> Figure:
+    """Draw several runs over each other: error and torque of every joint."""
+    several = _of_one_size(runs)
+    joints, looks = joints_of(several[0]), _looks_of(several)
+    n = len(joints.names)
+    figure, panels = new_figure(n, 2, 1.35 * _WIDTH, 0.6 + 1.5 * n)
+    for k, panel in enumerate(panels):
+        j, quantity = k // 2, ("error", "torque")[k % 2]
+        for run, look in zip(several, looks, strict=True):
+            line(panel, run.t, getattr(run, quantity)[:, j], **look)
+        panel.set_ylabel(joints.label(quantity, j))
+        if quantity == "error":
+            panel.set_title(lettering(joints.names[j]))
+    for panel in panels[-2:]:
+        panel.set_xlabel("time, s")
+    shared_legend(figure, captions_of(several, None))
+    return figure
+
+
+@styled
+def phase_plane(run: Run) -> Figure:
+    """Draw each joint's error rate over its error, from start (ring) to end (dot)."""
+    joints, n = joints_of(run), run.q.shape[1]
+    columns = min(n, 3)
+    rows = -(-n // columns)
+    size = 2.4 * columns + 0.4, 2.3 * rows
+    figure, panels = new_figure(rows, columns, *size, count=n, share_x=False)
+    e, rate, stride = run.error, run.v_ref - run.v, max(len(run.t) // 6000, 1)
+    for j, (panel, name) in enumerate(zip(panels, joints.lettered(), strict=True)):
+        unit = joints.units[j]
+        panel.plot(e[::stride, j], rate[::stride, j], linewidth=0.9)
+        panel.plot(e[0, j], rate[0, j], "o", color=INK, fillstyle="none", markersize=5)
+        panel.plot(e[-1, j], rate[-1, j], "o", color=PALETTE[1], markersize=4)
+        panel.set(title=name, xlabel=f"error $e$, {unit}", ylabel=f"$\\dot e$, {unit}/s")
+    return figure
+
+
+# ------------------------------------------------------------------ a panel for all joints
+
+
+def _all_joints(axes: Axes, run: Run, name: str) -> None:
+    for j, joint in enumerate(joints_of(run).lettered()):
+        line(axes, run.t, run.signals[name][:, j], joint)
 
 
 @styled
@@ -120,40 +263,18 @@ def gains(run: Run) -> Figure:
     law = run.meta["controller"]
     suggested = law.get("kind") == SuggestedFpid._kind  # type: ignore[attr-defined]
     scaled = suggested or law.get("scale", "none") != "none"
-    units = _SCALED_UNITS if scaled else _GAIN_UNITS
     orders = ORDERS if has_all(run, ORDERS) else ()
     count = 3 + len(orders)
-    figure, panels = new_figure(count, 1, WIDTH, 5.0 * count / 3)
-    for panel, (name, label), unit in zip(
-        panels, (*GAINS, *orders), (*units, "", ""), strict=False
-    ):
-        for j, joint in enumerate(joints_of(run).lettered()):
-            line(panel, run.t, run.signals[name][:, j], joint)
+    figure, panels = new_figure(count, 1, _WIDTH, 5.0 * count / 3)
+    units = (*(_SCALED_UNITS if scaled else _GAIN_UNITS), "", "")
+    for panel, (name, label), unit in zip(panels, (*GAINS, *orders), units, strict=False):
+        _all_joints(panel, run, name)
         panel.set_ylabel(f"{label}, {unit}".removesuffix(", "))
         if not unit:
             panel.set_ylim(-0.03, 1.03)
     panels[0].set_title(lettering(run.name))
     legend(panels[0], min(run.q.shape[1], 4))
     panels[-1].set_xlabel("time, s")
-    return figure
-
-
-@styled
-def phase_plane(run: Run) -> Figure:
-    """Draw each joint's error rate over its error, from start (ring) to end (dot)."""
-    joints, n = joints_of(run), run.q.shape[1]
-    columns = min(n, 3)
-    rows = -(-n // columns)
-    size = 2.4 * columns + 0.4, 2.3 * rows
-    figure, panels = new_figure(rows, columns, *size, count=n, share_x=False)
-    e, rate, stride = run.error, run.v_ref - run.v, max(len(run.t) // 6000, 1)
-    for j, (panel, name, unit) in enumerate(
-        zip(panels, joints.lettered(), joints.units, strict=True)
-    ):
-        panel.plot(e[::stride, j], rate[::stride, j], linewidth=0.9)
-        panel.plot(e[0, j], rate[0, j], "o", color="#262626", fillstyle="none", markersize=5)
-        panel.plot(e[-1, j], rate[-1, j], "o", color="#D55E00", markersize=4)
-        panel.set(title=name, xlabel=f"error $e$, {unit}", ylabel=f"$\\dot e$, {unit}/s")
     return figure
 
 
@@ -166,18 +287,17 @@ def lyapunov(run: Run) -> Figure:
     ArgumentError
         The run's controller had no supervisor.
     """
-    if not has_supervisor(run):
+    if not _has_supervisor(run):
         raise ArgumentError("run", "a run with a supervisor", "one without")
-    figure, (upper, lower) = new_figure(2, 1, WIDTH, 3.8)
+    figure, (upper, lower) = new_figure(2, 1, _WIDTH, 3.8)
     line(upper, run.t, run.signals["lyapunov"], "$V$")
     with contextlib.suppress(KeyError, FpidError):  # a law that cannot be made again
         supervisor = run.controller.supervisor
         if supervisor is not None:
-            upper.axhline(supervisor.threshold, label="$V_M$", **LIMIT)
+            upper.axhline(supervisor.threshold, label="$V_M$", **_LIMIT)
     upper.set(ylabel="$V$", title=f"{lettering(run.name)}: Lyapunov function")
     legend(upper, 2)
-    for j, name in enumerate(joints_of(run).lettered()):
-        line(lower, run.t, run.signals["u_s"][:, j], name)
+    _all_joints(lower, run, "u_s")
     part = 100.0 * float((run.signals["u_s"] != 0.0).any(axis=1).mean())
     lower.set(
         ylabel="$u_s$, N m", xlabel="time, s", title=f"supervisor, acting {part:.3g} % of the time"
@@ -186,54 +306,23 @@ def lyapunov(run: Run) -> Figure:
     return figure
 
 
-@styled
-def comparison(runs: Sequence[Run]) -> Figure:
-    """Draw several runs over each other: error and torque of every joint."""
-    several = _of_one_size(runs)
-    joints, looks = joints_of(several[0]), looks_of(several)
-    n = len(joints.names)
-    figure, panels = new_figure(n, 2, 1.35 * WIDTH, 0.6 + 1.5 * n)
-    for j, name in enumerate(joints.lettered()):
-        left, right = panels[2 * j : 2 * j + 2]
-        for run, look in zip(several, looks, strict=True):
-            line(left, run.t, run.error[:, j], **look)
-            line(right, run.t, run.torque[:, j], **look)
-        left.set(title=name, ylabel=joints.error(j))
-        right.set(ylabel=joints.effort(j))
-    for panel in panels[-2:]:
-        panel.set_xlabel("time, s")
-    shared_legend(figure, captions_of(several, None))
-    return figure
-
-
-def _of_one_size(runs: Run | Sequence[Run]) -> list[Run]:
-    several = as_runs(runs)
-    if not several:
-        raise ArgumentError("runs", "at least one run", "none")
-    counts = list(dict.fromkeys(run.q.shape[1] for run in several))
-    if len(counts) > 1:
-        raise ArgumentError("runs", "one number of joints", ", ".join(map(str, counts)))
-    return several
-
-
-def _overview(run: Run, angle: Axes, e: Axes, u: Axes) -> None:
-    """Draw all joints into three panels: angles and references, errors, torques."""
+def _overview(run: Run, panels: Sequence[Axes]) -> None:
+    """Draw all joints into three panels: angles and references, torques, errors in some order."""
     joints = joints_of(run)
     names = joints.lettered()
-    for j, name in enumerate(names):
-        look: dict[str, Any] = {"color": colour(j)}
-        line(angle, run.t, run.q[:, j], name, **look)
-        line(e, run.t, run.error[:, j], name, **look)
-        line(u, run.t, run.torque[:, j], name, **look)
-        last = j == len(names) - 1
-        line(angle, run.t, run.q_ref[:, j], "desired" if last else "", **REFERENCE)
-        if np.abs(run.torque[:, j]).max(initial=0.0) > 0.5 * joints.limits[j]:
-            for limit in (joints.limits[j], -joints.limits[j]):
-                u.axhline(limit, linewidth=1.0, linestyle=":", **look)
-    angle.set_ylabel(joints.coordinate())
-    e.set_ylabel(joints.error())
-    u.set_ylabel(joints.effort())
-    legend(angle, min(len(names) + 1, 4))
+    for panel, quantity in zip(panels, ("q", "error", "torque"), strict=True):
+        for j, name in enumerate(names):
+            look: dict[str, Any] = {"color": colour(j)}
+            line(panel, run.t, getattr(run, quantity)[:, j], name, **look)
+            limit = joints.limits[j]
+            if quantity == "q":
+                last = j == len(names) - 1
+                line(panel, run.t, run.q_ref[:, j], "desired" if last else "", **_REFERENCE)
+            elif quantity == "torque" and np.abs(run.torque[:, j]).max(initial=0.0) > 0.5 * limit:
+                for height in (limit, -limit):
+                    panel.axhline(height, linewidth=1.0, linestyle=":", **look)
+        panel.set_ylabel(joints.label(quantity))
+    legend(panels[0], min(len(names) + 1, 4))
 
 
 @styled
@@ -242,23 +331,20 @@ def plot(run: Run) -> Figure:
 
     Orders that move have a panel, too.
     """
-    kinds = [
-        (title, kind)
-        for title, kind in (("gains", GAINS), ("orders", ORDERS))
-        if has_all(run, kind)
-    ]
+    kinds = {"gains": GAINS, "orders": ORDERS}
+    kinds = {title: kind for title, kind in kinds.items() if has_all(run, kind)}
     rows = 3 + len(kinds)
-    figure, (angle, e, u, *more) = new_figure(rows, 1, WIDTH, 1.7 * rows + 0.3)
-    _overview(run, angle, e, u)
+    figure, panels = new_figure(rows, 1, _WIDTH, 1.7 * rows + 0.3)
+    _overview(run, panels[:3])
     figure.suptitle(f"{lettering(run.name)}: {lettering(run.outcome)}", fontsize=10)
-    for panel, (title, kind) in zip(more, kinds, strict=True):
+    for panel, (title, kind) in zip(panels[3:], kinds.items(), strict=True):
         for (name, label), dash in zip(kind, ("-", "--", ":"), strict=False):
             for j in range(run.q.shape[1]):
                 look = {"color": colour(j), "linestyle": dash}
                 line(panel, run.t, run.signals[name][:, j], "" if j else label, **look)
         panel.set_ylabel(title)
         legend(panel, 3)
-    (more or [u])[-1].set_xlabel("time, s")
+    panels[-1].set_xlabel("time, s")
     return figure
 
 
@@ -274,7 +360,7 @@ def response(run: Run, heading: str = "") -> Figure:
         Above the figure; the run's name if empty.
     """
     figure, (track, control, e) = new_figure(3, 1, 6.6, 6.6)
-    _overview(run, track, e, control)
+    _overview(run, (track, e, control))
     track.set_title("(a) tracking")
     control.set_title("(b) control signals")
     e.set(title="(c) tracking errors", xlabel="time, s")
@@ -305,12 +391,10 @@ def figures(runs: Run | Sequence[Run]) -> dict[str, Figure]:
     if fractional:
         drawn["fig5"] = response(fractional[0], f"Fractional orders: {fractional[0].name}")
     first = [*fractional, *integer]
-    with_gains = [run for run in first if has_all(run, GAINS)]
-    supervised = [run for run in first if has_supervisor(run)]
-    if with_gains:
-        drawn["gains"] = gains(with_gains[0])
-    if supervised:
-        drawn["lyapunov"] = lyapunov(supervised[0])
+    for run in [run for run in first if has_all(run, GAINS)][:1]:
+        drawn["gains"] = gains(run)
+    for run in [run for run in first if _has_supervisor(run)][:1]:
+        drawn["lyapunov"] = lyapunov(run)
     if len(several) > 1 and len({run.q.shape[1] for run in several}) == 1:
         drawn["comparison"] = comparison(several)
     return drawn

@@ -16,8 +16,8 @@ from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, visible
 from fpid_pin.view.camera import Stage, stage
-from fpid_pin.view.palette import colour
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of, tool_placement
+from fpid_pin.view.style import colour
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.experiment import Experiment

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import functools
-import itertools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
-from importlib import resources
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec
@@ -19,32 +17,48 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
 from fpid_pin.text import cut, shown, visible
-from fpid_pin.view.palette import PALETTE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 P = ParamSpec("P")
-FORMATS = ("svg", "pdf", "png")
+#: One colour a controller, in figures, tables, replays and playgrounds: Okabe and Ito's without the
+#: green of a replay's ghost, brown and ink; from the eighth on those farthest in CIE Lab from all
+#: before.
+PALETTE = (
+    "#0072B2", "#D55E00", "#CC79A7", "#E69F00", "#56B4E9", "#8A6D3B", "#262626", "#5C1E83",
+    "#0DCC0D", "#0D0DE6", "#D20D48", "#97BB48", "#6F1E34", "#E60DD2", "#20520D", "#0D52E6",
+    "#AAA9AA", "#E63097", "#009E73", "#D275E6",
+)  # fmt: skip
+#: The first of them on a dark page.
+ON_DARK = (
+    "#5db4f0", "#ff9350", "#ee9fcb", "#f2c14b", "#9bd8ff", "#d3b684", "#c9ced6", "#c0a5f0",
+)  # fmt: skip
+#: Of these nobody mistakes one for another; those after them are also drawn with dashes.
+PLAIN = 8
+#: Dashes, each leaving more open than the last.
+DASHES: tuple[Any, ...] = ("-", (0, (6, 3)), (0, (2, 4)))
 #: Ink of the style sheet; a report lets it follow the page's own.
 INK = "#262626"
+#: What a file is not to say, for a figure to be the same file on any day.
+_METADATA = {
+    "svg": ("Date", "Creator"), "pdf": ("CreationDate", "Creator", "Producer"),
+    "png": ("Software",),
+}  # fmt: skip
 #: Points drawn of one curve at most: finer than any printer or screen shows.
 _MOST = 1200
+# Inches that a legend takes: a caption's handle and gap, a letter of it, and a row.
+_CAPTION_BASE, _CAPTION_LETTER, _LEGEND_ROW = 0.45, 0.066, 0.18
 #: Letters drawn of a name at most: a legend as wide as a page leaves no room for curves.
 _LETTERS = 80
 # What XML does not hold, not even as a reference.
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-@functools.cache
-def _sheet() -> dict[str, Any]:
-    from cycler import cycler
-    from matplotlib import rc_params_from_file
-
-    with resources.as_file(resources.files("fpid_pin.view") / "fpid_pin.mplstyle") as path:
-        given = rc_params_from_file(path, use_default_template=False)
-    return {**given, "axes.prop_cycle": cycler(color=PALETTE)}
+def colour(k: int) -> str:
+    """Return the colour of the k-th of several."""
+    return PALETTE[k % len(PALETTE)]
 
 
 def in_style() -> AbstractContextManager[None]:
@@ -52,9 +66,11 @@ def in_style() -> AbstractContextManager[None]:
 
     Matplotlib's defaults stand for what the sheet leaves open.
     """
+    from cycler import cycler
     from matplotlib import style
 
-    return style.context(_sheet(), after_reset=True)
+    sheets = ["fpid_pin.view.fpid_pin", {"axes.prop_cycle": cycler(color=PALETTE)}]
+    return style.context(sheets, after_reset=True)
 
 
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
@@ -95,13 +111,7 @@ def _figure_class() -> type[Figure]:
 
 def figure_bytes(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
     """Return a figure as the bytes of an svg, pdf or png: the same ones every time."""
-    checks.choice("format", kind, FORMATS)
-    # Dates and versions would make the same figure another file.
-    empty: dict[str, dict[str, Any]] = {
-        "svg": {"Date": None, "Creator": None},
-        "pdf": {"CreationDate": None, "Creator": None, "Producer": None},
-        "png": {"Software": None},
-    }
+    checks.choice("format", kind, _METADATA)
     buffer = BytesIO()
     with in_style():
         engine = figure.get_layout_engine()
@@ -109,7 +119,7 @@ def figure_bytes(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
             # Laid out once: matplotlib would do it anew, at twice the cost, for every file.
             engine.execute(figure)
             figure.set_layout_engine("none")
-        figure.savefig(buffer, format=kind, dpi=dpi, metadata=empty[kind])
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=dict.fromkeys(_METADATA[kind]))
     data = buffer.getvalue()
     if kind == "svg":
         # Of figures that are not ours: letters are drawn as paths, and named in comments.
@@ -140,7 +150,7 @@ def save_figure(figure: Figure, path: str | Path, *, dpi: float = 150.0) -> Path
     """
     path = Path(path)
     kind = path.suffix.removeprefix(".").lower()
-    if kind not in FORMATS:
+    if kind not in _METADATA:
         raise ArgumentError("path", "a name that ends in .svg, .pdf or .png", shown(str(path)))
     data = figure_bytes(figure, kind, checks.number("dpi", dpi, above=0.0))
     with replacing(path) as temporary:
@@ -160,15 +170,37 @@ def lettering(text: object) -> str:
 
 def thinned(t: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a curve with fewer points that looks the same: each stretch's ends and extremes."""
-    rows = len(t)
-    if rows <= _MOST:
+    if len(t) <= _MOST:
         return t, y
-    cuts = np.linspace(0, rows, _MOST // 4 + 1).astype(int)
-    keep = {0, rows - 1}
-    for first, stop in itertools.pairwise(cuts):
-        piece = y[first:stop]
-        keep |= {int(first), int(stop - 1)}
-        if np.isfinite(piece).any():
-            keep |= {int(first + np.nanargmin(piece)), int(first + np.nanargmax(piece))}
-    chosen = np.array(sorted(keep))
+    pieces = np.array_split(np.arange(len(t)), _MOST // 4)
+    chosen = np.unique([(k[0], k[y[k].argmin()], k[y[k].argmax()], k[-1]) for k in pieces])
     return t[chosen], y[chosen]
+
+
+def line(axes: Axes, t: FloatArray, y: FloatArray, label: str = "", **look: Any) -> None:
+    """Draw one curve over time, thinned to what can be seen."""
+    axes.plot(*thinned(t, y), label=label or "_", **look)
+
+
+def legend(axes: Axes, columns: int) -> None:
+    """Put the legend above the panel, where no data can be."""
+    axes.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, borderaxespad=0.1,
+        handlelength=1.8, columnspacing=1.2,
+    )  # fmt: skip
+
+
+def shared_legend(figure: Figure, captions: Sequence[str]) -> None:
+    """Put one legend for all panels below them, in as many columns as its captions leave room for.
+
+    A legend of a panel would be as wide as its captions, whatever is left for the panels.
+    """
+    captions = [lettering(caption) for caption in captions]
+    longest = max(len(caption) for caption in captions)
+    width = figure.get_size_inches()[0]
+    most = max(int(width / (_CAPTION_BASE + _CAPTION_LETTER * longest)), 1)
+    rows = -(-len(captions) // most)
+    handles = figure.axes[0].get_lines()[: len(captions)]
+    figure.legend(handles, captions, loc="outside lower center", ncols=-(-len(captions) // rows),
+                  handlelength=1.8, columnspacing=1.2)  # fmt: skip
+    figure.set_figheight(figure.get_figheight() + _LEGEND_ROW * rows)

@@ -13,8 +13,7 @@ from fpid_pin.campaign.answers import answer
 from fpid_pin.campaign.report import report_html
 from fpid_pin.campaign.statistics import comparisons
 from fpid_pin.exceptions import ArgumentError, FileFormatError
-from fpid_pin.view.palette import colour
-from fpid_pin.view.style import figure_bytes
+from fpid_pin.view.style import colour, figure_bytes
 
 NAMES = ("adaptive FPID", "<b>PD</b> & $gravity_", "computed torque")
 

@@ -9,7 +9,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.cli.main import main
-from fpid_pin.view.palette import PALETTE
+from fpid_pin.view.style import PALETTE
 
 #: All that is written by hand: a short run, one condition, what to search.
 WRITTEN = """

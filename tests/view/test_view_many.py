@@ -8,7 +8,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.view import plots
-from fpid_pin.view.palette import PALETTE
+from fpid_pin.view.style import PALETTE
 
 
 @pytest.fixture(scope="module")
