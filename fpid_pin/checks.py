@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fpid_pin.exceptions import ArgumentError
+from fpid_pin.exceptions import ArgumentError as ArgumentError
 from fpid_pin.text import cut, shown
 
 FloatArray = NDArray[np.float64]
@@ -27,12 +27,6 @@ MOST_ROWS = 1 << 53
 #: Characters of a wrong choice: the nearest right one is to be read after it.
 _SHORT = 40
 
-__all__ = [
-    "ArgumentError", "Array", "BoolArray", "Check", "Flag", "FloatArray", "Number", "OneOf",
-    "PerJoint", "Plain", "Text", "Whole", "choice", "floats", "instance", "integer", "number",
-    "per_joint", "plain", "read_only", "sample_count", "scalar_or_joints", "vector",
-]  # fmt: skip
-
 
 def read_only(values: ArrayLike) -> FloatArray:
     """Return a C-ordered float64 copy of `values` that cannot be written to."""
@@ -42,17 +36,11 @@ def read_only(values: ArrayLike) -> FloatArray:
 
 
 def _interval(low: float | None, high: float | None, above: float | None) -> str:
-    if above is not None and high is not None:
-        return f"in ({above:g}, {high:g}]"
-    if above is not None:
-        return f"> {above:g}"
-    if low is not None and high is not None:
-        return f"in [{low:g}, {high:g}]"
-    if low is not None:
-        return f">= {low:g}"
+    start = "" if low is None else f"[{low:g}"
+    start = start if above is None else f"({above:g}"
     if high is not None:
-        return f"<= {high:g}"
-    return "finite"
+        return f"in {start}, {high:g}]" if start else f"<= {high:g}"
+    return f"> {above:g}" if above is not None else f">= {low:g}" if start else "finite"
 
 
 def floats(
@@ -105,15 +93,10 @@ def floats(
     ):
         expected = f"shape {shape}".replace("None", "any")
         raise ArgumentError(name, expected, f"shape {array.shape}")
-    bad = np.isnan(array)
-    if finite:
-        bad |= np.isinf(array)
-    if low is not None:
-        bad |= array < low
-    if high is not None:
-        bad |= array > high
-    if above is not None:
-        bad |= array <= above
+    bad = ~np.isfinite(array) if finite else np.isnan(array)
+    for bound, is_beyond in ((low, np.less), (high, np.greater), (above, np.less_equal)):
+        if bound is not None:
+            bad |= is_beyond(array, bound)
     if bad.any():
         index = tuple(int(i) for i in np.argwhere(bad)[0])
         where = "".join(f".{i}" for i in index)
@@ -159,16 +142,12 @@ def per_joint(name: str, value: ArrayLike, n: int, **bounds: Any) -> FloatArray:
         For example ``kp: expected shape (2,) (the arm has 2 joints), got shape (3,)``.
     """
     array = floats(name, value, **bounds)
-    if array.ndim == 0:
-        array = read_only(np.full(n, float(array)))
-    if array.shape != (n,):
-        raise ArgumentError(name, f"shape ({n},) (the arm has {n} joints)", f"shape {array.shape}")
-    return array
+    return vector(name, np.full(n, array) if array.ndim == 0 else array, n, finite=False)
 
 
-def vector(name: str, value: ArrayLike, n: int) -> FloatArray:
-    """Check an (n,) array of finite numbers (no broadcasting) and return a read-only copy."""
-    array = floats(name, value)
+def vector(name: str, value: ArrayLike, n: int, *, finite: bool = True) -> FloatArray:
+    """Check an (n,) array of numbers (no broadcasting) and return a read-only copy."""
+    array = floats(name, value, finite=finite)
     if array.shape != (n,):
         raise ArgumentError(name, f"shape ({n},) (the arm has {n} joints)", f"shape {array.shape}")
     return array

@@ -30,8 +30,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import Check, Flag, Number, Text, Whole
 from fpid_pin.exceptions import ArgumentError, FpidError
-from fpid_pin.shown import listing
-from fpid_pin.text import shown
+from fpid_pin.text import listing, shown
 
 T = TypeVar("T")
 D = TypeVar("D", bound=type)
@@ -100,8 +99,11 @@ class Key:
         """Whether it has a number for each joint."""
         return any(check.function is checks.scalar_or_joints for check in self.checks)
 
-    def checked(self, name: str, value: Any) -> Any:
+    def checked(self, name: str, value: Any, faults: list[FpidError] | None = None) -> Any:
         """Return a value as the description keeps it.
+
+        With `faults` the value is a table's: descriptions in it are built, and what is wrong in
+        them is appended there.
 
         Raises
         ------
@@ -110,26 +112,44 @@ class Key:
         """
         if value is None and self.optional:
             return None
-        if self.family is not None and self.several is Mapping:
-            if not isinstance(value, Mapping):
-                raise ArgumentError(name, "a table", shown(value))
-            return {key: self._member(_join(name, key), item) for key, item in value.items()}
+        if self.family is not None:
+            return self._members(name, value, faults)
+        if self.plain is not None and faults is not None:
+            return self.plain(name, value)
         for check in self.checks:
             # Of two, a choice is for texts and the other for all else.
             if len(self.checks) == 1 or isinstance(value, str) == (check.function is checks.choice):
                 return check(name, value)
-        if self.family is not None and self.several is Sequence:
-            items = list(value) if isinstance(value, (list, tuple)) else [value]
-            return tuple(self._member(f"{name}.{k}", item) for k, item in enumerate(items))
-        return value if self.family is None else self._member(name, value)
-
-    def _member(self, name: str, value: Any) -> Any:
-        """Return a description that the field holds, checked."""
-        expected = _called(cast("type", self.family)) + " or None" * self.optional
-        checks.instance(name, value, cast("type", self.family), expected)
-        for check in self.checks:
-            check(name, value)
         return value
+
+    def _members(self, name: str, value: Any, faults: list[FpidError] | None) -> Any:
+        """Return what the field holds: one description, several of them, or some by name."""
+        family = cast("type", self.family)
+
+        def member(name: str, item: Any) -> Any:
+            if faults is not None and not isinstance(item, family):
+                item = build(item, family, name, faults)
+                if item is None:
+                    return None
+            checks.instance(name, item, family, _called(family) + " or None" * self.optional)
+            try:
+                for check in self.checks:
+                    check(name, item)
+            except ArgumentError as error:
+                if faults is None:
+                    raise
+                faults.append(error)
+            return item
+
+        if self.several is Mapping:
+            checks.plain(name, value, Mapping, "a table")
+            return {key: member(_join(name, key), item) for key, item in value.items()}
+        if self.several is Sequence:
+            if faults is not None:
+                checks.plain(name, value, (list, tuple), f"a list of tables ([[{name}]])")
+            items = value if isinstance(value, (list, tuple)) else [value]
+            return tuple(member(f"{name}.{k}", item) for k, item in enumerate(items))
+        return member(name, value)
 
 
 @cache
@@ -153,8 +173,7 @@ def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
         hint, *extras = typing.get_args(hint)
         declared = tuple(extra for extra in extras if isinstance(extra, Check))
     parts = _types(hint)
-    choices = typing.get_args(hint) if type(None) in parts else (hint,)
-    families = [t for t in parts if isinstance(t, type) and _is_family(t)]
+    origins = [typing.get_origin(t) for t in (hint, *typing.get_args(hint))]
     default = field.default if field.default_factory is MISSING else field.default_factory()
     return Key(
         field.name,
@@ -162,30 +181,22 @@ def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
         default is MISSING,
         declared,
         None if declared else _PLAIN.get(hint),
-        next(iter(families), None),
-        next((t for t in (Sequence, Mapping) for c in choices if issubclass(_origin(c), t)), None),
+        next((t for t in parts if isinstance(t, type) and _is_family(t)), None),
+        next((t for t in (Sequence, Mapping) if t in origins), None),
         type(None) in parts,
     )
 
 
 def _is_family(cls: type) -> bool:
-    return (cls.__name__ in _FAMILIES and cls is not object) or issubclass(cls, Description)
-
-
-def _origin(hint: Any) -> type:
-    origin = typing.get_origin(hint)
-    return origin if isinstance(origin, type) else object
+    return issubclass(cls, Description) or (cls is not object and cls.__name__ in _FAMILIES)
 
 
 def _types(hint: Any) -> list[Any]:
     """Flatten unions, optional values and collections into the types that they are made of."""
     origin = typing.get_origin(hint)
-    if origin is None:
-        return [hint]
-    collection = issubclass(_origin(hint), (Sequence, Mapping))
-    if origin in (typing.Union, types.UnionType) or collection:
+    if origin in (typing.Union, types.UnionType, Sequence, Mapping):
         return [t for part in typing.get_args(hint) for t in _types(part)]
-    return [origin]
+    return [origin or hint]
 
 
 def _called(family: type) -> str:
@@ -321,7 +332,7 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     if own is None:
         # A key at fault is left out, so that the constructor can find what else is wrong.
         fields = _read_fields(cls, fields, path, faults)
-        if not all(key.name in fields for key in keys(cls).values() if key.required):
+        if any(key.required and key.name not in fields for key in keys(cls).values()):
             return None
     try:
         thing = cls(**fields) if own is None else own(fields)
@@ -344,43 +355,18 @@ def _read_fields(
         except ArgumentError as error:
             faults.append(error)
     for name, key in known.items():
-        where = _join(path, name)
-        if name not in table:
-            if key.required:
+        before = len(faults)
+        try:
+            if name in table:
+                fields[name] = key.checked(_join(path, name), table[name], faults)
+            elif key.required:
                 expected = "a table" if key.several is Mapping else "a value"
-                faults.append(ArgumentError(where, expected, "none"))
-            continue
-        value, before = table[name], len(faults)
-        try:
-            if key.family is not None and value is not None:
-                value = _build_members(value, key, where, faults)
-            else:
-                (key.plain or key.checked)(where, value)
+                raise ArgumentError(_join(path, name), expected, "none")
         except ArgumentError as error:
             faults.append(error)
-        if len(faults) == before:
-            fields[name] = value
+        if len(faults) > before:
+            fields.pop(name, None)
     return fields
-
-
-def _build_members(value: Any, key: Key, path: str, faults: list[FpidError]) -> Any:
-    """Build what a field holds: one description, a list of them, or a table of them by name."""
-
-    def member(item: Any, path: str) -> Any:
-        family = cast("type", key.family)
-        built = item if isinstance(item, family) else build(item, family, path, faults)
-        try:
-            return built if built is None else key._member(path, built)
-        except ArgumentError as error:
-            faults.append(error)
-
-    if key.several is Mapping:
-        checks.plain(path, value, Mapping, "a table")
-        return {name: member(item, _join(path, name)) for name, item in value.items()}
-    if key.several is Sequence:
-        checks.plain(path, value, (list, tuple), f"a list of tables ([[{path}]])")
-        return [member(item, _join(path, str(k))) for k, item in enumerate(value)]
-    return member(value, path)
 
 
 def _join(path: str, key: str) -> str:

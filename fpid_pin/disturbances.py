@@ -9,9 +9,9 @@ from typing import Annotated, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
 from fpid_pin.checks import FloatArray, Number, PerJoint
 from fpid_pin.descriptions import Description, described
+from fpid_pin.exceptions import ArgumentError
 
 __all__ = ["Cosine", "Disturbance", "Pulse", "Sum"]
 
@@ -72,7 +72,7 @@ class Pulse(Description):
         super().__post_init__()
         if self.end <= self.start:
             expected = f"more than start ({self.start:g})"
-            raise checks.ArgumentError("disturbance.end", expected, self.end)
+            raise ArgumentError("disturbance.end", expected, self.end)
 
     def sample(self, t: FloatArray) -> FloatArray:
         """See `Disturbance.sample`."""
@@ -100,7 +100,7 @@ class Sum(Description):
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.parts:
-            raise checks.ArgumentError("disturbance.parts", "at least one disturbance", "none")
+            raise ArgumentError("disturbance.parts", "at least one disturbance", "none")
 
     def sample(self, t: FloatArray) -> FloatArray:
         """See `Disturbance.sample`."""

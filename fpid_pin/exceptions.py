@@ -11,19 +11,9 @@ from collections.abc import Iterable
 from fpid_pin.text import MOST, cut, visible
 
 __all__ = [
-    "ArgumentError",
-    "ArmError",
-    "ConfigError",
-    "DesignError",
-    "ExportError",
-    "FileFormatError",
-    "FpidError",
-    "FpidWarning",
-    "SimulationError",
-    "TuningError",
-    "WorkersDied",
-]
-
+    "ArgumentError", "ArmError", "ConfigError", "DesignError", "ExportError", "FileFormatError",
+    "FpidError", "FpidWarning", "SimulationError", "TuningError", "WorkersDied",
+]  # fmt: skip
 
 #: A message's key and value give way, down to these, for the line to have `MOST` characters; what
 #: was expected is our own text and stays whole.

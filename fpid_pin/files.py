@@ -19,14 +19,10 @@ from tempfile import TemporaryDirectory
 from fpid_pin.exceptions import FileFormatError
 
 _KINDS = {
-    stat.S_IFDIR: "a folder",
-    stat.S_IFREG: "a file",
-    stat.S_IFLNK: "a symlink",
-    stat.S_IFIFO: "a FIFO",
-    stat.S_IFSOCK: "a socket",
-    stat.S_IFCHR: "a device",
+    stat.S_IFDIR: "a folder", stat.S_IFREG: "a file", stat.S_IFLNK: "a symlink",
+    stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
-}
+}  # fmt: skip
 
 
 @contextmanager

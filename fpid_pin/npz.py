@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
-from fpid_pin.extras import needed
 from fpid_pin.files import replacing
+from fpid_pin.resources import needed
 from fpid_pin.text import shown
 
 Arrays = dict[str, NDArray[Any]]

@@ -1,4 +1,4 @@
-"""Text that came from a file or a user, made fit to be shown: visible, on one line, not too long.
+"""Text made fit to be shown: visible, on one line, not too long; lists and tables of it.
 
 Terminals obey control characters, and some characters turn a line around or hide what follows:
 what is shown has them written out. What a message quotes may be as long as a file.
@@ -7,10 +7,9 @@ what is shown has them written out. What a message quotes may be as long as a fi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from html import escape
 from typing import Any
-
-__all__ = ["MOST", "cut", "differences", "listed", "named", "shown", "visible"]
 
 #: Characters of a line in an error message, and of what it quotes.
 MOST = 200
@@ -36,15 +35,13 @@ def visible(text: str, keep: str = "") -> str:
     """
     if text.isprintable():
         return text
-    return "".join(c if c in keep or _has_shape(c) else _written_out(c) for c in text)
+    return "".join(c if c in keep else _visible(c) for c in text)
 
 
-def _has_shape(character: str) -> bool:
+def _visible(character: str) -> str:
     # Spaces of other widths count as unprintable; they do no harm.
-    return character.isprintable() or (character.isspace() and character not in _BREAKS)
-
-
-def _written_out(character: str) -> str:
+    if character.isprintable() or (character.isspace() and character not in _BREAKS):
+        return character
     return character.encode("unicode_escape").decode("ascii")
 
 
@@ -100,3 +97,47 @@ def differences(there: Any, here: Any, path: str = "") -> list[str]:
         return [f"{path} is {named(there)} there and {named(here)} here"]
     dot = f"{path}." if path else ""
     return [line for key, one, two in pairs for line in differences(one, two, f"{dot}{key}")]
+
+
+class Shown:
+    """What prints as a report: `repr` is its first line, a notebook has all of it."""
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {str(self).splitlines()[0]}>"
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{fit(self, keep=chr(10))}</pre>"
+
+
+def listing(title: str, rows: Iterable[tuple[str, Any, str]]) -> str:
+    """Return a title and a line for each (name, plain value, unit), numbers with four digits."""
+    found = [(name, cut(brief(value), 72), unit) for name, value, unit in rows]
+    width = max((len(name) for name, _, _ in found), default=0)
+    return "\n".join([title, *(f"  {n:{width}}  {v} {u}".rstrip() for n, v, u in found)])
+
+
+def brief(value: Any) -> str:
+    """Return a plain value on one line; numbers that are all alike are one."""
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, Mapping):
+        inner = ", ".join(f"{k} {brief(v)}" for k, v in value.items() if k != "kind")
+        return f"{value['kind']} ({inner})" if "kind" in value else inner
+    if isinstance(value, (list, tuple)):
+        parts = list(map(brief, value))
+        return parts[0] if len(set(parts)) == 1 else f"[{' '.join(parts)}]"
+    return visible(str(value))
+
+
+def fit(value: Any, keep: str = "") -> str:
+    """Return a value as text for HTML; a number with four significant digits."""
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return escape(visible(text, keep=keep))
+
+
+def html_table(caption: object, head: Sequence[object], rows: Iterable[Sequence[object]]) -> str:
+    """Return a table; everything in it is escaped."""
+    lines = [f"<caption>{fit(caption)}</caption>"]
+    lines.append("<tr>" + "".join(f"<th>{fit(cell)}</th>" for cell in head) + "</tr>")
+    lines += ["<tr>" + "".join(f"<td>{fit(cell)}</td>" for cell in row) + "</tr>" for row in rows]
+    return "<table>" + "\n".join(lines) + "</table>"

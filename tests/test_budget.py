@@ -3,7 +3,7 @@
 import pytest
 
 import fpid_pin as fp
-from fpid_pin import budget
+from fpid_pin import resources
 from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError
@@ -14,19 +14,21 @@ TUNE = "\n[tune]\n{}\n[tune.space]\nkp = [1, 100]\n"
 
 
 def test_there_is_as_much_memory_as_the_machine_has():
-    assert 1e8 < budget.memory() < 1e14
+    assert 1e8 < resources.memory() < 1e14
 
 
 def test_a_container_s_limit_counts(tmp_path, monkeypatch):
-    whole = budget.memory()
+    whole = resources.memory()
     for text, expected in (("1000000\n", 1_000_000), ("max\n", whole)):
         (tmp_path / "memory.max").write_text(text)
-        monkeypatch.setattr(budget, "_CONTAINER", (str(tmp_path / "memory.max"), "/no/such/file"))
-        assert budget.memory() == expected
+        monkeypatch.setattr(
+            resources, "_CONTAINER", (str(tmp_path / "memory.max"), "/no/such/file")
+        )
+        assert resources.memory() == expected
 
 
 def test_a_record_larger_than_memory_is_refused_with_both_sizes(monkeypatch):
-    monkeypatch.setattr(budget, "memory", lambda: 100_000)
+    monkeypatch.setattr(resources, "memory", lambda: 100_000)
     experiment = fp.paper_experiment(duration=1.0)
     expected = r"duration: expected work that fits into 0.0001 GB of memory, got .*0.000184 GB"
     with pytest.raises(ArgumentError, match=expected):
@@ -67,7 +69,7 @@ def test_no_command_starts_what_it_cannot_end(
         config = config.replace(*text)
     elif text is None:
         # Where the memory would do.
-        monkeypatch.setattr(budget, "memory", lambda: 10**12)
+        monkeypatch.setattr(resources, "memory", lambda: 10**12)
         settings = f"seeds = {list(range(100_000))}"
     else:
         settings = text

@@ -18,8 +18,8 @@ PACKAGE = Path(fpid_pin.__file__).parent
 # A room may import those before it, in its own tier and above.
 TIERS = [
     {"kernels", "text"},
-    {"_version", "exceptions", "progress", "shown"},
-    {"budget", "checks", "extras", "files"},
+    {"_version", "exceptions", "progress"},
+    {"checks", "files", "resources"},
     {"descriptions", "npz", "own_code"},
     {"costs", "disturbances"},
     {"fractional", "arms"},

@@ -17,7 +17,7 @@ from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_ro
 from fpid_pin.arms.spec import Frame, Joint, Shape
 from fpid_pin.arms.tree import Body, Keep, Tree
 from fpid_pin.exceptions import ArmError
-from fpid_pin.extras import needed
+from fpid_pin.resources import needed
 from fpid_pin.text import cut, listed
 
 #: By MuJoCo's enumerations mjtJoint and mjtGeom.

@@ -14,8 +14,7 @@ from fpid_pin import checks
 from fpid_pin.arms.joints import EFFORT_UNITS, UNITS, kind_of, link_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArmError
-from fpid_pin.shown import html_table
-from fpid_pin.text import cut, named
+from fpid_pin.text import cut, html_table, named
 
 #: Of an arm in a notebook.
 _SHOWN = ("lower", "upper", "velocity_limit", "effort_limit", "viscous_friction", "dry_friction",

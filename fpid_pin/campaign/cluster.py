@@ -11,7 +11,7 @@ from typing import Any
 from fpid_pin import checks, own_code
 from fpid_pin._version import __version__
 from fpid_pin.exceptions import ArgumentError, FpidError
-from fpid_pin.extras import needed
+from fpid_pin.resources import needed
 from fpid_pin.simulation.workers import fit_for_workers
 
 #: Scheduler and first worker answer within this [s], or are none: with what else it takes, 10 s.

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from fpid_pin import costs
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.extras import needed
 from fpid_pin.files import replacing
+from fpid_pin.resources import needed
 
 #: How a run can end. The first two are a success.
 OUTCOMES = ("completed", "saturated", "diverged", "failed")

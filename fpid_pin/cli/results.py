@@ -29,7 +29,7 @@ from fpid_pin.cli.table import (
     print_table,
     say,
 )
-from fpid_pin.extras import installed
+from fpid_pin.resources import installed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

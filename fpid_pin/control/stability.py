@@ -19,7 +19,7 @@ from fpid_pin.control.linear import (
     linear_arm,
 )
 from fpid_pin.control.linear_law import LinearLaw, linearised
-from fpid_pin.shown import Shown
+from fpid_pin.text import Shown
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm

@@ -29,7 +29,7 @@ from fpid_pin.fractional.design import (
     check_order,
     modes_of,
 )
-from fpid_pin.shown import Shown
+from fpid_pin.text import Shown
 
 TRUSTED_WITHIN = 0.01
 

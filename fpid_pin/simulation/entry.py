@@ -12,12 +12,12 @@ from typing import overload
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.budget import require_memory
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
+from fpid_pin.resources import require_memory
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.workers import WorkerPool, check_workers, spread, workers_of

@@ -13,6 +13,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint, Whole
 from fpid_pin.descriptions import Description, described
 from fpid_pin.disturbances import Disturbance
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Motion, Reference
 
 DYNAMICS = ("pinocchio", "compiled")
@@ -47,7 +48,7 @@ class Plant(Description):
         """Fill what is left open from `nominal` and check every length against it."""
         arm = nominal if self.arm is None else self.arm
         if arm.n != nominal.n:
-            raise checks.ArgumentError(
+            raise ArgumentError(
                 "plant.arm", f"{nominal.n} joints, as the nominal arm", f"{arm.n} joints"
             )
 
@@ -161,13 +162,13 @@ class Experiment(Description):
         v0 = checks.per_joint("v0", 0.0 if self.v0 is None else self.v0, n)
         if (np.abs(v0) > self.runaway_speed).any():
             expected = f"at most runaway_speed ({self.runaway_speed:g} rad/s)"
-            raise checks.ArgumentError("v0", expected, v0)
+            raise ArgumentError("v0", expected, v0)
         self._set(q0=checks.per_joint("q0", start if self.q0 is None else self.q0, n), v0=v0)
         disturbance = plant_of(self).disturbance
         if disturbance is not None:
             shape = np.shape(disturbance.sample(np.zeros(1)))
             if shape not in ((1, n), (1, 1)):
-                raise checks.ArgumentError(
+                raise ArgumentError(
                     "plant.disturbance", f"(K, {n}) at K times (the arm has {n} joints)", f"{shape}"
                 )
 
@@ -219,12 +220,12 @@ class Experiment(Description):
         for name, array in zip(("q", "v", "a"), self.reference.sample(t), strict=True):
             array = np.asarray(array, dtype=np.float64)
             if array.shape not in ((len(t), n), (len(t), 1)):
-                raise checks.ArgumentError(
+                raise ArgumentError(
                     f"reference {name}", f"shape ({len(t)}, {n})", f"shape {array.shape}"
                 )
             if not np.isfinite(array).all():
                 at = t[int(np.argwhere(~np.isfinite(array))[0, 0])]
-                raise checks.ArgumentError(
+                raise ArgumentError(
                     f"reference {name}", "finite values", f"NaN or inf at t = {at:g} s"
                 )
             out.append(np.broadcast_to(array, (len(t), n)))

@@ -21,12 +21,11 @@ from fpid_pin.costs import Metrics, tool_distance
 from fpid_pin.costs.cost import MOTION
 from fpid_pin.costs.metrics import metrics_of
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
-from fpid_pin.extras import needed
 from fpid_pin.files import replacing
-from fpid_pin.shown import html_table
+from fpid_pin.resources import needed
 from fpid_pin.simulation.experiment import Experiment, Outcome
 from fpid_pin.simulation.recorded import meta_of, on_a_clock
-from fpid_pin.text import shown
+from fpid_pin.text import html_table, shown
 
 KIND = "run file"
 _SIGNAL = "signal_"

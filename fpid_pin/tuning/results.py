@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.shown import Shown, html_table
+from fpid_pin.text import Shown, html_table
 from fpid_pin.tuning.space import BoundSpace
 
 IntArray = NDArray[np.int64]

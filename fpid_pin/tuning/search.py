@@ -17,11 +17,11 @@ import numpy as np
 
 from fpid_pin import checks, npz
 from fpid_pin._version import __version__
-from fpid_pin.budget import require_memory, require_time
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.exceptions import FpidWarning, TuningError
 from fpid_pin.files import kind_of, locked, require_file
 from fpid_pin.progress import ProgressCallback
+from fpid_pin.resources import require_memory, require_time
 from fpid_pin.simulation import evaluate, simulate
 from fpid_pin.simulation.entry import warm
 from fpid_pin.text import differences, listed

@@ -1,11 +1,14 @@
-"""What work will take, in memory and time, so that it can be refused before it starts."""
+"""What work needs of this machine: packages that may be missing, memory, time."""
 
 from __future__ import annotations
 
+import importlib
+import importlib.util
 import os
 from pathlib import Path
+from typing import Any
 
-from fpid_pin.exceptions import ArgumentError
+from fpid_pin.exceptions import ArgumentError, FpidError
 
 #: Work longer than this is taken for a mistake [s].
 MOST_SECONDS = 30 * 86400.0
@@ -13,6 +16,29 @@ MOST_SECONDS = 30 * 86400.0
 STEP_SECONDS = 3e-7
 # Where Linux tells a container how much it may have.
 _CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+
+
+def installed(module: str) -> bool:
+    """Return whether a module of an extra can be imported."""
+    return importlib.util.find_spec(module) is not None
+
+
+def needed(module: str, extra: str) -> Any:
+    """Import a module of an extra.
+
+    Raises
+    ------
+    FpidError
+        It is not installed; the line says what to install.
+    """
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        if error.name is not None and error.name.split(".")[0] != module.split(".")[0]:
+            raise  # it is there, and lacks something itself
+        raise FpidError(
+            f"{module}: expected it to be installed (pip install 'fpid_pin[{extra}]'), got none"
+        ) from None
 
 
 def memory() -> int:
