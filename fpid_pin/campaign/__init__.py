@@ -2,12 +2,10 @@
 
 from fpid_pin.campaign.cluster import dask_executor, local_cluster
 from fpid_pin.campaign.data import CampaignData, export
-from fpid_pin.campaign.distributions import Choices, Distribution, LogUniform, Normal, Uniform
-from fpid_pin.campaign.driver import load, run
-from fpid_pin.campaign.replayed import Replay, replay
+from fpid_pin.campaign.driver import Replay, load, replay, run
 from fpid_pin.campaign.report import report_html
-from fpid_pin.campaign.scenarios import Scenarios
-from fpid_pin.campaign.study import Study
+from fpid_pin.campaign.study import Scenarios, Study
+from fpid_pin.campaign.uncertain import Choices, Distribution, LogUniform, Normal, Uniform
 from fpid_pin.campaign.worst_plant import attack
 
 __all__ = [

@@ -1,9 +1,10 @@
-"""What a campaign has found: one row a run, one column a controller."""
+"""What a campaign has found: how each run ended, and all of them as one table."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,11 @@ from numpy.typing import NDArray
 
 from fpid_pin import costs
 from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.costs import Metrics
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
 from fpid_pin.resources import needed
+from fpid_pin.simulation import Outcome
 
 #: How a run can end. The first two are a success.
 OUTCOMES = ("completed", "saturated", "diverged", "failed")
@@ -24,6 +27,34 @@ METRICS = {
     name: costs.METRICS[name]
     for name in ("rms", "rms_tail", "energy", "peak_torque", "total_variation")
 }
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How a run ended under a controller: see `CampaignData`; figures are those of `METRICS`."""
+
+    outcome: str
+    cause: str
+    figures: tuple[float, ...] = (math.nan,) * len(METRICS)
+
+    @classmethod
+    def of(cls, joints: Sequence[str], outcome: Outcome, metrics: Metrics) -> Ended:
+        """Return how a run ended, by its outcome and metrics.
+
+        A run that was completed counts as saturated if at any sample a joint's torque was at its
+        limit; the cause says which joint the most, and how long.
+        """
+        if not outcome.completed:
+            if outcome.joint:
+                return cls("diverged", f"{outcome.joint} at {outcome.time:g} s: {outcome.cause}")
+            return cls("failed", f"{outcome.cause} (at {outcome.time:g} s)")
+        figures = tuple(metric.of(getattr(metrics, name)) for name, metric in METRICS.items())
+        worst = int(np.argmax(np.nan_to_num(metrics.saturated)))
+        share = float(metrics.saturated[worst])
+        if share > 0.0:
+            cause = f"{joints[worst]} at its effort limit {100.0 * share:.3g} % of the time"
+            return cls("saturated", cause, figures)
+        return cls("completed", "", figures)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,22 +1,27 @@
-"""The driver of a campaign: what is missing is simulated, what comes back is recorded."""
+"""What is done with a campaign: run, loaded, and one of its runs simulated again.
+
+What is missing in a ledger is simulated, chunk by chunk, and what comes back is recorded.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
+from dataclasses import astuple, dataclass
 from itertools import groupby
 from pathlib import Path
 
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.campaign.chunk import run_chunk
-from fpid_pin.campaign.data import CampaignData
-from fpid_pin.campaign.ledger import Ledger
+from fpid_pin.campaign.data import CampaignData, Ended
+from fpid_pin.campaign.ledger import Ledger, Row
 from fpid_pin.campaign.study import Study
-from fpid_pin.exceptions import ArgumentError, WorkersDied
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArgumentError, FpidError, SimulationError, WorkersDied
 from fpid_pin.files import locked
 from fpid_pin.progress import Progress, ProgressCallback
+from fpid_pin.simulation import Experiment, Run, simulate
 from fpid_pin.simulation.entry import executor_of, warm
 from fpid_pin.simulation.workers import spread
 
@@ -85,11 +90,11 @@ def run(
             warm(nominal, laws)
         todo, done = pieces(missing, chunk), len(recorded)
         try:
-            for k, results in spread(run_chunk, [(study, *piece) for piece in todo], pool):
-                book.record(todo[k][0], results)
-                done += len(results.ends)
+            for k, rows in spread(run_chunk, [(study, *piece) for piece in todo], pool):
+                book.record(rows)
+                done += todo[k][1] - todo[k][0]
                 if progress is not None:
-                    progress(Progress(done / (len(recorded) + len(missing))))
+                    progress(Progress(done / book.planned))
         except WorkersDied as error:
             first, last = todo[error.task]
             raise WorkersDied(f"runs {first} to {last - 1}: {error}", error.task) from None
@@ -106,6 +111,36 @@ def pieces(missing: Sequence[int], size: int) -> list[tuple[int, int]]:
     return [(group[0], group[-1] + 1) for group in several]
 
 
+def run_chunk(study: Study, first: int, last: int) -> list[Row]:
+    """Simulate runs `first` to `last` - 1 under every controller: a task, wherever it is done."""
+    samples = study.samples(first, last)
+    return [
+        (number, column, end.outcome, end.cause, *end.figures, *sample.tolist())
+        for number, sample in enumerate(samples, first)
+        for column, end in enumerate(_ends(study, number, sample))
+    ]
+
+
+def _ends(study: Study, number: int, sample: FloatArray) -> list[Ended]:
+    """Simulate a run under every controller; what fails under one leaves the others alone."""
+    # Imported late: it loads numba.
+    from fpid_pin.simulation.batch import measure
+
+    experiment: Experiment | None = None
+    ends = []
+    for law in study.laws:
+        try:
+            experiment = experiment or study.experiment_of(number, sample)
+            ((outcome, metrics),) = measure([experiment], [law])
+            ends.append(Ended.of(experiment.arm.joint_names, outcome, metrics))
+        except (MemoryError, ImportError, OSError):
+            raise  # faults of the machine, which no run is to blame for
+        except Exception as error:  # of a disturbance, reference or law of the user's own
+            kind = "" if isinstance(error, FpidError) else f"{type(error).__name__}: "
+            ends.append(Ended("failed", f"{kind}{error}"))
+    return ends
+
+
 def load(ledger: str | Path) -> CampaignData:
     """Return what a ledger holds, also while its campaign runs: runs up to the first missing one.
 
@@ -116,3 +151,75 @@ def load(ledger: str | Path) -> CampaignData:
     """
     with Ledger(ledger) as book:
         return book.data()
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """A run of a campaign and its nominal twin.
+
+    Attributes
+    ----------
+    run
+        As it was, under its sample.
+    nominal
+        The same controller on the nominal plant.
+    number, controller
+        Which run it is.
+    sample
+        Its uncertain numbers, by label.
+    recorded, again
+        How it ended by the ledger, and now.
+    """
+
+    run: Run
+    nominal: Run
+    number: int
+    controller: str
+    sample: dict[str, float]
+    recorded: Ended
+    again: Ended
+
+    @property
+    def exact(self) -> bool:
+        """Whether outcome and metrics are those of the ledger, to the last bit.
+
+        They are on the machine that recorded them; another processor's sine may differ in it.
+        """
+        # Python writes every digit of a number, and NaN is NaN.
+        return repr(astuple(self.recorded)) == repr(astuple(self.again))
+
+
+def replay(ledger: str | Path, run: int, controller: str | None = None) -> Replay:
+    """Simulate a run of a campaign again, and its nominal twin.
+
+    Parameters
+    ----------
+    ledger
+        Of the campaign.
+    run
+        Number of the run.
+    controller
+        Name; None: the first.
+
+    Raises
+    ------
+    ArgumentError
+        A run or controller that is not in the ledger.
+    SimulationError
+        A run that could not be simulated: there is nothing to be seen.
+    FileFormatError
+        See `load`.
+    """
+    with Ledger(ledger) as book:
+        run = checks.integer("run", run, low=0)
+        name = checks.choice("controller", controller or book.controllers[0], book.controllers)
+        before = book.end(run, name)
+        if before.outcome == "failed":
+            raise SimulationError(f"run {run}: {before.cause}; there is nothing to replay")
+        study = book.study()
+    sample = study.samples(run, run + 1)[0]
+    law = study.controllers[name]
+    again, nominal = simulate([study.experiment_of(run, sample), study.experiment], law)
+    now = Ended.of(study.experiment.arm.joint_names, again.outcome, again.metrics)
+    values = dict(zip(study.parameters, sample.tolist(), strict=True))
+    return Replay(again, nominal, run, name, values, before, now)

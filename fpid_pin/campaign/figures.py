@@ -10,7 +10,16 @@ import numpy as np
 from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.statistics import quantile, scored, spearman, tornado
 from fpid_pin.checks import FloatArray
-from fpid_pin.view.style import DASHES, PLAIN, colour, lettering, new_figure, styled
+from fpid_pin.view.style import (
+    DASHES,
+    INK,
+    PLAIN,
+    colour,
+    lettering,
+    new_figure,
+    styled,
+    thinned,
+)  # fmt: skip
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +32,7 @@ _WIDE = 9.6  # inches of a page
 _FAR = 8.0  # times the median from which on an axis is logarithmic
 _BARS = 12  # parameters of a tornado at most: those that matter most
 _LETTERS, _LINES = 34, 3  # of a controller's name above its panel
-_INK, _GREY, _LOST = "#262626", "#808080", "#D20D48"
+_GREY, _LOST = "#808080", "#D20D48"
 
 
 def label(metric: str) -> str:
@@ -53,14 +62,30 @@ def _scale(panel: Axes, scores: FloatArray) -> bool:
 
 def _write_out(axis: Axis, values: FloatArray) -> None:
     """Label a logarithmic axis of these values, as densely as there is room for."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+    from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
 
     decades = np.log10(values.max() / values.min())
     marks = (1.0, 2.0, 5.0) if decades < 1.5 else (1.0, 3.0) if decades < 2.5 else (1.0,)
     axis.set_major_locator(LogLocator(subs=marks))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_major_formatter("{x:g}")
     axis.set_minor_locator(NullLocator())
     axis.set_minor_formatter(NullFormatter())
+
+
+def all_of(data: CampaignData) -> dict[str, Figure]:
+    """Return the figures of a campaign by their captions; what would say nothing is left out."""
+    caption = "Share of all plants with at most so much; a curve ends at the success rate"
+    figures = {
+        caption: distributions(data),
+        "Runs that ended well: distribution, quartiles, median": violins(data),
+    }
+    if (effects(tornado(data)) >= 0.0).any():
+        caption = "Median error where a parameter is in its lowest and in its highest fifth"
+        figures[caption] = tornado_plot(data)
+    pair = two_that_matter(data)
+    if pair is not None:
+        figures["Every plant; colour: RMS error, cross: lost"] = scatter(data, *pair)
+    return figures
 
 
 @styled
@@ -74,11 +99,9 @@ def distributions(data: CampaignData) -> Figure:
     for panel, metric in zip(axes, SHOWN, strict=True):
         scores = scored(data, metric)
         for k, column in enumerate(scores.T):
-            values = np.sort(column[np.isfinite(column)])
-            # A curve of every plant would be as long as the campaign.
-            keep = np.unique(np.linspace(0, len(values) - 1, min(len(values), 400)).astype(int))
-            x = np.append(values[:1], values[keep])
-            y = np.append(0.0, 100.0 * (keep + 1) / data.runs)[: len(x)]
+            errors = np.sort(column[np.isfinite(column)])
+            x = np.append(errors[:1], errors)
+            x, y = thinned(x, np.linspace(0.0, 100.0 * len(errors) / data.runs, len(x)))
             dashes = DASHES[min(k // PLAIN, len(DASHES) - 1)]
             panel.step(x, y, where="post", color=colour(k), linestyle=dashes)
         panel.set(xlabel=label(metric), ylim=(-2.0, 102.0))
@@ -126,8 +149,8 @@ def _violin(panel: Axes, values: FloatArray, k: int, log: bool) -> None:
         width = 0.4 * density / density.max()
         panel.fill_between(np.exp(grid) if log else grid, k - width, k + width, color=colour(k),
                            alpha=0.45, linewidth=0.0)  # fmt: skip
-    panel.plot([first, third], [k, k], color=_INK, linewidth=3.0, solid_capstyle="butt")
-    panel.plot([median], [k], "o", color="#f4f4f4", markeredgecolor=_INK, markersize=4.5)
+    panel.plot([first, third], [k, k], color=INK, linewidth=3.0, solid_capstyle="butt")
+    panel.plot([median], [k], "o", color="#f4f4f4", markeredgecolor=INK, markersize=4.5)
 
 
 @styled
@@ -154,7 +177,7 @@ def tornado_plot(data: CampaignData) -> Figure:
     key = {
         "the parameter's lowest fifth": Patch(facecolor="none", edgecolor=_GREY),
         "its highest fifth": Patch(color=_GREY),
-        "all plants": Line2D([], [], color=_INK, linewidth=1.0),
+        "all plants": Line2D([], [], color=INK, linewidth=1.0),
     }
     figure.legend(list(key.values()), list(key), loc="outside lower center", ncols=3)
     return figure
@@ -188,7 +211,7 @@ def _bars(panel: Axes, ends: FloatArray, middle: float, k: int) -> None:
         for row in rows[lost]:
             panel.plot([beyond], [row], ">", color=colour(k), markersize=6, clip_on=False)
     if np.isfinite(middle):
-        panel.axvline(middle, color=_INK, linewidth=1.0)
+        panel.axvline(middle, color=INK, linewidth=1.0)
     panel.xaxis.set_major_locator(MaxNLocator(4))
     panel.set_xlim(known.min() - room, beyond if np.isinf(ends).any() else known.max() + room)
 

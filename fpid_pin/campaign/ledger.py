@@ -11,7 +11,7 @@ import json
 import math
 import os
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
@@ -19,17 +19,19 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import descriptions, own_code
-from fpid_pin.campaign.chunk import Done, Ended
-from fpid_pin.campaign.data import METRICS, CampaignData
-from fpid_pin.campaign.quantities import units_of
+from fpid_pin.campaign.data import METRICS, CampaignData, Ended
 from fpid_pin.campaign.study import Study
+from fpid_pin.campaign.uncertain import units_of
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.files import kind_of, replacing
 from fpid_pin.text import differences
 
 #: What SQLite files of ours say of themselves, and the layout of their tables.
 APPLICATION, LAYOUT = 0x46504944, 3
-_FIGURES = ", ".join(METRICS)
+#: Of a row; after them come the run's uncertain numbers, by their labels.
+COLUMNS = ("run", "controller", "outcome", "cause", *METRICS)
+#: A run under a controller, by its column: `COLUMNS`, then the sample.
+Row = tuple[Any, ...]
 
 
 class Ledger:
@@ -58,107 +60,20 @@ class Ledger:
             self._file = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode={how}", uri=True)
             try:
                 self._require_ours()
-                self.study_table: dict[str, Any] = json.loads(self._meta("study"))
+                meta = dict(self._file.execute("SELECT key, value FROM meta"))
+                self._study, self._own = json.loads(meta["study"]), json.loads(meta["import"])
+                #: Names, in the order of the columns.
+                self.controllers: tuple[str, ...] = tuple(self._study["controllers"])
+                #: How many runs were asked for.
+                self.planned = max(runs, int(meta["runs"]))
                 if study is not None:
                     self._require_same(study)
-                    self._plan(max(runs, self.planned))
+                    with self._file:
+                        update = "UPDATE meta SET value = ? WHERE key = 'runs'"
+                        self._file.execute(update, (str(self.planned),))
             except BaseException:
                 self._file.close()
                 raise
-
-    def __enter__(self) -> Ledger:
-        return self
-
-    def __exit__(self, *fault: object) -> None:
-        self._file.close()
-
-    # ------------------------------------------------------------------ reading
-
-    @property
-    def controllers(self) -> tuple[str, ...]:
-        """Names, in the order of the columns."""
-        return tuple(self.study_table["controllers"])
-
-    @property
-    def planned(self) -> int:
-        """How many runs were asked for."""
-        return int(self._meta("runs"))
-
-    def study(self) -> Study:
-        """Return the campaign's description; the user's own files that it needs are run first."""
-        files = [
-            Path(self.path.parent, name).resolve() for name in json.loads(self._meta("import"))
-        ]
-        own_code.load([file for file in files if str(file) not in own_code.loaded()])
-        try:
-            return descriptions.from_dict(self.study_table, Study)
-        except FpidError as error:
-            raise FileFormatError(f"{self.path}: {error}") from None
-
-    def recorded(self) -> set[int]:
-        """Return the numbers of the runs that are recorded, under every controller."""
-        query = "SELECT run FROM results GROUP BY run HAVING count(*) = ?"
-        with _told(self.path):
-            return {run for (run,) in self._file.execute(query, (len(self.controllers),))}
-
-    def data(self) -> CampaignData:
-        """Return the runs up to the first that is not recorded yet."""
-        columns, size = len(self.controllers), len(METRICS)
-        with _told(self.path):
-            found = self._file.execute("SELECT * FROM results ORDER BY run, controller")
-            parameters = tuple(name for name, *_ in found.description[4 + size :])
-            rows = found.fetchall()
-            # Chunks are recorded whole, so that the first gap is where numbers part.
-            places = np.array([run * columns + column for run, column, *_ in rows], dtype=np.int64)
-            gaps = np.flatnonzero(places != np.arange(len(places)))
-            count = (int(gaps[0]) if len(gaps) else len(places)) // columns
-            rows = rows[: count * columns]
-            shape = (count, columns)
-            table = np.array([row[4:] for row in rows], dtype=np.float64)
-            table = table.reshape(*shape, size + len(parameters))
-        return CampaignData(
-            title=str(self.study_table["title"]),
-            seed=int(self.study_table["scenarios"]["seed"]),
-            controllers=self.controllers,
-            parameters=parameters,
-            units=units_of(parameters),
-            samples=table[:, 0, size:].copy(),
-            outcome=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
-            cause=np.array([row[3] for row in rows], dtype=np.str_).reshape(shape),
-            metrics={name: table[:, :, k].copy() for k, name in enumerate(METRICS)},
-            dynamics=str(self.study_table["experiment"].get("dynamics", "")),
-        )
-
-    def end(self, run: int, controller: str) -> Ended:
-        """Return how a run ended under a controller."""
-        query = f"SELECT outcome, cause, {_FIGURES} FROM results WHERE run = ? AND controller = ?"
-        with _told(self.path):
-            place = (run, self.controllers.index(controller))
-            row = self._file.execute(query, place).fetchone()
-            if row is None:
-                raise ArgumentError("run", "one that is recorded", run)
-            figures = tuple(math.nan if x is None else float(x) for x in row[2:])
-            return Ended(row[0], row[1], figures)
-
-    # ------------------------------------------------------------------ writing
-
-    def record(self, first: int, done: Done) -> None:
-        """Write the results of runs from `first` on, all of them or nothing."""
-        rows = [
-            (first + k, column, end.outcome, end.cause, *end.figures, *sample)
-            for k, (sample, ends) in enumerate(zip(done.samples.tolist(), done.ends, strict=True))
-            for column, end in enumerate(ends)
-        ]
-        marks = ", ".join("?" * len(rows[0]))
-        with _told(self.path), self._file:
-            # What is there stays: a run that came twice is recorded once.
-            self._file.executemany(f"INSERT OR IGNORE INTO results VALUES ({marks})", rows)
-
-    def _plan(self, runs: int) -> None:
-        with self._file:
-            self._file.execute("UPDATE meta SET value = ? WHERE key = 'runs'", (str(runs),))
-
-    # ------------------------------------------------------------------ inside
 
     def _require_ours(self) -> None:
         mark, layout = (
@@ -172,18 +87,78 @@ class Ledger:
 
     def _require_same(self, study: Study) -> None:
         # A title decides no result.
-        found = differences(self.study_table | {"title": study.title}, json.loads(study.text))
+        found = differences(self._study | {"title": study.title}, json.loads(study.text))
         if found:
             raise FileFormatError(
                 f"{self.path}: expected a ledger of this campaign, got another: {found[0]}"
             )
 
-    def _meta(self, key: str) -> str:
+    def __enter__(self) -> Ledger:
+        return self
+
+    def __exit__(self, *fault: object) -> None:
+        self._file.close()
+
+    def study(self) -> Study:
+        """Return the campaign's description; the user's own files that it needs are run first."""
+        files = [Path(self.path.parent, name).resolve() for name in self._own]
+        own_code.load([file for file in files if str(file) not in own_code.loaded()])
+        try:
+            return descriptions.from_dict(self._study, Study)
+        except FpidError as error:
+            raise FileFormatError(f"{self.path}: {error}") from None
+
+    def recorded(self) -> set[int]:
+        """Return the numbers of the runs that are recorded, under every controller."""
+        query = "SELECT run FROM results GROUP BY run HAVING count(*) = ?"
         with _told(self.path):
-            row = self._file.execute("SELECT value FROM meta WHERE key = ?", (key,)).fetchone()
+            return {run for (run,) in self._file.execute(query, (len(self.controllers),))}
+
+    def data(self) -> CampaignData:
+        """Return the runs up to the first that is not recorded yet."""
+        several, first, last = len(self.controllers), COLUMNS.index("rms"), len(COLUMNS)
+        with _told(self.path):
+            found = self._file.execute("SELECT * FROM results ORDER BY run, controller")
+            parameters = tuple(name for name, *_ in found.description[last:])
+            rows = found.fetchall()
+            # Chunks are recorded whole, so that the first gap is where numbers part.
+            places = np.array([run * several + column for run, column, *_ in rows], dtype=np.int64)
+            whole = np.argmin(np.append(places, -1) == np.arange(len(places) + 1))
+            runs = int(whole) // several
+            rows, shape = rows[: runs * several], (runs, several)
+            table = np.array([row[first:] for row in rows], dtype=np.float64)
+            table = table.reshape(*shape, last - first + len(parameters))
+        return CampaignData(
+            title=str(self._study["title"]),
+            seed=int(self._study["scenarios"]["seed"]),
+            controllers=self.controllers,
+            parameters=parameters,
+            units=units_of(parameters),
+            samples=table[:, 0, len(METRICS) :].copy(),
+            outcome=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
+            cause=np.array([row[3] for row in rows], dtype=np.str_).reshape(shape),
+            metrics={name: table[:, :, k].copy() for k, name in enumerate(METRICS)},
+            dynamics=str(self._study["experiment"].get("dynamics", "")),
+        )
+
+    def end(self, run: int, controller: str) -> Ended:
+        """Return how a run ended under a controller."""
+        wanted = ", ".join(COLUMNS[2:])
+        query = f"SELECT {wanted} FROM results WHERE run = ? AND controller = ?"
+        with _told(self.path):
+            place = (run, self.controllers.index(controller))
+            row = self._file.execute(query, place).fetchone()
             if row is None:
-                raise KeyError(key)
-            return str(row[0])
+                raise ArgumentError("run", "one that is recorded", run)
+            figures = tuple(math.nan if x is None else float(x) for x in row[2:])
+            return Ended(row[0], row[1], figures)
+
+    def record(self, rows: Sequence[Row]) -> None:
+        """Write rows, all of them or nothing."""
+        marks = ", ".join("?" * len(rows[0]))
+        with _told(self.path), self._file:
+            # What is there stays: a run that came twice is recorded once.
+            self._file.executemany(f"INSERT OR IGNORE INTO results VALUES ({marks})", rows)
 
 
 def _make(path: Path, study: Study) -> None:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import starmap
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fpid_pin.campaign import figures
-from fpid_pin.campaign.answers import answer
-from fpid_pin.campaign.data import METRICS, CampaignData
+from fpid_pin.campaign.data import METRICS, OUTCOMES, CampaignData
 from fpid_pin.campaign.statistics import (
     Difference,
     best_shares,
@@ -23,24 +22,19 @@ from fpid_pin.campaign.statistics import (
     tornado,
     worst_runs,
 )
+from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import put_text
 from fpid_pin.view.document import Link, as_text
 from fpid_pin.view.report import Table, answer_html, figure_html, page_html, section, table_html
 from fpid_pin.view.style import colour
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 #: What leads from a run (its number) and a controller's name to a replay; None: nowhere.
 ReplayLink = Callable[[int, str], str | None]
 
-_CAPTIONS = {
-    "distributions": "Share of all plants with at most so much; a curve ends at the success rate",
-    "violins": "Runs that ended well: distribution, quartiles, median",
-    "tornado": "Median error where a parameter is in its lowest and in its highest fifth",
-    "scatter": "Every plant; colour: RMS error, cross: lost",
-}
+# Behind the head of what is a share.
+_PERCENT = ", %"
+
 _NOTES = {
     "Success": (
         "A run succeeds when it ends, in its torque limits or at them, with finite errors. Best: "
@@ -108,7 +102,7 @@ def report_html(
         heads = [as_text(figures.label(metric)) for metric in differences]
         tables = [_pairs(data, found) for found in differences.values()]
         add("Paired differences", _folded(heads, tables, 0, marks))
-    drawn = "".join(figure_html(_CAPTIONS[name], figure) for name, figure in _figures(data))
+    drawn = "".join(starmap(figure_html, figures.all_of(data).items()))
     parts.append(section("Figures", f'<div class="figures roomy">{drawn}</div>'))
     names = [
         f'<i class="swatch" style="background: {colour(k)}"></i>{as_text(data.controllers[k])}'
@@ -116,27 +110,65 @@ def report_html(
     ]
     first, lost = leader(data), data.runs - data.success.sum(axis=0)
     if data.parameters:
-        add("Sensitivity", _folded(names, _sensitivities(data), first))
+        found = zip(spearman(data), tornado(data), strict=True)
+        add("Sensitivity", _folded(names, [_sensitivity(data, *both) for both in found], first))
     heads = [f"{names[k]}: {lost[k]} lost" if lost[k] else names[k] for k in several]
     tables = [_worst(data, k, replay_link) for k in several]
     add("The ten worst runs", _folded(heads, tables, first))
     return put_text(path, page_html(data.title or "Campaign", parts))
 
 
+def answer(data: CampaignData, differences: Sequence[Difference]) -> list[str]:
+    """Return what a campaign says, in lines, the most important first.
+
+    `differences` are those of all pairs in their RMS errors, as `comparisons` has them.
+    """
+    first = leader(data)
+    rate, names = success_rates(data)[first], data.controllers
+    ends = f"{100.0 * rate.low:.4g} to {100.0 * rate.high:.4g}"
+    of = f"of {data.runs} plant{'s' * (data.runs != 1)} (95 %: {ends} %)"
+    typical = quantile(scored(data)[:, first], 0.5)
+    if not data.success.any():
+        return [f"No controller succeeded on any {of}."]
+    lines = [f"{names[first]} succeeded on {100.0 * rate.estimate:.4g} % {of}."]
+    if np.isfinite(typical):
+        lines.append(f"Its RMS error is {typical:.3g} rad or less on half of the plants.")
+    lines += [_compared(names[d.second], d) for d in differences if d.first == first]
+    lines.append(f"{data.runs} runs, every controller on the same plants; seed {data.seed}.")
+    return lines
+
+
+def _compared(other: str, found: Difference) -> str:
+    """Say how the first of a pair is against the `other`."""
+    better, median = found.better, found.median
+    if found.differing == 0:
+        return f"Against {other}: no plant on which either is better."
+    share = f"{100.0 * better.estimate:.3g} % of {found.differing} plants"
+    text = f"Against {other}: the smaller error on {share}"
+    if better.low <= 0.5 <= better.high:
+        text += ", which does not tell them apart"
+    if np.isnan(median.estimate):
+        return text + "; no plant on which both succeeded."
+    text += f"; where both succeed, {median.estimate:+.3g} rad in the median"
+    if np.isnan(median.low):
+        return text + " (too few for an interval)."
+    return text + f" (95 %: {median.low:+.3g} to {median.high:+.3g})."
+
+
+def _interval(head: str, found: Sequence[float], unit: str = "") -> dict[str, object]:
+    """Return the cells of an estimate and of the ends of its interval."""
+    heads = (f"{head}{unit}", f"from{unit}", f"to{unit}")
+    factor = 100.0 if unit == _PERCENT else 1.0
+    return {name: factor * float(x) for name, x in zip(heads, found, strict=True)}
+
+
 def _success(data: CampaignData) -> Table:
     best, rates = best_shares(data), success_rates(data)
     return [
-        {
-            "controller": name,
-            "success, %": 100.0 * rates[k].estimate,
-            "from, %": 100.0 * rates[k].low,
-            "to, %": 100.0 * rates[k].high,
-            "best, %": 100.0 * float(best[k]),
-        }
-        | {
-            end: int((data.outcome[:, k] == end).sum())
-            for end in ("saturated", "diverged", "failed")
-        }
+        {"controller": name}
+        | _interval("success", rates[k], _PERCENT)
+        | {"best, %": 100.0 * float(best[k])}
+        | {end: int((data.outcome[:, k] == end).sum()) for end in OUTCOMES[1:]}
         for k, name in enumerate(data.controllers)
     ]
 
@@ -157,49 +189,24 @@ def _metrics(data: CampaignData) -> Table:
 
 def _pairs(data: CampaignData, several: list[Difference]) -> Table:
     return [
-        {
-            "first": data.controllers[found.first],
-            "second": data.controllers[found.second],
-            "median": found.median.estimate,
-            "from": found.median.low,
-            "to": found.median.high,
-            "plants": found.runs,
-            "first better, %": 100.0 * found.better.estimate,
-            "from, %": 100.0 * found.better.low,
-            "to, %": 100.0 * found.better.high,
-            "of plants": found.differing,
-        }
+        {"first": data.controllers[found.first], "second": data.controllers[found.second]}
+        | _interval("median", found.median)
+        | {"plants": found.runs}
+        | _interval("first better", found.better, _PERCENT)
+        | {"of plants": found.differing}
         for found in several
     ]
 
 
-def _sensitivities(data: CampaignData) -> list[Table]:
-    rho, ends = spearman(data), tornado(data)
-    order = np.argsort(-np.nan_to_num(np.abs(rho[..., 0]), nan=-1.0), axis=1, kind="stable")
+def _sensitivity(data: CampaignData, rho: FloatArray, ends: FloatArray) -> Table:
+    """Return a row a parameter, (parameters, 3) and (parameters, 2), what matters most first."""
+    heads = "median error where small, rad", "where large, rad"
     return [
-        [
-            {
-                "parameter": data.parameters[j],
-                "correlation": float(rho[k, j, 0]),
-                "from": float(rho[k, j, 1]),
-                "to": float(rho[k, j, 2]),
-                "median error where small, rad": float(ends[k, j, 0]),
-                "where large, rad": float(ends[k, j, 1]),
-            }
-            for j in order[k]
-        ]
-        for k in range(len(data.controllers))
+        {"parameter": data.parameters[j]}
+        | _interval("correlation", rho[j])
+        | dict(zip(heads, ends[j].tolist(), strict=True))
+        for j in np.argsort(-np.nan_to_num(np.abs(rho[:, 0]), nan=-1.0), kind="stable")
     ]
-
-
-def _figures(data: CampaignData) -> Iterator[tuple[str, Figure]]:
-    yield "distributions", figures.distributions(data)
-    yield "violins", figures.violins(data)
-    if (figures.effects(tornado(data)) >= 0.0).any():
-        yield "tornado", figures.tornado_plot(data)
-    pair = figures.two_that_matter(data)
-    if pair is not None:
-        yield "scatter", figures.scatter(data, *pair)
 
 
 def _worst(data: CampaignData, controller: int, replay_link: ReplayLink | None) -> Table:

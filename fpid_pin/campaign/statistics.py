@@ -149,22 +149,19 @@ def spearman(data: CampaignData, metric: str = "rms") -> FloatArray:
     Source: D. G. Bonett and T. A. Wright, Psychometrika 65 (2000) 23.
     """
     from scipy.special import ndtri
-    from scipy.stats import spearmanr
+    from scipy.stats import rankdata
 
     scores = scored(data, metric)
-    found = np.full((scores.shape[1], len(data.parameters), 3), np.nan)
-    for k, j in np.ndindex(found.shape[:2]):
-        x, y = data.samples[:, j], scores[:, k]
-        if data.runs > 3 and (x != x[0]).any() and (y != y[0]).any():
-            found[k, j] = spearmanr(x, y).statistic
-    rho = found[..., 0]
-    with np.errstate(divide="ignore", invalid="ignore"):  # fewer runs; arctanh(1) is infinite
-        width = np.sqrt((1.0 + rho**2 / 2.0) / (data.runs - 3))
-        ends = np.arctanh(rho)[..., np.newaxis] + np.multiply.outer(
-            width * ndtri(0.5 + CONFIDENCE / 2.0), (-1.0, 1.0)
-        )
-    found[..., 1:] = np.tanh(ends)
-    return found
+    controllers = scores.shape[1]
+    rho = np.full((controllers, len(data.parameters)), np.nan)
+    # Constants, fewer runs; arctanh(1) is infinite.
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if data.runs > 3:
+            ranks = rankdata(np.hstack([scores, data.samples]), axis=0)
+            rho = np.atleast_2d(np.corrcoef(ranks, rowvar=False))[:controllers, controllers:]
+        width = ndtri(0.5 + CONFIDENCE / 2.0) * np.sqrt((1.0 + rho**2 / 2.0) / (data.runs - 3))
+        ends = [np.tanh(np.arctanh(rho) + sign * width) for sign in (-1.0, 1.0)]
+    return np.stack([rho, *ends], axis=-1)
 
 
 def tornado(data: CampaignData, metric: str = "rms") -> FloatArray:
@@ -182,19 +179,15 @@ def tornado(data: CampaignData, metric: str = "rms") -> FloatArray:
     for k, values in enumerate(data.samples.T):
         if len(values) == 0 or values.min() == values.max():
             continue
-        for end, rows in enumerate(_ends(values)):
+        low, high = (s * quantile(s * values, _QUINTILE) for s in (1.0, -1.0))
+        ends = values <= low, values >= high
+        if low >= high:
+            # One value fills both quintiles: it is compared with what lies beside it.
+            below, above = values < low, values > low
+            ends = below if below.any() else ~above, above if above.any() else ~below
+        for end, rows in enumerate(ends):
             found[:, k, end] = [quantile(column, 0.5) for column in scores[rows].T]
     return found
-
-
-def _ends(values: FloatArray) -> tuple[np.ndarray, np.ndarray]:
-    low = np.quantile(values, _QUINTILE, method="inverted_cdf")
-    high = -np.quantile(-values, _QUINTILE, method="inverted_cdf")
-    if low < high:
-        return values <= low, values >= high
-    # One value fills both quintiles: it is compared with what lies beside it.
-    below, above = values < low, values > low
-    return (below if below.any() else ~above), (above if above.any() else ~below)
 
 
 def best_shares(data: CampaignData, metric: str = "rms") -> FloatArray:
@@ -204,10 +197,9 @@ def best_shares(data: CampaignData, metric: str = "rms") -> FloatArray:
     the shares may sum to less than one. (controllers,)
     """
     scores = scored(data, metric)
-    least = scores.min(axis=1, keepdims=True)
-    winners = (scores == least) & np.isfinite(least)
-    return np.asarray((winners / np.maximum(winners.sum(axis=1, keepdims=True), 1)).sum(axis=0)
-                      / max(data.runs, 1))  # fmt: skip
+    winners = np.isfinite(scores) & (scores == scores.min(axis=1, keepdims=True))
+    shares = winners / np.maximum(winners.sum(axis=1, keepdims=True), 1)
+    return np.asarray(shares.sum(axis=0) / max(data.runs, 1))
 
 
 def leader(data: CampaignData) -> int:

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.campaign.chunk import run_chunk
 from fpid_pin.campaign.data import CampaignData
-from fpid_pin.campaign.driver import pieces, run
+from fpid_pin.campaign.driver import pieces, run, run_chunk
+from fpid_pin.campaign.ledger import COLUMNS
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Controller
@@ -60,8 +60,8 @@ def attack(
             scenarios = replace(study.scenarios, points=points)
             alone = replace(study, controllers={"searched": law}, scenarios=scenarios)
             cuts = pieces(range(len(errors)), -(-len(errors) // workers_of(pool)))
-            for k, done in spread(run_chunk, [(alone, *cut) for cut in cuts], pool):
-                errors[slice(*cuts[k])] = [end.figures[0] for (end,) in done.ends]
+            for k, rows in spread(run_chunk, [(alone, *cut) for cut in cuts], pool):
+                errors[slice(*cuts[k])] = [row[COLUMNS.index("rms")] for row in rows]
             calls += 1
             if progress is not None:
                 progress(Progress(min(calls / len(study.laws) / (generations + 1), 1.0)))

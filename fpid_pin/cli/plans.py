@@ -9,7 +9,7 @@ from typing import Annotated, Any, TypeVar
 
 from fpid_pin import checks, descriptions
 from fpid_pin.campaign import Distribution, Scenarios, Study
-from fpid_pin.campaign.quantities import require_values
+from fpid_pin.campaign.uncertain import require_values
 from fpid_pin.checks import Check, OneOf, Plain, Text, Whole
 from fpid_pin.cli.configuration import Config, moved
 from fpid_pin.control import Controller

@@ -9,8 +9,7 @@ import pytest
 from made_campaigns import arms, campaign
 
 from fpid_pin.campaign import figures
-from fpid_pin.campaign.answers import answer
-from fpid_pin.campaign.report import report_html
+from fpid_pin.campaign.report import answer, report_html
 from fpid_pin.campaign.statistics import comparisons
 from fpid_pin.exceptions import ArgumentError, FileFormatError
 from fpid_pin.view.style import colour, figure_bytes

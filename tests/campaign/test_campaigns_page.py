@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from fpid_pin.campaign.quantities import QUANTITIES
+from fpid_pin.campaign.uncertain import QUANTITIES
 from fpid_pin.cli.commands import app
 from fpid_pin.cli.configuration import demo_config, parse
 from fpid_pin.cli.plans import read_campaign

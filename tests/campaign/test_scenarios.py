@@ -9,7 +9,7 @@ from studies import UNCERTAIN, study
 import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.campaign import Choices, LogUniform, Normal, Scenarios, Study, Uniform
-from fpid_pin.campaign.quantities import QUANTITIES
+from fpid_pin.campaign.uncertain import QUANTITIES
 from fpid_pin.exceptions import ArgumentError
 
 SAMPLINGS = ("sobol", "latin_hypercube")

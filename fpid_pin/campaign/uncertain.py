@@ -1,20 +1,126 @@
-"""What of an experiment can be uncertain, and an experiment with other values of it."""
+"""What of an experiment can be uncertain, how it is spread, and an experiment with other values."""
 
 from __future__ import annotations
 
 import dataclasses
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.campaign.distributions import Distribution
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import Flag, FloatArray, PerJoint
+from fpid_pin.descriptions import Description, described
 from fpid_pin.disturbances import Cosine
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import Experiment, Plant, Sensors
+
+#: Half a cell of the grid that Sobol points lie on: a normal quantile of 0 is -inf.
+_EDGE = 2.0**-31
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution(Description, ABC):
+    """The spread of one quantity; its numbers are those of all joints, or (n,), one a joint.
+
+    Parameters
+    ----------
+    shared
+        Whether all joints have the same number; else each has its own, independently.
+    """
+
+    _possible: ClassVar[tuple[str, ...]] = ("low", "high")
+
+    shared: Annotated[bool, Flag] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        ends = self.numbers()
+        if "low" in ends and not (ends["low"] < ends["high"]).all():
+            expected = f"more than low ({ends['low'].tolist()})"
+            raise ArgumentError("high", expected, ends["high"].tolist())
+
+    @abstractmethod
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """Return the values at `u` in [0, 1], (runs, numbers), none beyond [`low`, `high`]."""
+
+    def numbers(self) -> dict[str, FloatArray]:
+        """Return by field the numbers that have to be possible values themselves."""
+        return {name: np.asarray(getattr(self, name)) for name in self._possible}
+
+
+@described("uniform")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Uniform(Distribution):
+    """Equally likely from `low` to `high`."""
+
+    low: Annotated[ArrayLike, PerJoint()]
+    high: Annotated[ArrayLike, PerJoint()]
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        a, b = np.asarray(self.low), np.asarray(self.high)
+        return np.asarray(a + (b - a) * u)
+
+
+@described("log_uniform")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LogUniform(Distribution):
+    """Its logarithm is equally likely from that of `low` to that of `high`, both positive."""
+
+    low: Annotated[ArrayLike, PerJoint(above=0.0)]
+    high: Annotated[ArrayLike, PerJoint(above=0.0)]
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        a, b = np.asarray(self.low), np.asarray(self.high)
+        return np.asarray(np.clip(a * (b / a) ** u, a, b))
+
+
+@described("normal")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Normal(Distribution):
+    """A normal distribution; where the quantity has limits it is cut there, and what is left is 1.
+
+    Parameters
+    ----------
+    mean, std
+        Of the distribution before it is cut.
+    """
+
+    _possible = ("mean",)
+
+    mean: Annotated[ArrayLike, PerJoint()]
+    std: Annotated[ArrayLike, PerJoint(above=0.0)]
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        # Imported late: scipy is heavy.
+        from scipy.special import ndtr, ndtri
+
+        mean, std = np.asarray(self.mean), np.asarray(self.std)
+        first, last = ndtr((low - mean) / std), ndtr((high - mean) / std)
+        part = first + np.clip(u, _EDGE, 1.0 - _EDGE) * (last - first)
+        return np.asarray(np.clip(mean + std * ndtri(part), low, high))
+
+
+@described("choices")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Choices(Distribution):
+    """One of several `values`, equally likely; the same list for every joint."""
+
+    _possible = ("values",)
+
+    values: Annotated[ArrayLike, PerJoint()]
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        values = np.atleast_1d(np.asarray(self.values))
+        place = np.minimum((u * len(values)).astype(np.int64), len(values) - 1)
+        return np.asarray(values[place])
 
 
 @dataclass(frozen=True)
@@ -65,7 +171,6 @@ QUANTITIES = {
     "reference_frequency": Quantity("rad/s", low=0.0),
     "reference_phase": Quantity("rad"),
 }
-_REFERENCE, _DISTURBANCE = "reference_", "disturbance_"
 
 
 def units_of(labels: Iterable[str]) -> tuple[str, ...]:
@@ -87,26 +192,26 @@ def require_values(path: str, spread: Distribution) -> Distribution:
     return spread
 
 
-def require_quantity(experiment: Experiment, key: str, spread: Distribution) -> int:
-    """Return how many numbers a quantity has; refuse one that the experiment does not have."""
-    path, name = f"uncertain.{key}", key.partition("_")[2]
-    if key.startswith(_REFERENCE):
+def labels_of(experiment: Experiment, key: str, spread: Distribution) -> list[str]:
+    """Return the labels of a quantity's numbers; refuse one that the experiment does not have."""
+    path, (part, _, name) = f"uncertain.{key}", key.partition("_")
+    if part == "reference":
         reference: Any = experiment.reference
         fields = dataclasses.fields(reference) if dataclasses.is_dataclass(reference) else ()
         if name not in {field.name for field in fields}:
             kind = getattr(type(reference), "_kind", type(reference).__name__)
             raise ArgumentError(path, f"a reference with {name} (a sinusoid)", kind)
-    elif key.startswith(_DISTURBANCE):
+    elif part == "disturbance":
         disturbance = (experiment.plant or Plant()).disturbance
         if not isinstance(disturbance, Cosine):
             kind = getattr(type(disturbance), "_kind", "none")
             raise ArgumentError(path, "one [[disturbance]] of kind cosine", kind)
     if QUANTITIES[key].single or spread.shared:
-        return 1
+        return [key]
     for name, numbers in spread.numbers().items():
         if name != "values":
             checks.per_joint(f"{path}.{name}", numbers, experiment.arm.n)
-    return experiment.arm.n
+    return [f"{key}.{j}" for j in range(experiment.arm.n)]
 
 
 def varied(nominal: Experiment, values: Mapping[str, FloatArray], seed: int) -> Experiment:
@@ -128,7 +233,7 @@ def varied(nominal: Experiment, values: Mapping[str, FloatArray], seed: int) -> 
     if carried:
         arm = nominal.arm if plant.arm is None else plant.arm
         changed["arm"] = arm.with_changes(*carried)
-    pushed = some(*cosine, prefix=_DISTURBANCE)
+    pushed = some(*cosine, prefix="disturbance_")
     if pushed:
         disturbance: Any = plant.disturbance
         changed["disturbance"] = dataclasses.replace(disturbance, **pushed)
@@ -137,7 +242,7 @@ def varied(nominal: Experiment, values: Mapping[str, FloatArray], seed: int) -> 
     if sensed:
         sensed |= {key: int(number) for key, number in some("delay").items()}
         parts["sensors"] = dataclasses.replace(nominal.sensors or Sensors(), **sensed)
-    moved = some(*cosine, prefix=_REFERENCE)
+    moved = some(*cosine, prefix="reference_")
     if moved:
         reference: Any = nominal.reference
         parts["reference"] = dataclasses.replace(reference, **moved)
