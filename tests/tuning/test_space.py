@@ -46,17 +46,11 @@ def test_the_middle_of_a_logarithmic_scale_is_the_geometric_mean():
     np.testing.assert_allclose(bound.values(np.full(4, 0.5)), [10, 10, 50.5, 50.5], rtol=1e-14)
 
 
-def test_shows_itself_as_it_is_written():
-    text = "Space(integral_order=(0, 1), kp=(1, 100, 'log', 'shared'))"
+def test_it_shows_itself_as_it_is_written_and_a_table_says_the_same():
+    text = "Space(integral_order=(0, 1), kp=(1, 9, 'log', 'shared'))"
     assert repr(eval(text)) == text
-
-
-def test_a_table_says_the_same_as_arguments():
     table = {"integral_order": [0, 1], "kp": {"low": 1, "high": 9, "scale": "log", "shared": True}}
-    assert (
-        Space(**table).to_dict()
-        == Space(integral_order=(0, 1), kp=(1, 9, "log", "shared")).to_dict()
-    )
+    assert Space(**table).to_dict() == eval(text).to_dict()
 
 
 @pytest.mark.parametrize(
@@ -69,26 +63,19 @@ def test_a_table_says_the_same_as_arguments():
         ({"kp": 3}, "space.kp: expected bounds (low, high)"),
         ({"kp": {"low": 1, "high": 2, "scael": "log"}}, "did you mean scale?"),
         ({"kp": ((1, 2), (3, 4, 5))}, "space.kp.high: expected one length for all joints"),
-    ],
-)
-def test_bounds_at_fault_are_named(genes, said):
-    with pytest.raises(ArgumentError) as error:
-        Space(**genes)
-    assert said in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("genes", "said"),
-    [
         ({"intgral_order": (0, 1)}, "did you mean integral_order?"),
         ({"integral_order": (0, 1.5)}, "space.integral_order.high: expected a number in [0, 1]"),
         ({"kp": ((1, 2, 3), 9)}, "space.kp.low: expected shape (2,)"),
         ({"kp": ((1, 2), 9, "shared")}, "space.kp.low: expected a number (the parameter is"),
+        ({"observer": (1, 9)}, 'space.observer: expected "shared" behind its bounds'),
     ],
 )  # fmt: skip
-def test_parameters_that_the_controller_refuses_are_named(genes, said):
+def test_what_is_wrong_with_bounds_or_refused_by_the_controller_is_named(genes, said):
+    def bound():
+        return Space(**genes).bind(CONTROLLER, 2)
+
     with pytest.raises(ArgumentError) as error:
-        Space(**genes).bind(CONTROLLER, 2)
+        bound()
     assert said in str(error.value)
 
 

@@ -1,21 +1,24 @@
 import dataclasses
+import time
+import warnings
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import fpid_pin as fp
 from fpid_pin.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, TuningError
 from fpid_pin.references import Hold
-from fpid_pin.tuning import SearchSettings, Space, WorkerPool, cost_map, pareto, tune
+from fpid_pin.tuning import SearchSettings, Space, WorkerPool, cost_map, pareto, search, tune
+from fpid_pin.tuning.search import Evolution
 
 EXPERIMENT = fp.paper_experiment(duration=0.4, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
 TRACKING = QuadraticCost(1.0, 0.0)
-
-
 THREE = fp.Experiment(fp.Arm.planar(lengths=(1,) * 3, masses=(1,) * 3), Hold((0.0,) * 3))
 
 
@@ -159,32 +162,110 @@ def test_a_cost_map_is_the_cost_at_every_pair_of_orders():
         ({"mutation": -0.1}, "mutation: expected a number in [0, 1], got -0.1"),
         ({"seeds": (1, 1)}, "seeds: expected at least one, each once"),
         ({"executor": 2}, "executor: expected an Executor, got int"),
-        (
-            {"executor": ThreadPoolExecutor(1), "workers": 2},
-            "workers: expected workers or executor",
-        ),
+        ({"executor": ThreadPoolExecutor(1), "workers": 2},
+         "workers: expected workers or executor"),
         ({"resume": True}, "resume: expected a checkpoint to resume from, got none"),
         ({"initial": [CONTROLLER, 1]}, "initial.1: expected a Controller, got int"),
-    ],
-)
-def test_bad_settings_are_named(changes, said):
-    with pytest.raises(ArgumentError) as error:
-        SearchSettings(**changes)
-    assert str(error.value).startswith(said)
-
-
-@pytest.mark.parametrize(
-    ("changes", "said"),
-    [
+        ({"initial": fp.Pid(1.0, 1.0, 1.0)}, "a controller with integral_order"),
         ({"settings": {"population": 8}}, "settings: expected SearchSettings, got dict"),
         ({"cost": [TRACKING]}, "cost: expected one cost (several: use pareto)"),
         ({"experiment": []}, "experiment: expected at least one, got none"),
         ({"experiment": [EXPERIMENT, THREE]}, "one number of joints, got [2, 3]"),
-        ({"settings": small(initial=fp.Pid(1.0, 1.0, 1.0))}, "a controller with integral_order"),
     ],
-)
-def test_bad_arguments_are_named_before_anything_is_simulated(changes, said):
-    given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS} | changes
+)  # fmt: skip
+def test_bad_input_is_named_before_anything_is_simulated(changes, said):
+    def ask():
+        of_search = {k: v for k, v in changes.items() if hasattr(SearchSettings, k)}
+        given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS}
+        return tune(**given | (changes if not of_search else {"settings": small(**of_search)}))
+
     with pytest.raises(ArgumentError) as error:
-        tune(**given)
+        ask()
     assert said in str(error.value)
+
+
+# ---------------------------------------------------------------------- the genetic algorithm
+
+
+def made(seed, **changes):
+    return Evolution(np.empty((0, 6)), 1, SearchSettings(**changes), seed)
+
+
+def bred(evolution):
+    """Return a first generation of a bowl, and its offspring."""
+    parents = evolution.ask()
+    evolution.tell(((parents - 0.3) ** 2).sum(axis=1, keepdims=True))
+    return parents, evolution.ask()
+
+
+def test_the_papers_settings_mean_what_they_say():
+    crossed = mutated = offspring = 0
+    for seed in range(20):
+        # Without mutation: an offspring that is no parent's copy was crossed.
+        parents, children = bred(made(seed, mutation=0.0))
+        known = {p.tobytes() for p in parents}
+        crossed += sum(child.tobytes() not in known for child in children)
+        # Without crossover: a coordinate that no parent has was mutated.
+        parents, children = bred(made(seed, crossover=0.0))
+        mutated += int((~np.isin(children, parents)).sum())
+        offspring += len(children)
+    # Two parents that are one and the same come out of a crossover unchanged.
+    assert 0.70 < crossed / offspring < 0.76
+    assert 0.025 < mutated / (6 * offspring) < 0.035
+
+
+# ---------------------------------------------------------------------- a law in plain Python
+
+SHORT = fp.paper_experiment(duration=0.1, step=5e-3)
+GAINS = Space(kp=(10, 100, "log"), kd=(1, 20))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class PythonPd(fp.Controller):
+    kp: ArrayLike = 50.0
+    kd: ArrayLike = 10.0
+
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        return self.kp * (q_ref - q) + self.kd * (v_ref - v)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class JointPd(fp.Controller):
+    kp: ArrayLike = 50.0
+    kd: ArrayLike = 10.0
+
+    @staticmethod
+    def torque(c):
+        return c.kp * c.e + c.kd * c.e_dot
+
+
+def test_it_says_before_the_search_how_long_it_takes(monkeypatch):
+    clock = iter((0.0, 36.0))
+    monkeypatch.setattr(
+        search, "time", SimpleNamespace(perf_counter=lambda: next(clock), monotonic=time.monotonic)
+    )
+    settings = small(population=4, generations=2)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        counts = []
+        tune(SHORT, PythonPd(), GAINS, settings=settings,
+             progress=lambda _: counts.append(len(caught)))  # fmt: skip
+    (warning,) = caught
+    assert warning.category is fp.FpidWarning
+    assert str(warning.message) == (
+        "PythonPd is a law in plain Python: 8 candidates of 36 s each take about "
+        "0:04:48 (h:min:s); in the joint form, torque(c), it is compiled (CONTRIBUTING.md)"
+    )
+    assert warning.filename == __file__
+    assert counts[0] == 1
+
+
+def test_its_search_is_that_of_the_same_law_joint_by_joint():
+    settings = small(population=4, generations=2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        joint = tune(SHORT, JointPd(), GAINS, settings=settings)
+    shared = dataclasses.replace(settings, workers=2)
+    with pytest.warns(fp.FpidWarning, match="plain Python"):
+        python = tune(SHORT, PythonPd(), GAINS, settings=shared)
+    assert python.history.best == pytest.approx(joint.history.best, rel=1e-9)

@@ -1,4 +1,4 @@
-"""The start takes part, the result says what it is worth, and a profile what mattered."""
+"""The start takes part, the result says what it is worth, a profile what mattered; many plants."""
 
 import dataclasses
 
@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.costs import Cost, QuadraticCost
+from fpid_pin import descriptions
+from fpid_pin.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.tuning import SearchSettings, Space, profile, tune
+from fpid_pin.tuning import RobustCost, SearchSettings, Space, problem, profile, scenarios, tune
+from fpid_pin.tuning.problem import over_scenarios
 
 EXPERIMENT = fp.paper_experiment(duration=0.4, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
@@ -94,8 +96,6 @@ class Bowl(Cost):
 
 
 def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
-    from fpid_pin.tuning import problem
-
     weights = np.array([4.0, 0.0])
 
     def costs(experiments, controllers, costs, **others):
@@ -119,3 +119,51 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
         profile(EXPERIMENT, law, Space(kp=(3, 5)), Bowl())
     with pytest.raises(ArgumentError, match="points"):
         profile(EXPERIMENT, law, Space(kp=(1, 5)), Bowl(), points=1)
+
+
+# ---------------------------------------------------------------------- several plants
+
+
+def test_every_plant_with_every_payload():
+    plants = [None, fp.Plant(viscous_friction=2.0)]
+    varied = scenarios(EXPERIMENT, plants=plants, payloads=(0.0, 0.5, 1.0))
+    assert len(varied) == 6
+    assert varied[0].plant is None
+    assert varied[3].plant is plants[1]
+    q = np.zeros(2)
+    nominal = EXPERIMENT.arm.gravity_vector(q)
+    loaded = varied[5].plant.arm.gravity_vector(q)
+    # 1 kg at the tool of an arm stretched out to 1.8 m, 0.8 m beyond the second joint.
+    np.testing.assert_allclose(loaded - nominal, 9.8 * np.array([1.8, 0.8]), rtol=1e-12)
+    assert (np.asarray(varied[5].plant.viscous_friction) == 2.0).all()
+    assert varied[5].arm is EXPERIMENT.arm
+
+
+@pytest.mark.parametrize(("reduce", "by_hand"), [("worst", np.max), ("mean", np.mean)])
+def test_the_robust_cost_of_the_best_is_that_of_its_runs(reduce, by_hand):
+    varied = scenarios(EXPERIMENT, payloads=(0.0, 0.4, 0.8))
+    cost = RobustCost(TRACKING, reduce)
+    result = tune(varied, CONTROLLER, ORDERS, cost, SearchSettings(population=6, generations=3))
+    each = [fp.evaluate(e, [result.controller], cost)[0] for e in varied]
+    assert result.cost == pytest.approx(by_hand(each), rel=1e-15)
+    plain = fp.evaluate(varied[0], [result.controller], TRACKING)[0]
+    assert each[0] == plain
+
+
+def test_one_divergence_is_enough():
+    table = np.array([[1.0, 2.0], [3.0, np.inf], [np.nan, 1.0]])
+    assert np.array_equal(over_scenarios(RobustCost(), table[:2]), [3.0, np.inf])
+    assert np.array_equal(over_scenarios(QuadraticCost(), table[:2]), [2.0, np.inf])
+    assert np.array_equal(over_scenarios(RobustCost(), table), [np.inf, np.inf])
+
+
+def test_it_has_a_table():
+    cost = RobustCost(MetricCost("itae", joint_weights=(1, 2)), "mean")
+    again = descriptions.from_dict(descriptions.to_dict(cost), Cost)
+    assert descriptions.to_dict(again) == descriptions.to_dict(cost)
+
+
+def test_a_robust_cost_is_of_the_cost_of_one_run():
+    for wrong, said in ((1, "a Cost"), (RobustCost(), "the cost of one run")):
+        with pytest.raises(ArgumentError, match=f"robust_cost.cost: expected {said}"):
+            RobustCost(wrong)
