@@ -112,7 +112,7 @@ INIT = (PACKAGE / "__init__.py").read_text()
 FACE = {
     "AdaptiveFpid", "Arm", "ComputedTorque", "Controller", "Experiment", "FpidError", "FpidWarning",
     "GravityOnly", "PdGravity", "Pid", "Plant", "Run", "Safeguards", "Sensors", "SlidingMode",
-    "SlotineLi", "SuggestedFpid", "Supervisor", "described", "evaluate", "export_c",
+    "SlotineLi", "SuggestedFpid", "Supervisor", "compare", "described", "evaluate", "export_c",
     "paper_controller", "paper_experiment", "pareto", "simulate", "stability_report",
     "suggest_gains", "tune",
 }  # fmt: skip

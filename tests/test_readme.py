@@ -19,13 +19,11 @@ def block(start):
 
 
 def test_what_the_demo_prints_is_what_the_readme_says(monkeypatch, capsys):
-    from fpid_pin.cli.comparison import MEASURES, rank, simulate_pairs
     from fpid_pin.cli.configuration import demo_config
-    from fpid_pin.cli.results import show_comparison
+    from fpid_pin.cli.results import show
 
     config = demo_config()
-    entries = simulate_pairs(config.conditions, config.controllers)
-    show_comparison(config, entries, rank(entries, MEASURES["tail"]), Path("runs/demo"))
+    show(config, fp.compare(config.conditions, config.controllers), Path("runs/demo"))
     printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
     assert block("Least RMS error").splitlines() == printed
 

@@ -1,14 +1,76 @@
-"""Which arms there are by name, with their limits and friction."""
+"""Arms on the command line: how one is named, a list of them, and what there is to know of one."""
 
 from __future__ import annotations
 
 import itertools
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from fpid_pin import checks
 from fpid_pin.arms import Arm, catalogue
+from fpid_pin.arms.joints import PRISMATIC
+from fpid_pin.arms.robot_descriptions import ENDING
+from fpid_pin.arms.robot_file import KINDS, kind_of
+from fpid_pin.arms.tables import arm_of
+from fpid_pin.arms.tree import HoldError
 from fpid_pin.checks import FloatArray
-from fpid_pin.cli.table import Row
+from fpid_pin.cli.screen import Row, print_table, say
+from fpid_pin.control import explain_gains, gain_ceilings, stability_report
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.text import visible
+
+WIDTH = 80
+#: Limits that exporters and drafts write for all joints; a link's mass to its neighbours'.
+_PLACEHOLDERS, _HEAVY = (10.0, 1000.0), 10.0
+
+
+# ---------------------------------------------------------------------- by name
+
+
+def arm_table(text: str, locks: Sequence[str] | None, **options: Any) -> dict[str, Any]:
+    """Return the ``[arm]`` table of what was written for an arm, with the options beside it.
+
+    `text` is ``two_link``, a name of ``fpid-pin arms`` or robot_descriptions, or a file's path.
+    """
+    if folders := options.get("package_dirs"):
+        options["package_dirs"] = [str(folder.resolve()) for folder in folders]
+    options["lock"] = dict(_lock(item) for item in locks or ())
+    return _table(text) | {key: value for key, value in options.items() if value}
+
+
+def _table(text: str) -> dict[str, Any]:
+    if text == "two_link":
+        return {"kind": "two_link"}
+    if text in catalogue.names():
+        return {"kind": "example", "name": text}
+    path = Path(text)
+    if path.suffix or path.is_file() or len(path.parts) > 1:
+        return {"kind": KINDS[kind_of(path)][0].lower(), "path": text}
+    if not text.endswith(ENDING):
+        checks.choice("arm", text, ("two_link", *catalogue.names()))
+    return {"kind": "description", "name": text}
+
+
+def _lock(item: str) -> tuple[str, float]:
+    name, sign, value = item.rpartition("=")
+    try:
+        if not sign:
+            raise ValueError
+        return name, float(value)
+    except ValueError:
+        raise ArgumentError("--lock", "JOINT=VALUE", repr(item)) from None
+
+
+def arm_of_table(table: dict[str, Any]) -> Arm:
+    """Build the arm of `arm_table`; an error's hint is written as the command line has it."""
+    try:
+        return arm_of(table)
+    except HoldError as error:
+        raise error.on_command_line() from None
 
 
 def arm_rows() -> list[Row]:
@@ -35,3 +97,133 @@ def _brief(values: FloatArray) -> str:
         text, count = "-" if np.isinf(value) or value == 0.0 else f"{value:g}", len(list(group))
         parts.append(text if count == 1 else f"{text} x{count}")
     return "-" if len(parts) == 1 and parts[0].startswith("-") else ", ".join(parts)
+
+
+# ---------------------------------------------------------------------- what there is to know
+
+
+def run_inspect(table: dict[str, Any], bandwidth: float, step: float, picture: Path | None) -> None:
+    """Print all of it; draw the arm where a picture is asked for."""
+    arm = arm_of_table(table)
+    if picture is not None:
+        from fpid_pin.view import plots
+        from fpid_pin.view.portrait import portrait
+
+        # First: a name that no picture can have is told before a page of numbers.
+        plots.save_figure(portrait(arm), picture)
+    # All of it before the first line: what is refused leaves no half of a page.
+    for part in list(described(arm, bandwidth, step)):
+        if isinstance(part, str):
+            lines = textwrap.wrap(
+                visible(part), WIDTH, break_long_words=False, break_on_hyphens=False
+            )
+            say(*(lines or [""]))
+        else:
+            print_table(part)
+    if picture is not None:
+        say(f"Written: {picture}")
+
+
+def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator[str | list[Row]]:
+    """Yield what `inspect` prints: paragraphs, and tables as rows."""
+    few = "" if arm.n == 1 else "s"
+    yield (
+        f"{arm.name}: {arm.n} joint{few}, gravity {arm.gravity:.4g} m/s^2, tool frame {arm.tool}"
+    )
+    yield from [arm.credit] if arm.credit else []
+    units = "angles in rad, speeds in rad/s, efforts in N m"
+    if PRISMATIC in arm.joint_kinds:
+        units += "; of prismatic joints m, m/s and N"
+    yield ""
+    yield f"Joints and their limits, - where none is given ({units})"
+    yield _rows(
+        {
+            "kind": arm.joint_kinds,
+            "lower": arm.lower,
+            "upper": arm.upper,
+            "speed": arm.velocity_limit,
+            "effort": arm.effort_limit,
+            "name": arm.joint_names,
+        }
+    )
+    weight = arm.gravity_vector(arm.home)
+    weight = np.where(np.abs(weight) > 1e-9 * np.abs(weight).max(), weight, 0.0)
+    part = np.abs(weight) / arm.effort_limit
+    yield ""
+    yield (
+        "At home: the inertia that the joint feels, M_jj [kg m^2] or [kg]; its weight G_j, and "
+        "which part of its effort that takes; viscous and dry friction"
+    )
+    yield _rows(
+        {
+            "home": arm.home,
+            "M_jj": np.diag(arm.mass_matrix(arm.home)),
+            "G_j": weight,
+            "of effort": [f"{100.0 * x:.0f} %" if x > 0.0 else "-" for x in part],
+            "F_v": np.where(arm.viscous_friction, arm.viscous_friction, np.nan),
+            "F_d": np.where(arm.dry_friction, arm.dry_friction, np.nan),
+        }
+    )
+    found = list(oddities(arm))
+    yield from ["", "What looks wrong:"] if found else []
+    yield from (f"- {line}" for line in found)
+    suggested = explain_gains(arm, bandwidth, step=step)
+    law = suggested.controller
+    ceilings = gain_ceilings(arm, law, step=step)
+    yield ""
+    yield (
+        f"Suggested FPID: suggest_gains(arm, bandwidth={bandwidth:g}), at a step of "
+        f"{1e3 * step:g} ms; u = scale (Kp e + Ki I^lambda e + Kd D^mu e), and the gains' ceilings "
+        "(gain_ceilings)"
+    )
+    columns = {
+        "scale": law.scale_on(arm), "lambda": law.integral_order, "mu": law.derivative_order,
+        "Kp": law.kp, "Ki": law.ki, "Kd": law.kd,
+        "Kp max": ceilings.kp, "Ki max": ceilings.ki, "Kd max": ceilings.kd,
+    }  # fmt: skip
+    yield _rows({head: np.broadcast_to(column, arm.n) for head, column in columns.items()})
+    yield from suggested.notes or ["Nothing had to be lowered."]
+    report = stability_report(arm, law, step=step)
+    pole, stable = report.dominant_pole, "stable" if report.stable else "UNSTABLE"
+    yield ""
+    yield (
+        f"Margins at home: {stable}, dominant pole {pole.real:.3g} ± {abs(pole.imag):.3g}j 1/s; "
+        "each joint's gain may rise and fall by these factors, the others as they are"
+    )
+    rows: list[Row] = [*report.rows()]
+    margins = {head: [row.get(head) for row in rows] for head in rows[0] if head != "joint"}
+    yield _rows(margins, [*range(1, arm.n + 1), "all"])
+
+
+def oddities(arm: Arm) -> Iterator[str]:
+    """Yield what looks wrong about an arm; a file is often a draft where it says so."""
+
+    def of(which: Any) -> str:
+        return ", ".join(arm.joint_names[k] for k in np.flatnonzero(which))
+
+    weight = np.abs(arm.gravity_vector(arm.home))
+    if (weak := weight > arm.effort_limit).any():
+        yield f"the effort limit is below the weight at home: {of(weak)}"
+    limits = {"effort": arm.effort_limit, "speed": arm.velocity_limit}
+    for name, limit in limits.items():
+        if arm.n > 1 and limit[0] in _PLACEHOLDERS and (limit == limit[0]).all():
+            yield f"the {name} limits of all joints are {limit[0]:g}, as drafts have them"
+    masses = np.array([0.0, *(body.mass for body in list(arm.model.inertias)[1:]), 0.0])
+    beside = np.maximum(masses[:-2], masses[2:])
+    if (heavy := (beside > 0.0) & (masses[1:-1] > _HEAVY * beside)).any():
+        yield f"the link outweighs its neighbours more than {_HEAVY:g} times: {of(heavy)}"
+    if (outside := (arm.lower > 0.0) | (arm.upper < 0.0)).any():
+        yield f"the zero pose is outside the limits: {of(outside)}"
+
+
+def _rows(columns: Mapping[str, Any], labels: Sequence[object] = ()) -> list[Row]:
+    """Return rows numbered from 1, or by labels; what is not finite is left open."""
+    numbers = labels or range(1, len(next(iter(columns.values()))) + 1)
+    return [
+        {"#": label} | {head: _finite(column[k]) for head, column in columns.items()}
+        for k, label in enumerate(numbers)
+    ]
+
+
+def _finite(value: Any) -> Any:
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -12,7 +12,7 @@ from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers, results
 
 if TYPE_CHECKING:
     from fpid_pin.campaign import CampaignData, Replay, Study
-    from fpid_pin.cli.table import Row
+    from fpid_pin.cli.screen import Row
 
 app = typer.Typer(
     help="The same controllers on thousands of other plants.",
@@ -69,8 +69,7 @@ def _carry_out(
     workers: int | None, chunk: int,
 ) -> None:  # fmt: skip
     from fpid_pin import campaign
-    from fpid_pin.cli.progress import progress_bar
-    from fpid_pin.cli.table import print_table, say
+    from fpid_pin.cli.screen import print_table, progress_bar, say
 
     many = f"{runs} plants, {len(study.names)} controllers"
     say(f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}", error=True)
@@ -127,7 +126,7 @@ def export(
 ) -> None:
     """Write a ledger as a table."""
     from fpid_pin import campaign
-    from fpid_pin.cli.table import say_written
+    from fpid_pin.cli.screen import say_written
 
     say_written(campaign.export(campaign.load(ledger), out))
 
@@ -143,7 +142,7 @@ def replay(
     """Simulate a run again, beside its nominal twin."""
     from fpid_pin import campaign
     from fpid_pin.campaign.data import METRICS
-    from fpid_pin.cli.table import say, say_written
+    from fpid_pin.cli.screen import say, say_written
     from fpid_pin.files import require_file
 
     require_file(html)
@@ -172,8 +171,7 @@ def attack(
     from fpid_pin import campaign
     from fpid_pin.cli.configuration import load
     from fpid_pin.cli.plans import read_campaign
-    from fpid_pin.cli.progress import progress_bar
-    from fpid_pin.cli.table import say
+    from fpid_pin.cli.screen import progress_bar, say
     from fpid_pin.exceptions import ArgumentError
     from fpid_pin.files import kind_of
 
@@ -209,8 +207,7 @@ def report(
 
     from fpid_pin import campaign
     from fpid_pin.cli.output import file_names
-    from fpid_pin.cli.progress import progress_bar
-    from fpid_pin.cli.table import say, say_written
+    from fpid_pin.cli.screen import progress_bar, say, say_written
     from fpid_pin.files import require_file
     from fpid_pin.progress import Progress
 
@@ -249,7 +246,7 @@ def cluster(
     import threading
 
     from fpid_pin import campaign
-    from fpid_pin.cli.table import say
+    from fpid_pin.cli.screen import say
 
     with campaign.local_cluster(workers) as started:
         say(f"--dask {started.scheduler_address}")

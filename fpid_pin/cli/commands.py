@@ -6,13 +6,14 @@ What they need is imported when they are called, so that ``fpid-pin --help`` is 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fpid_pin._version import __version__
 from fpid_pin.cli import campaign
-from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Page, Workers, results_path
+from fpid_pin.cli import options as option
+from fpid_pin.cli.options import AllowImport, ConfigFile, results_path
 
 if TYPE_CHECKING:
     from fpid_pin.cli.configuration import Config
@@ -42,28 +43,10 @@ def top(
     """Adaptive fractional-order PID control of robot arms on Pinocchio."""
 
 
-OutputPath = Annotated[Path | None, typer.Option("--out", help="Folder for the results.")]
-Chosen = Annotated[str | None, typer.Option(help="Which controller, by name.")]
-ArmName = Annotated[str, typer.Argument(metavar="ARM", help="A name of `arms`, or a robot's file.")]
-Locks = Annotated[list[str] | None, typer.Option(help="Hold a joint: NAME=VALUE; repeat.")]
-Tip = Annotated[str | None, typer.Option(metavar="TIP", help="The arm's last link; hold the rest.")]
-PackageDirs = Annotated[list[Path] | None, typer.Option(help="Where meshes are; repeat.")]
-Inertia = Annotated[
-    str | None,
-    typer.Option(metavar="nearest|accept", help="Of a link's inertia that no body has."),
-]
-Tool = Annotated[str | None, typer.Option(metavar="FRAME", help="The tool's frame.")]
-Condition = Annotated[str | None, typer.Option(help="Under which condition, by name.")]
-Every = Annotated[int, typer.Option(help="Save one row of a run in so many.")]
-NoRuns = Annotated[bool, typer.Option("--no-runs", help="Save no runs.")]
-Png = Annotated[bool, typer.Option("--png", help="Draw figures as PNG, too.")]
-NoFigures = Annotated[bool, typer.Option("--no-figures", help="Draw no figures.")]
-Browser = Annotated[bool, typer.Option(help="Open the browser.")]
-Port = Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")]
-
-
 @app.command()
-def demo(out: OutputPath = None, no_figures: NoFigures = False, png: Png = False) -> None:
+def demo(
+    out: option.OutputPath = None, no_figures: option.NoFigures = False, png: option.Png = False
+) -> None:
     """Run section 5.1 of the paper: fractional against integer PID."""
     from fpid_pin.cli import configuration
     from fpid_pin.cli.results import OutputOptions
@@ -75,13 +58,13 @@ def demo(out: OutputPath = None, no_figures: NoFigures = False, png: Png = False
 @app.command()
 def run(
     config: ConfigFile,
-    out: OutputPath = None,
-    controller: Chosen = None,
-    condition: Condition = None,
-    every: Every = 1,
-    no_runs: NoRuns = False,
-    no_figures: NoFigures = False,
-    png: Png = False,
+    out: option.OutputPath = None,
+    controller: option.Chosen = None,
+    condition: option.Condition = None,
+    every: option.Every = 1,
+    no_runs: option.NoRuns = False,
+    no_figures: option.NoFigures = False,
+    png: option.Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate one controller of a configuration."""
@@ -104,15 +87,15 @@ def run(
 @app.command()
 def compare(
     config: ConfigFile,
-    out: OutputPath = None,
+    out: option.OutputPath = None,
     metric: Annotated[
         str,
         typer.Option(help="What decides: tail, rms, peak_error, cost, energy, variation or peak."),
     ] = "tail",
-    every: Every = 1,
-    no_runs: NoRuns = False,
-    no_figures: NoFigures = False,
-    png: Png = False,
+    every: option.Every = 1,
+    no_runs: option.NoRuns = False,
+    no_figures: option.NoFigures = False,
+    png: option.Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate every controller under every condition."""
@@ -128,37 +111,30 @@ def _compare(
 ) -> None:
     """Simulate all pairs, write the folder of results and print the answer."""
     from fpid_pin import checks
-    from fpid_pin.cli import results
-    from fpid_pin.cli.comparison import MEASURES, rank, simulate_pairs
     from fpid_pin.cli.output import output_folder
-    from fpid_pin.cli.playground import write_playground
+    from fpid_pin.cli.results import figures_of, show, simulate_all, write_results
+    from fpid_pin.simulation.comparison import MEASURES
     from fpid_pin.view import figures as paper_figures
 
-    measure = MEASURES[checks.choice("--metric", metric, MEASURES)]
+    checks.choice("--metric", metric, MEASURES)
     with output_folder(out) as folder:
-        entries = simulate_pairs(config.conditions, config.controllers)
-        ranking = rank(entries, measure)
-        drawn: dict[str, Any] = {}
-        if options.figures and demo:
-            drawn = paper_figures([entry.run for entry in entries])
-        elif options.figures and len(entries) == 1:
-            drawn = results.run_figures(entries[0])
-        elif options.figures:
-            drawn = results.comparison_figures(config, entries, ranking)
-        results.write_comparison(folder, config, entries, ranking, drawn, options)
+        comparison, files = simulate_all(config.conditions, config.controllers, metric)
+        draw = (lambda found: paper_figures(found.runs)) if demo else figures_of
+        figures = draw(comparison) if options.figures else {}
+        write_results(folder, config, comparison, files, figures, options)
         if demo:
-            write_playground(config, folder / "playground.html")
-    results.show_comparison(config, entries, ranking, out)
+            _playground(config, folder / "playground.html")
+    show(config, comparison, out)
 
 
 @app.command()
 def tune(
     config: ConfigFile,
-    out: OutputPath = None,
+    out: option.OutputPath = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
-    workers: Workers = None,
-    dask: Dask = None,
-    png: Png = False,
+    workers: option.Workers = None,
+    dask: option.Dask = None,
+    png: option.Png = False,
     allow_import: AllowImport = False,
 ) -> None:
     """Search orders and gains, as the table [tune] says."""
@@ -185,7 +161,7 @@ def operators(
 ) -> None:
     """Say how good a fractional operator is."""
     from fpid_pin import checks
-    from fpid_pin.cli.table import print_table, say
+    from fpid_pin.cli.screen import print_table, say
     from fpid_pin.exceptions import ArgumentError
     from fpid_pin.fractional import Crone, ExponentialSum, report
 
@@ -200,66 +176,66 @@ def operators(
         except ValueError as error:
             raise ArgumentError("plot", "a file that can be written", f"{plot} ({error})") from None
     say(*found.heading)
-    print_table(found.rows, "")
+    print_table(found.rows)
 
 
 @app.command()
 def arms() -> None:
     """List the arms that work by name, with limits and friction."""
     from fpid_pin.cli.arms import arm_rows
-    from fpid_pin.cli.table import print_table
+    from fpid_pin.cli.screen import print_table
 
     print_table(arm_rows(), "Arms")
 
 
 @app.command()
 def inspect(
-    arm: ArmName,
-    lock: Locks = None,
+    arm: option.ArmName,
+    lock: option.Locks = None,
     bandwidth: Annotated[float, typer.Option(help="Of the gains [rad/s].")] = 10.0,
     step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
     picture: Annotated[Path | None, typer.Option(help="Draw it: .svg, .png or .pdf.")] = None,
-    keep: Tip = None,
-    package_dir: PackageDirs = None,
-    tool: Tool = None,
-    inertia: Inertia = None,
+    keep: option.Tip = None,
+    package_dir: option.PackageDirs = None,
+    tool: option.Tool = None,
+    inertia: option.Inertia = None,
 ) -> None:
     """Say what there is to know of an arm, with suggested gains."""
-    from fpid_pin.cli.arm_argument import arm_table
-    from fpid_pin.cli.inspect import run_inspect
+    from fpid_pin.cli.arms import arm_table, run_inspect
 
-    table = arm_table(arm, lock or (), keep, package_dir or (), tool, inertia)
+    table = arm_table(arm, lock, keep=keep, package_dirs=package_dir, tool=tool, inertia=inertia)
     run_inspect(table, bandwidth, step, picture)
 
 
 @app.command()
 def init(
-    arm: ArmName,
+    arm: option.ArmName,
     out: Annotated[Path, typer.Option(help="The file to write.")] = Path("config.toml"),
-    lock: Locks = None,
-    keep: Tip = None,
-    package_dir: PackageDirs = None,
-    tool: Tool = None,
-    inertia: Inertia = None,
+    lock: option.Locks = None,
+    keep: option.Tip = None,
+    package_dir: option.PackageDirs = None,
+    tool: option.Tool = None,
+    inertia: option.Inertia = None,
 ) -> None:
     """Write a configuration that `compare` runs as it is."""
-    from fpid_pin.cli.arm_argument import arm_table
+    from fpid_pin.cli.arms import arm_table
     from fpid_pin.cli.init import run_init
 
-    run_init(arm, arm_table(arm, lock or (), keep, package_dir or (), tool, inertia), out)
+    table = arm_table(arm, lock, keep=keep, package_dirs=package_dir, tool=tool, inertia=inertia)
+    run_init(arm, table, out)
 
 
 @app.command()
 def view(
     files: Annotated[list[Path], typer.Argument(metavar="RUN.npz ...", help="Recorded runs.")],
-    html: Page = None,
+    html: option.Page = None,
     caption: Annotated[list[str] | None, typer.Option(help="A caption a run; repeat.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
-    browser: Browser = True,
-    port: Port = None,
+    browser: option.Browser = True,
+    port: option.Port = None,
 ) -> None:
     """Show recorded runs in meshcat: in a browser, or as one page."""
-    from fpid_pin.cli.table import say, say_written
+    from fpid_pin.cli.screen import say, say_written
     from fpid_pin.files import require_file
     from fpid_pin.simulation import Run
     from fpid_pin.view import export_html, play
@@ -270,9 +246,7 @@ def view(
     if html is not None:
         say_written(export_html(runs, html, captions=caption or None, fps=fps))
         return
-    play(
-        runs, fps=fps, captions=caption or None, open_browser=browser, port=port, announce=say
-    )  # fmt: skip
+    play(runs, fps=fps, captions=caption or None, open_browser=browser, port=port, announce=say)
 
 
 @app.command()
@@ -280,32 +254,51 @@ def playground(
     config: ConfigFile,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("playground.html"),
     controller: Annotated[str | None, typer.Option(help="Which controller; none: all.")] = None,
-    condition: Condition = None,
+    condition: option.Condition = None,
     allow_import: AllowImport = False,
 ) -> None:
     """Write one page with sliders that simulates as they move."""
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.playground import write_playground
-    from fpid_pin.cli.table import say, say_written
+    from fpid_pin.cli.screen import say, say_written
     from fpid_pin.files import require_file
 
     require_file(html)
     found = load(config, allow_import)
     name = None if controller is None else found.chosen(controller)
-    for line in write_playground(found.under(condition), html, name):
+    for line in _playground(found.under(condition), html, name):
         say(f"fpid-pin: left out: {line}", error=True)
     say_written(html)
+
+
+def _playground(config: Config, html: Path, name: str | None = None) -> list[str]:
+    """Write a page of the controllers that it can hold; return a line for each that it cannot."""
+    from fpid_pin.exceptions import ConfigError, FpidError
+    from fpid_pin.view.playground_law import Law
+    from fpid_pin.view.playground_page import playground
+
+    kept: list[Law] = []
+    left: list[str] = []
+    for label, controller in config.controllers.items():
+        if name in (None, label):
+            try:
+                kept.append(Law(controller, config.experiment, kept))
+            except FpidError as error:
+                left.append(f"{label}: {error}")
+    if not kept:
+        raise ConfigError.of(config.path, left)
+    playground(config.experiment, [law.controller for law in kept], html, title=config.title)
+    return left
 
 
 @app.command()
 def live(
     config: ConfigFile,
-    controller: Chosen = None,
-    condition: Condition = None,
+    controller: option.Chosen = None,
+    condition: option.Condition = None,
     duration: Annotated[float | None, typer.Option(help="[s]; none: until Ctrl-C.")] = None,
     fps: Annotated[float, typer.Option(help="Frames a second.")] = 40.0,
-    browser: Browser = True,
-    port: Port = None,
+    browser: option.Browser = True,
+    port: option.Port = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
     push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
     baseline: Annotated[float, typer.Option(help="Run so long without the view first [s].")] = 0.0,
@@ -316,7 +309,7 @@ def live(
 
     from fpid_pin import checks
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.table import say
+    from fpid_pin.cli.screen import say
     from fpid_pin.view.live_session import HELP
     from fpid_pin.view.live_session import live as show
 
@@ -345,14 +338,14 @@ def live(
 def export(
     config: ConfigFile,
     out: Annotated[Path, typer.Option("--out", help="A new folder.")],
-    controller: Chosen = None,
+    controller: option.Chosen = None,
     horizon: Annotated[float, typer.Option(help="Longest time that it will run [s].")] = 3600.0,
     ticks: Annotated[int, typer.Option(help="Length of its test vectors.")] = 2000,
     allow_import: AllowImport = False,
 ) -> None:
     """Write a controller as C99, with test vectors."""
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.table import say
+    from fpid_pin.cli.screen import say
     from fpid_pin.export import export_c
 
     found = load(config, allow_import)

@@ -30,8 +30,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks, descriptions, own_code
 from fpid_pin.arms import Arm
 from fpid_pin.checks import Array, Number, Text
-from fpid_pin.cli.progress import say_if_compiling
-from fpid_pin.cli.table import say
+from fpid_pin.cli.screen import say, say_if_compiling
 from fpid_pin.control import Controller
 from fpid_pin.descriptions import Description
 from fpid_pin.disturbances import Disturbance, Sum

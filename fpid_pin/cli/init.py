@@ -11,8 +11,8 @@ import numpy as np
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
-from fpid_pin.cli.arm_argument import arm_of_table
-from fpid_pin.cli.table import say
+from fpid_pin.cli.arms import arm_of_table
+from fpid_pin.cli.screen import say
 from fpid_pin.control.gains import impossible_joints
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import kind_of, put_text

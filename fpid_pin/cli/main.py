@@ -6,6 +6,7 @@ import errno
 import os
 import signal
 import sys
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -24,14 +25,12 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         with _interruptible() as interrupted:
             try:
-                status = _run(arguments)
+                _run(sys.argv[1:] if arguments is None else arguments)
                 sys.stdout.flush()
-                return status
-            except KeyboardInterrupt:
-                # Here, so that what it has left half made goes before complaints are shown again.
-                return _stopped()
-            except Exception as error:
-                # A library may have made something else of it on its way.
+                return 0
+            except (Exception, KeyboardInterrupt) as error:
+                # A library may have made something else of Ctrl-C on its way. Told here, so that
+                # what it has left half made goes before complaints are shown again.
                 return _stopped() if interrupted else _tell(error)
     except KeyboardInterrupt:
         return _stopped()
@@ -50,33 +49,28 @@ def _stopped() -> int:
     return STOPPED
 
 
-def _run(arguments: list[str] | None) -> int:
+def _run(arguments: list[str]) -> None:
     # Imported late: Ctrl-C is taken care of by now.
-    import typer
+    from typer import Exit
+    from typer.main import get_command
 
     from fpid_pin import own_code
     from fpid_pin.cli.commands import app
 
     own_code.allowed.set(False)
     try:
-        status = app(args=arguments, standalone_mode=False)
-    except typer.Exit as leave:
-        return int(leave.exit_code)
-    except typer.Abort:
-        raise KeyboardInterrupt from None
+        # Typer's own way in makes a status of Ctrl-C, and nothing of a pipe that nobody reads.
+        with get_command(app).make_context("fpid-pin", [*arguments]) as context:
+            context.command.invoke(context)
+    except Exit:  # --help and --version
+        pass
     except SystemExit:
-        # Rich leaves in silence where its output is a pipe that nobody reads from any more.
+        # Rich leaves in silence where its output is such a pipe.
         raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE)) from None
-    if status == STOPPED:
-        # Typer turns Ctrl-C into a status of its own, which it returns.
-        raise KeyboardInterrupt
-    return status if isinstance(status, int) else 0
 
 
-def _tell(error: Exception) -> int:
+def _tell(error: BaseException) -> int:
     """Say in one line what went wrong, and return the exit status; raise what is our own fault."""
-    # click's usage errors: an unknown command or option, a missing argument.
-    usage = getattr(error, "format_message", None)
     if isinstance(error, FpidError):
         for text in str(error).splitlines():
             _say(text)
@@ -87,8 +81,11 @@ def _tell(error: Exception) -> int:
         _give_up_output()
     elif isinstance(error, MemoryError):
         _say("out of memory")
-    elif usage is not None:
-        _say(cut(usage()))
+    elif type(error).__name__ == "NoArgsIsHelpError":
+        sys.stderr.write(f"{error}\n")
+    elif hasattr(error, "format_message"):
+        # Of how it was called: an unknown command or option, a missing argument.
+        _say(cut(error.format_message()))
     else:
         raise error
     return 2
@@ -113,14 +110,10 @@ def _give_up_output() -> None:
 
 
 def _plain_warning(
-    message: Warning | str, category: type[Warning], filename: str, lineno: int,
-    file: object = None, line: str | None = None,
-) -> None:  # fmt: skip
-    _say(
-        f"warning: {message}"
-        if issubclass(category, FpidWarning)
-        else f"warning: {category.__name__}: {message}"
-    )
+    message: Warning | str, category: type[Warning], *_: object, **__: object
+) -> None:
+    kind = "" if issubclass(category, FpidWarning) else f"{category.__name__}: "
+    _say(f"warning: {kind}{message}")
 
 
 @contextmanager
@@ -132,14 +125,10 @@ def _interruptible() -> Iterator[list[int]]:
     complain to nobody.
     """
     heard: list[int] = []
-    before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
-    try:
-        if before is signal.SIG_IGN:
-            raise ValueError  # as `nohup` and a shell's background jobs have it
-        signal.signal(signal.SIGINT, lambda *_: _interrupt(heard))
-    except ValueError:  # or not the main thread
-        yield heard
-        return
+
+    def interrupt(*_: object) -> None:
+        heard.append(1)
+        raise KeyboardInterrupt
 
     def lost(unraisable: Any) -> None:
         if isinstance(unraisable.exc_value, KeyboardInterrupt):
@@ -147,7 +136,13 @@ def _interruptible() -> Iterator[list[int]]:
         elif not heard:
             hook(unraisable)
 
-    alarm = signal.signal(signal.SIGALRM, lambda *_: _interrupt(heard))
+    before, hook = signal.getsignal(signal.SIGINT), sys.unraisablehook
+    # `nohup` and a shell's background jobs do not hear it; another thread cannot.
+    if before is signal.SIG_IGN or threading.current_thread() is not threading.main_thread():
+        yield heard
+        return
+    signal.signal(signal.SIGINT, interrupt)
+    alarm = signal.signal(signal.SIGALRM, interrupt)
     sys.unraisablehook = lost
     try:
         yield heard
@@ -156,11 +151,6 @@ def _interruptible() -> Iterator[list[int]]:
         signal.signal(signal.SIGALRM, alarm)
         signal.signal(signal.SIGINT, before)
         sys.unraisablehook = hook
-
-
-def _interrupt(heard: list[int]) -> None:
-    heard.append(1)
-    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

@@ -8,36 +8,33 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fpid_pin import checks
-from fpid_pin.cli.comparison import (
-    LEGEND,
-    Entry,
-    Ranking,
-    answer,
-    joint_rows,
-    limit_rows,
-    run_rows,
-    screen_rows,
-)
 from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.output import file_names
-from fpid_pin.cli.table import (
+from fpid_pin.cli.screen import (
     Row,
     comma_separated,
     drop_constant,
     in_markdown,
     markdown,
     print_table,
+    progress_bar,
     say,
 )
+from fpid_pin.control import Controller
 from fpid_pin.resources import installed
+from fpid_pin.simulation import Comparison, Experiment, compare
+from fpid_pin.simulation.comparison import FIGURES, LEGEND
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Columns that a screen has room for.
+_ON_SCREEN = ("controller", *list(FIGURES)[:6], "best")
+
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """Options of the commands that simulate."""
+    """What is written beside tables and the report."""
 
     runs: bool = True  # whether they are saved; compressed where pcodec is installed
     figures: bool = True
@@ -48,49 +45,69 @@ class OutputOptions:
         checks.integer("--every", self.every, low=1)
 
 
+def simulate_all(
+    experiments: Mapping[str, Experiment], controllers: Mapping[str, Controller], metric: str | None
+) -> tuple[Comparison, list[str]]:
+    """Compare controllers, with a bar on the screen; return also a file's name for each run."""
+    labels = [
+        [condition, name] if len(experiments) > 1 else [name]
+        for condition in experiments
+        for name in controllers
+    ]
+    # First: a name that no file can have is told before any work.
+    files = [f"{stem}.npz" for stem in file_names(labels, taken=["checkpoint"])]
+    with progress_bar(f"simulating {len(files)} run{'s' * (len(files) > 1)}") as bar:
+        return compare(experiments, controllers, metric, progress=bar), files
+
+
 def write_results(
     folder: Path,
     config: Config,
-    entries: Sequence[Entry],
-    said: Sequence[str],
-    tables: Mapping[str, list[Row]],
+    comparison: Comparison,
+    names: Sequence[str],
     figures: Mapping[str, Figure],
     options: OutputOptions,
     *,
     title: str = "",
-    first: str = "",
+    said: Sequence[str] = (),
+    tables: Mapping[str, list[Row]] | None = None,
 ) -> None:
     """Write runs, tables, figures, report and configuration into a folder.
 
-    `said` are lines that stand above the tables, the most important first; `first` is the condition
-    that the replay shows, `title` the report's where it is not the configuration's.
+    `names` are those of the runs' files; `said` and `tables` stand above what is said of every
+    comparison, the most important first; `title` is the report's where the configuration's is not.
     """
     from fpid_pin.view.report import report_html
     from fpid_pin.view.style import figure_bytes
 
     title = title or config.title
+    said = [*said, *comparison.answer, LEGEND, dynamics_of(comparison)]
+    rows = comparison.rows()
     if options.runs:
-        for entry in entries:
-            compressed = installed("pcodec")
-            entry.run.save(folder / entry.file, compressed=compressed, every=options.every)
-    tables = {
-        head: drop_constant(drop_constant(rows, "condition"), "outcome")
-        for head, rows in tables.items()
-        if rows
+        for run, name in zip(comparison.runs, names, strict=True):
+            run.save(folder / name, compressed=installed("pcodec"), every=options.every)
+        # The last column says which is the best.
+        last = [{"best": row.pop("best")} if "best" in row else {} for row in rows]
+        named = zip(rows, names, last, strict=True)
+        rows = [row | {"file": file} | best for row, file, best in named]
+    shown = {
+        head: drop_constant(drop_constant(table, "condition"), "outcome")
+        for head, table in {
+            **(tables or {}),
+            "All joints": rows,
+            "Each joint": comparison.joint_rows(),
+            "Limits": comparison.limit_rows(),
+        }.items()
+        if table
     }
-    if not options.runs:
-        tables["All joints"] = [
-            {head: value for head, value in row.items() if head != "file"}
-            for row in tables["All joints"]
-        ]
     files = {"config.toml": config.text}
     for name, head in (("summary", "All joints"), ("joints", "Each joint"), ("limits", "Limits")):
-        if head in tables:
-            files[f"{name}.csv"] = comma_separated(tables[head])
+        if head in shown:
+            files[f"{name}.csv"] = comma_separated(shown[head])
     files["summary.md"] = "\n".join([
         f"# {in_markdown(title)}\n",
         "".join(f"- {in_markdown(line)}\n" for line in said),
-        *(f"## {head}\n\n{markdown(rows)}" for head, rows in tables.items()),
+        *(f"## {head}\n\n{markdown(table)}" for head, table in shown.items()),
     ])  # fmt: skip
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -99,93 +116,67 @@ def write_results(
         (folder / f"{name}.svg").write_bytes(svg)
         if options.png:
             (folder / f"{name}.png").write_bytes(figure_bytes(figures[name], "png"))
-    conditions = list(dict.fromkeys(entry.condition for entry in entries))
-    conditions.sort(key=lambda name: name != first)
+    many = len(comparison.controllers)
+    groups = {
+        condition: range(many * k, many * (k + 1))
+        for k, condition in enumerate(comparison.conditions)
+    }
+    # The hardest condition first: that is where controllers differ.
+    first = comparison.hardest
     report_html(
-        [entry.run for entry in entries],
+        comparison.runs,
         folder / "report.html",
         title=title,
-        tables=tables,
+        tables=shown,
         figures=drawn,
         config_text=config.text,
-        captions=[entry.controller for entry in entries],
+        captions=comparison.controllers * len(groups),
         answer=said,
-        groups={c: [k for k, e in enumerate(entries) if e.condition == c] for c in conditions},
+        groups={first: groups[first]} | groups,
     )
 
 
-def write_comparison(
-    folder: Path,
-    config: Config,
-    entries: Sequence[Entry],
-    ranking: Ranking,
-    figures: Mapping[str, Figure],
-    options: OutputOptions,
-) -> None:
-    """Write what `run`, `compare` and `demo` leave behind: see `write_results`."""
-    tables = {
-        "All joints": run_rows(entries, ranking),
-        "Each joint": joint_rows(entries),
-        "Limits": limit_rows(entries),
-    }
-    said = [*answer(entries, ranking), LEGEND, dynamics_of(entries)]
-    # The hardest condition first: that is where controllers differ.
-    first = ranking.conditions[ranking.hardest]
-    write_results(folder, config, entries, said, tables, figures, options, first=first)
-
-
-def show_comparison(config: Config, entries: Sequence[Entry], ranking: Ranking, out: Path) -> None:
+def show(config: Config, comparison: Comparison, out: Path) -> None:
     """Print the answer, the figures behind it, and where everything is."""
-    say(*answer(entries, ranking))
-    print_table(drop_constant(screen_rows(run_rows(entries, ranking)), "condition"), config.title)
+    rows = [{head: row[head] for head in ("condition", *_ON_SCREEN)} for row in comparison.rows()]
+    say(*comparison.answer)
+    print_table(drop_constant(rows, "condition"), config.title)
     say(
         LEGEND,
-        f"{dynamics_of(entries)}; *: best",
+        f"{dynamics_of(comparison)}; *: best",
         f"Written to {out}: report.html (open it in a browser), figures, tables, runs",
     )
 
 
-def dynamics_of(entries: Sequence[Entry]) -> str:
+def dynamics_of(comparison: Comparison) -> str:
     """Say which dynamics have made runs."""
-    return f"dynamics: {entries[0].run.meta['experiment']['dynamics']}"
+    return f"dynamics: {comparison.runs[0].meta['experiment']['dynamics']}"
 
 
-def comparison_figures(
-    config: Config, entries: Sequence[Entry], ranking: Ranking
-) -> dict[str, Figure]:
-    """Draw the ranking, the runs under each condition, and gains of laws whose orders move."""
+def figures_of(comparison: Comparison) -> dict[str, Figure]:
+    """Draw one run, or several: the ranking, those under each condition, orders that move."""
     from fpid_pin.view import plots
     from fpid_pin.view.plots import ORDERS, has_all
 
-    label = f"{ranking.measure.label}, {ranking.measure.unit}".removesuffix(", ")
-    figures = {
-        "ranking": plots.heat_map(ranking.values, ranking.controllers, ranking.conditions, label)
-    }
-    figures |= condition_figures(entries)
-    moving = [e for e in entries[: len(config.controllers)] if has_all(e.run, ORDERS)]
-    stems = file_names([[entry.controller] for entry in moving], prefix="gains-")
-    return figures | {s: plots.gains(e.run) for s, e in zip(stems, moving, strict=True)}
-
-
-def condition_figures(entries: Sequence[Entry]) -> dict[str, Figure]:
-    """Draw the runs under each condition beside each other."""
-    from fpid_pin.view import plots
-
-    conditions = list(dict.fromkeys(entry.condition for entry in entries))
-    many = file_names([[condition] for condition in conditions], prefix="comparison-")
-    names = many if len(many) > 1 else ["comparison"]
-    return {
-        name: plots.comparison([e.run for e in entries if e.condition == condition])
-        for name, condition in zip(names, conditions, strict=True)
-    }
-
-
-def run_figures(entry: Entry) -> dict[str, Figure]:
-    """Draw one run."""
-    from fpid_pin.view import plots
-
-    run = entry.run
-    figures = {
-        "tracking": plots.tracking(run), "torque": plots.torque(run), "error": plots.error(run)
-    }  # fmt: skip
-    return figures | ({"gains": plots.gains(run)} if "kp" in run.signals else {})
+    many, measure, first = len(comparison.controllers), comparison.measure, comparison.runs[0]
+    if len(comparison.runs) == 1:
+        figures = {
+            "tracking": plots.tracking(first), "torque": plots.torque(first),
+            "error": plots.error(first),
+        }  # fmt: skip
+        return figures | ({"gains": plots.gains(first)} if "kp" in first.signals else {})
+    figures = {}
+    if measure is not None:
+        label = f"{measure.label}, {measure.unit}".removesuffix(", ")
+        figures["ranking"] = plots.heat_map(
+            comparison.values, comparison.controllers, comparison.conditions, label
+        )
+    names = ["comparison"]
+    if len(comparison.conditions) > 1:
+        names = file_names([[name] for name in comparison.conditions], prefix="comparison-")
+    for k, name in enumerate(names):
+        figures[name] = plots.comparison(comparison.runs[many * k : many * (k + 1)])
+    laws = zip(comparison.controllers, comparison.runs, strict=False)
+    moving = {name: run for name, run in laws if has_all(run, ORDERS)}
+    stems = file_names([[name] for name in moving], prefix="gains-")
+    return figures | {s: plots.gains(r) for s, r in zip(stems, moving.values(), strict=True)}

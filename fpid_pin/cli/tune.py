@@ -16,17 +16,15 @@ import numpy as np
 
 from fpid_pin import checks, descriptions
 from fpid_pin.cli.campaign import executor_of
-from fpid_pin.cli.comparison import Entry, joint_rows, run_rows, simulate_pairs
 from fpid_pin.cli.configuration import Config, load
 from fpid_pin.cli.output import output_folder
 from fpid_pin.cli.plans import Plan, read_plan
-from fpid_pin.cli.progress import progress_bar
-from fpid_pin.cli.results import OutputOptions, condition_figures, dynamics_of, write_results
-from fpid_pin.cli.table import Row, comma_separated, print_table, say
+from fpid_pin.cli.results import OutputOptions, figures_of, simulate_all, write_results
+from fpid_pin.cli.screen import Row, comma_separated, print_table, progress_bar, say
 from fpid_pin.control import AdaptiveFpid, Controller
 from fpid_pin.exceptions import FpidError
 from fpid_pin.files import discard, replacing
-from fpid_pin.simulation import cost_of, entry
+from fpid_pin.simulation import Comparison, cost_of, entry
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
 from fpid_pin.tuning import Profile, TuningResult, cost_map, profile, tune
 from fpid_pin.tuning.problem import over_scenarios
@@ -87,14 +85,15 @@ def run_tuning(
                 raise
             along = explore(plan, result, pool)
             figures = search_figures(plan, result, along, pool)
-        entries = simulate_pairs(plan.experiments, rivals(plan, result), taken=["checkpoint"])
+        comparison, files = simulate_all(plan.experiments, rivals(plan, result), None)
+        figures |= figures_of(comparison)
         options = options or OutputOptions()
-        write_tuned(folder, out, config, plan, result, entries, figures, along, options)
+        write_tuned(folder, out, config, plan, result, comparison, files, figures, along, options)
         # In the folder before this takes its place: at no moment is there one without it.
         shutil.copyfile(checkpoint, folder / KEPT)
     discard(checkpoint)
     say(*result.advice, *(along.advice if along else []))
-    print_table(cost_rows(plan, entries), "Tuned")
+    print_table(cost_rows(plan, comparison), "Tuned")
     say(str(result))
     for name, value in result.parameters.items():
         say(f"  {name}: {', '.join(f'{v:.4g}' for v in np.atleast_1d(value))}")
@@ -197,19 +196,15 @@ def _marks(plan: Plan, result: TuningResult) -> dict[str, Sequence[float]]:
     return marks
 
 
-def cost_rows(plan: Plan, entries: Sequence[Entry]) -> list[Row]:
-    """Return the cost that was tuned for, a row a controller, beside its ratio to the best.
-
-    `entries` are condition by condition, the controllers in one order.
-    """
-    costs = [cost_of(entry.run, plan.cost) for entry in entries]
+def cost_rows(plan: Plan, comparison: Comparison) -> list[Row]:
+    """Return the cost that was tuned for, a row a controller, beside its ratio to the best."""
+    costs = [cost_of(run, plan.cost) for run in comparison.runs]
     total = over_scenarios(plan.cost, np.array(costs).reshape(len(plan.experiments), -1))
     with np.errstate(divide="ignore", invalid="ignore"):  # costs of 0, or of inf where all diverge
         ratios = total[0] / total
-    names = [entry.controller for entry in entries][: len(total)]
     return [
         {"controller": name, "cost tuned for": float(cost), "tuned over this": float(ratio)}
-        for name, cost, ratio in zip(names, total, ratios, strict=True)
+        for name, cost, ratio in zip(comparison.controllers, total, ratios, strict=True)
     ]
 
 
@@ -219,7 +214,8 @@ def write_tuned(
     config: Config,
     plan: Plan,
     result: TuningResult,
-    entries: Sequence[Entry],
+    comparison: Comparison,
+    files: Sequence[str],
     figures: dict[str, Figure],
     along: Profile | None,
     options: OutputOptions,
@@ -227,17 +223,17 @@ def write_tuned(
     """Write everything into `folder`, which will be `out`."""
     tables: dict[str, list[Row]] = {
         "Parameters": result.rows(along),
-        "Cost tuned for": cost_rows(plan, entries),
+        "Cost tuned for": cost_rows(plan, comparison),
         "Seeds": [
             {"seed": str(seed), "best cost": float(cost)}
             for seed, cost in zip(result.history.seeds, result.costs, strict=True)
         ],
-        "All joints": run_rows(entries),
-        "Each joint": joint_rows(entries),
     }
-    said = [str(result), *result.advice, *(along.advice if along else []), dynamics_of(entries)]
-    title, figures = f"{config.title}, tuned", figures | condition_figures(entries)
-    write_results(folder, config, entries, said, tables, figures, options, title=title)
+    said = [str(result), *result.advice, *(along.advice if along else [])]
+    title = f"{config.title}, tuned"
+    write_results(
+        folder, config, comparison, files, figures, options, title=title, said=said, tables=tables
+    )
     (folder / "tuned.toml").write_text(_tuned_toml(config, plan, result, out), encoding="utf-8")
     (folder / "history.csv").write_text(comma_separated(result.history.rows()), encoding="utf-8")
 

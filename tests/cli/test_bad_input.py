@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from fpid_pin.cli import comparison
 from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
+from fpid_pin.simulation import comparison
 
 HEAD, *LAWS = (
     demo_config().text.replace("duration = 20.0", "duration = 0.2").split("[[controller]]")

@@ -10,9 +10,9 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
+from fpid_pin.cli.arms import oddities
 from fpid_pin.cli.configuration import load
 from fpid_pin.cli.init import frictions, payload, rounded, swing
-from fpid_pin.cli.inspect import oddities
 from fpid_pin.cli.main import main
 from fpid_pin.simulation import limit_report
 

@@ -16,7 +16,7 @@ from markdown_it import MarkdownIt
 from rich.console import Console
 
 import fpid_pin as fp
-from fpid_pin.cli import table as table_
+from fpid_pin.cli import screen
 from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.text import visible
@@ -146,9 +146,9 @@ def test_markdown_takes_a_name_for_text(tally, full):
         rows = [{"controller": name, "figure": 1.0}, {"controller": "x", "figure": 2.0}]
         shown = visible(name).strip()
         where = {
-            "a cell": (table_.markdown(rows), {"table", "thead", "tbody", "tr", "th", "td"}),
-            "a heading": (f"# {table_.in_markdown(name)}\n", {"heading"}),
-            "a list": (f"- {table_.in_markdown(name)}\n- x\n", {"bullet_list", "list_item"}),
+            "a cell": (screen.markdown(rows), {"table", "thead", "tbody", "tr", "th", "td"}),
+            "a heading": (f"# {screen.in_markdown(name)}\n", {"heading"}),
+            "a list": (f"- {screen.in_markdown(name)}\n- x\n", {"bullet_list", "list_item"}),
         }
         for place, (text, kinds) in where.items():
             tokens = parsed(text)
@@ -167,15 +167,15 @@ def test_the_terminal_is_told_a_name_and_nothing_else(tally, full):
     for name in names(4, 2000 if full else 40):
         for coloured in (False, True):
             text = io.StringIO()
-            console = table_.screen()
+            console = screen.screen()
             own = Console(
                 file=text, width=2000, force_terminal=coloured, markup=console._markup,
                 emoji=console._emoji, highlight=False,
             )  # fmt: skip
-            table_.say(name, console=own)
+            screen.say(name, console=own)
             told = text.getvalue() == visible(name) + "\n"
             tally("names on the screen", "" if told else f"{name!r}: {text.getvalue()!r}")
-        table_.print_table([{"controller": name, "figure": 1.0}], name, console=own)
+        screen.print_table([{"controller": name, "figure": 1.0}], name, console=own)
         plain = re.sub(r"\x1b\[[\d;]*m", "", text.getvalue())
         # A title wraps as text does; nothing else may happen to it.
         heard = all(c.isprintable() or c.isspace() for c in plain)

@@ -5,7 +5,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
-from fpid_pin.cli.comparison import Entry, joint_rows
+from fpid_pin.simulation import Comparison
 from fpid_pin.view import export_html, plots
 from fpid_pin.view.portrait import portrait
 from fpid_pin.view.shapes import solid_surface
@@ -105,5 +105,5 @@ def test_figures_and_tables_say_metres_and_newtons(run):
     assert labels(plots.comparison([run]))[2:4] == ["$q_d - q$, m", "force, N"]
     together = labels(plots.plot(run))[:3]
     assert together == ["position, rad, m", "$q_d - q$, rad, m", "torque, N m, N"]
-    rows = joint_rows([Entry("nominal", "law", run, "law.npz")])
+    rows = Comparison(("nominal",), ("law",), (run,)).joint_rows()
     assert [row["joint"] for row in rows] == ["j1", "j2 [m, N]", "j3 [m, N]"]

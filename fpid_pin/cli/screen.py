@@ -1,4 +1,4 @@
-"""What commands print: lines that stay text, whatever is in them, and one kind of table.
+"""What commands say: lines that stay text, one kind of table, and how far work has come.
 
 A table is a list of rows, a row a dictionary from heads to cells: the same for the screen, for
 Markdown and for CSV.
@@ -9,13 +9,19 @@ from __future__ import annotations
 import csv
 import io
 import re
-from collections.abc import Sequence
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fpid_pin.progress import Progress
 from fpid_pin.text import visible
+from fpid_pin.tuning import SearchProgress
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -29,6 +35,8 @@ _ENDLESS = 10_000
 # a line the second make lists, rules and headings.
 _MARKS = re.compile(r"[\\`*\[\]<>|&~$#]|(?<![^\W_])_|_(?![^\W_])")
 _LEADS = re.compile(r"^(\d*)([-+.)])(?=[\s-]|$)")
+#: A bar is worth showing after so long, and a line of a search where no bar can be drawn [s].
+_PATIENCE, _QUIET = 0.5, 10.0
 
 
 def screen(*, error: bool = False) -> Console:
@@ -59,7 +67,10 @@ def say_written(path: Path) -> None:
     say(f"{path}: {path.stat().st_size / 1e6:.2f} MB{opens}")
 
 
-def print_table(rows: Sequence[Row], title: str, *, console: Console | None = None) -> None:
+# ---------------------------------------------------------------------- tables
+
+
+def print_table(rows: Sequence[Row], title: str = "", *, console: Console | None = None) -> None:
     """Print a table in which no number and no name is cut, and no number broken.
 
     Units stand under their names. Names are broken where a terminal has no room; where numbers do
@@ -68,33 +79,32 @@ def print_table(rows: Sequence[Row], title: str, *, console: Console | None = No
     where ``best`` is not empty it is marked.
     """
     console = console or screen()
-    heads = [head for head in rows[0] if head not in ("condition", "best")]
-    if not console.is_terminal:
-        console.width = _ENDLESS
-    console.width = max(console.width, _NARROWEST)
-    shown = heads[:1]
-    for head in heads[1:]:
-        free = console.options.update(max_width=_ENDLESS)
-        least = console.measure(_rich(rows, [*shown, head], ""), options=free).minimum
+    console.width = max(console.width, _NARROWEST) if console.is_terminal else _ENDLESS
+    free = console.options.update(max_width=_ENDLESS)
+    name, *heads = (head for head in rows[0] if head not in ("condition", "best"))
+    shown = [name]
+    for head in heads:
+        least = console.measure(_rich(rows, [*shown, head]), options=free).minimum
         if least > console.width and len(shown) > 1:
             console.print(_rich(rows, shown, title))
-            shown, title = heads[:1], ""
+            shown, title = [name], ""
         shown.append(head)
     console.print(_rich(rows, shown, title))
 
 
-def _rich(rows: Sequence[Row], heads: Sequence[str], title: str) -> Table:
+def _rich(rows: Sequence[Row], heads: Sequence[str], title: str = "") -> Table:
     from rich.table import Table
     from rich.text import Text
 
+    # With `pad_edge=False` rich folds the last column by a width that it then does not give it.
     table = Table(
         title=Text(visible(title), style="table.title") if title else None,
-        title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0), pad_edge=False,
+        title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0),
     )  # fmt: skip
     for head in heads:
         label = Text(head.replace(" [", "\n[").replace(" (", "\n(").replace(" joint", "\njoint"))
-        longest = max(len(_short(row[head])) for row in rows)
-        if is_numeric(rows, head):
+        longest = max(len(cell(row[head])) for row in rows)
+        if _is_numeric(rows, head):
             room = max(longest, *map(len, str(label).split("\n")))
             table.add_column(label, justify="right", no_wrap=True, min_width=room)
         else:
@@ -105,7 +115,7 @@ def _rich(rows: Sequence[Row], heads: Sequence[str], title: str) -> Table:
         if row.get("condition") != condition:
             condition = row["condition"]
             table.add_row(Text(visible(condition), style="bold"))
-        cells = [Text(visible(_short(row[head]))) for head in heads]
+        cells = [Text(visible(cell(row[head]))) for head in heads]
         if row.get("best"):
             cells[0].append(" *")
         table.add_row(*cells, style="bold" if row.get("best") else None)
@@ -113,30 +123,25 @@ def _rich(rows: Sequence[Row], heads: Sequence[str], title: str) -> Table:
 
 
 def cell(value: Any) -> str:
-    """Write a value with four significant digits; None is a dash."""
+    """Write a value, of a number four digits and no more of an exponent than it takes: 1.143e5.
+
+    None is a dash.
+    """
     if value is None:
         return "-"
-    return f"{float(value):.4g}" if isinstance(value, (float, np.floating)) else str(value)
+    if not isinstance(value, (float, np.floating)):
+        return str(value)
+    digits, e, exponent = f"{value:.4g}".partition("e")
+    return f"{digits}e{int(exponent)}" if e else digits
 
 
-def _short(value: Any) -> str:
-    """Write a value as `cell` does, with no more in an exponent than it takes: 1.143e5."""
-    digits, e, exponent = cell(value).partition("e")
-    return f"{digits}e{int(exponent)}" if e and _is_number(value) else cell(value)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float, np.number)) and not isinstance(value, bool)
-
-
-def is_numeric(rows: Sequence[Row], head: str) -> bool:
-    """Return whether a column is one of numbers."""
-    return all(row[head] is None or _is_number(row[head]) for row in rows)
+def _is_numeric(rows: Sequence[Row], head: str) -> bool:
+    return all(isinstance(row[head], (int, float, np.number, type(None))) for row in rows)
 
 
 def drop_constant(rows: list[Row], key: str) -> list[Row]:
     """Leave out a column that says the same in every row."""
-    if not rows or len({row.get(key) for row in rows}) > 1:
+    if len({row.get(key) for row in rows}) > 1:
         return rows
     return [{k: v for k, v in row.items() if k != key} for row in rows]
 
@@ -145,7 +150,7 @@ def markdown(rows: Sequence[Row]) -> str:
     """Return a Markdown table."""
     heads = list(rows[0])
     lines = ["| " + " | ".join(heads) + " |"]
-    lines.append("|" + "|".join(" ---: " if is_numeric(rows, h) else " --- " for h in heads) + "|")
+    lines.append("|" + "|".join(" ---: " if _is_numeric(rows, h) else " --- " for h in heads) + "|")
     lines += ["| " + " | ".join(in_markdown(cell(row[h])) for h in heads) + " |" for row in rows]
     return "\n".join(lines) + "\n"
 
@@ -161,7 +166,61 @@ def comma_separated(rows: Sequence[Row]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     writer.writeheader()
-    for row in rows:
-        floats = (float, np.floating)
-        writer.writerow({k: repr(float(v)) if isinstance(v, floats) else v for k, v in row.items()})
+    writer.writerows(rows)
     return text.getvalue()
+
+
+# ---------------------------------------------------------------------- progress
+
+
+def say_if_compiling() -> None:
+    """Say on standard error, once on a machine, why the first run takes longer."""
+    # Imported late: it loads numba.
+    from fpid_pin.kernels.compiled import is_cold
+
+    if is_cold():
+        sys.stderr.write("fpid-pin: compiling the equations for this machine, some seconds, once\n")
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
+    """Give a function that takes a `Progress` and draws a bar on standard error.
+
+    Of a `SearchProgress` it says the generation, the best cost and evaluations a second; where
+    there is no terminal in lines, at times.
+    """
+    from rich import progress as rich
+
+    console = screen(error=True)
+    bar = rich.Progress(
+        rich.TextColumn("{task.description}", markup=False), rich.BarColumn(bar_width=None),
+        rich.TaskProgressColumn(), rich.TimeRemainingColumn(), console=console, transient=True,
+    )  # fmt: skip
+    task = bar.add_task(title, total=1.0)
+    began = time.monotonic()
+    told_at = began - _QUIET
+
+    def advance(progress: Progress) -> None:
+        nonlocal told_at
+        now, told = time.monotonic(), title
+        if isinstance(progress, SearchProgress):
+            told = _search(progress)
+            if not console.is_terminal and now - told_at >= _QUIET and progress.rate > 0.0:
+                told_at = now
+                left = timedelta(seconds=round(progress.seconds_left))
+                console.print(f"{told}, {left} left")
+        if not bar.live.is_started and now - began > _PATIENCE and progress.part < 1.0:
+            bar.start()
+        bar.update(task, completed=progress.part, description=told)
+
+    try:
+        yield advance
+    finally:
+        if bar.live.is_started:
+            bar.stop()
+
+
+def _search(progress: SearchProgress) -> str:
+    best = f"best {progress.best:.5g}, " if np.isfinite(progress.best) else ""
+    generation = f"generation {progress.generation} of {progress.generations}"
+    return f"{generation}: {best}{progress.rate:.1f} evaluations/s"

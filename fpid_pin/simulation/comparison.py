@@ -1,0 +1,295 @@
+"""Controllers beside each other: who is best where, each one's worst case, and limits passed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from fpid_pin import checks
+from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.control.law import Controller
+from fpid_pin.costs import Metrics, QuadraticCost
+from fpid_pin.costs.metrics import METRICS
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.progress import ProgressCallback
+from fpid_pin.simulation.entry import simulate
+from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.limits import Exceedance, limit_report
+from fpid_pin.simulation.run import Run
+from fpid_pin.text import Shown, html_table, listed
+
+COST = QuadraticCost()
+#: What the heads of the tables mean.
+LEGEND = f"tail: RMS error of the last half; cost: (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}"
+#: Limits of one controller that are told in a line; all of them are in the tables.
+_TOLD = 3
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A figure of a run over its joints by which controllers are ranked, the less the better."""
+
+    label: str
+    head: str
+    of: Callable[[Metrics], float]
+
+    @property
+    def unit(self) -> str:
+        """What stands in the brackets of its head."""
+        return self.head.partition(" [")[2].rstrip("]")
+
+    def write(self, value: float) -> str:
+        """Return a value with its unit."""
+        return f"{value:.3g} {self.unit}".rstrip() if np.isfinite(value) else "ended early"
+
+
+def _joints(metric: str, factor: float = 1.0) -> Callable[[Metrics], float]:
+    return lambda metrics: factor * METRICS[metric].of(getattr(metrics, metric))
+
+
+#: What a comparison may be decided by.
+MEASURES = {
+    "tail": Measure(
+        "RMS error of the last half", "tail (all joints) [mrad]", _joints("rms_tail", 1e3)
+    ),
+    "rms": Measure("RMS error", "RMS (all joints) [mrad]", _joints("rms", 1e3)),
+    "peak": Measure(
+        "peak torque (worst joint)", "peak (worst joint) [N m]", _joints("peak_torque")
+    ),
+    "variation": Measure(
+        "torque variation (all joints)", "variation (all joints) [N m]", _joints("total_variation")
+    ),
+    "energy": Measure("energy (all joints)", "energy (all joints) [N²m²s]", _joints("energy")),
+    "cost": Measure(f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "cost (33)", COST.of),
+    "peak_error": Measure(
+        "peak error (worst joint)", "peak error (worst joint) [mrad]", _joints("peak_error", 1e3)
+    ),
+}
+#: All figures of a run, by their heads; of those of whole runs, one that ended early has none.
+FIGURES = {measure.head: measure.of for measure in MEASURES.values()} | {
+    "settled (worst joint) [s]": _joints("settling_time"),
+    "at its limit (worst joint) [%]": _joints("saturated", 100.0),
+    "torque rate (worst joint) [N m/s]": _joints("torque_rate"),
+}
+_OF_WHOLE_RUNS = ("tail (all joints) [mrad]", "cost (33)")
+#: Columns of each joint, and the metric that each is of.
+_JOINT_COLUMNS = {
+    "RMS [rad]": "rms", "RMS tail [rad]": "rms_tail", "ISE [rad^2 s]": "ise", "IAE [rad s]": "iae",
+    "ITAE [rad s^2]": "itae", "energy [N²m²s]": "energy", "variation [N m]": "total_variation",
+    "peak torque [N m]": "peak_torque", "peak error [rad]": "peak_error",
+    "settled [s]": "settling_time", "overshoot [rad]": "overshoot", "at its limit [%]": "saturated",
+    "torque rate [N m/s]": "torque_rate",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Shown):
+    """Runs of every controller under every condition; printed, it says who is best where.
+
+    Attributes
+    ----------
+    conditions, controllers
+        Their names, C and L of them.
+    runs
+        C L of them: condition by condition, the controllers in their order.
+    measure
+        What decides; None: nothing does.
+    """
+
+    conditions: tuple[str, ...]
+    controllers: tuple[str, ...]
+    runs: tuple[Run, ...]
+    measure: Measure | None = None
+
+    @cached_property
+    def values(self) -> FloatArray:
+        """What the measure is of each run, (C, L); inf where one ended early."""
+        of = self.measure.of if self.measure else lambda metrics: np.inf
+        values = [of(run.metrics) if run.outcome.completed else np.inf for run in self.runs]
+        return np.reshape(values, (len(self.conditions), len(self.controllers)))
+
+    @property
+    def is_best(self) -> BoolArray:
+        """Where nobody is better under the same condition, and the run was completed, (C, L)."""
+        least = self.values.min(axis=1, keepdims=True)
+        return np.asarray(np.isfinite(self.values) & (self.values == least))
+
+    @property
+    def hardest(self) -> str:
+        """The condition under which the best controller does worst; the last of those that tie."""
+        least = self.values.min(axis=1)
+        if self.measure is None:
+            return self.conditions[0]
+        return self.conditions[len(least) - 1 - int(np.argmax(least[::-1]))]
+
+    @cached_property
+    def limits(self) -> list[list[Exceedance]]:
+        """What each run went beyond, by `limit_report`."""
+        return [limit_report(run) for run in self.runs]
+
+    @property
+    def answer(self) -> list[str]:
+        """Sentences, the most important first: the best, worst cases, limits passed."""
+        said = []
+        if self.measure is not None and len(self.controllers) > 1:
+            said = [self._best(self.measure)]
+            said += [self._worst(self.measure)] if len(self.conditions) > 1 else []
+        return said + self._limits()
+
+    def _best(self, measure: Measure) -> str:
+        won: dict[str, list[str]] = {}
+        for condition, row in zip(self.conditions, self.values, strict=True):
+            first = int(np.argmin(row))
+            winner = self.controllers[first] if np.isfinite(row[first]) else ""
+            won.setdefault(winner, []).append(condition)
+        none = won.pop("", [])
+        if len(self.conditions) == 1 and won:
+            parts = [
+                f"{'next ' * place}{self.controllers[k]}, {measure.write(self.values[0, k])}"
+                for place, k in enumerate(np.argsort(self.values[0], kind="stable")[:2])
+            ]
+        else:
+            ahead = sorted(won.items(), key=lambda item: -len(item[1]))
+            parts = [f"{controller} under {_listed(where)}" for controller, where in ahead]
+        if none:
+            parts.append(f"nobody under {_listed(none)}, where all ended early")
+        return f"Least {measure.label}: {'; '.join(parts)}."
+
+    def _worst(self, measure: Measure) -> str:
+        worst = self.values.max(axis=0)
+        parts = [
+            f"{self.controllers[k]} {measure.write(float(worst[k]))} "
+            f"({self.conditions[int(np.argmax(self.values[:, k]))]})"
+            for k in np.argsort(worst, kind="stable")
+        ]
+        return f"Worst case of each: {'; '.join(parts)}."
+
+    def _limits(self) -> list[str]:
+        """Say of each controller where its runs ended early and which limits they passed."""
+        told: dict[str, list[str]] = {}
+        for (condition, controller), run, limits in self._each():
+            where = f"{condition}, " if len(self.conditions) > 1 else ""
+            lines = told.setdefault(controller, [])
+            if not run.outcome.completed:
+                lines.append(f"{where}{run.outcome}")
+            joints: dict[str, list[str]] = {}
+            for e in limits:
+                joints.setdefault(e.quantity, []).append(f"{e.joint} {100.0 * e.part:.2g} %")
+            lines += [
+                f"{where}{quantity} limit of {_listed(which)} of the time"
+                for quantity, which in joints.items()
+            ]
+        return [
+            f"Limits passed by {controller}: {'; '.join(lines[:_TOLD])}"
+            + (f"; and {len(lines) - _TOLD} more." if lines[_TOLD:] else ".")
+            for controller, lines in told.items()
+            if lines
+        ]
+
+    def _each(self) -> Iterator[tuple[tuple[str, str], Run, list[Exceedance]]]:
+        return zip(product(self.conditions, self.controllers), self.runs, self.limits, strict=True)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row for each run: its figures over the joints, and whether it is the best."""
+        rows = []
+        best = self.is_best.ravel()
+        for ((condition, controller), run, _), first in zip(self._each(), best, strict=True):
+            ended = not run.outcome.completed
+            row: dict[str, Any] = {"condition": condition, "controller": controller}
+            for head, figure in FIGURES.items():
+                row[head] = np.inf if ended and head in _OF_WHOLE_RUNS else figure(run.metrics)
+            row["outcome"] = str(run.outcome) if ended else "completed"
+            rows.append(row | ({"best": "best" if first else ""} if self.measure else {}))
+        return rows
+
+    def joint_rows(self) -> list[dict[str, Any]]:
+        """Return a row for each run and joint: every metric.
+
+        A column's [rad] and [N m] are [m] and [N] of a joint that slides, whose name says so.
+        """
+        return [
+            {
+                "condition": condition,
+                "controller": controller,
+                "joint": joint if unit == "rad" else f"{joint} [m, N]",
+            }
+            | {
+                head: getattr(run.metrics, name)[j] * (100.0 if head.endswith("[%]") else 1.0)
+                for head, name in _JOINT_COLUMNS.items()
+            }
+            for (condition, controller), run, _ in self._each()
+            for j, (joint, unit) in enumerate(zip(run.arm.joint_names, run.arm.units, strict=True))
+        ]
+
+    def limit_rows(self) -> list[dict[str, Any]]:
+        """Return a row for each limit that a run passed, or that its torque stood at."""
+        return [
+            {
+                "condition": condition,
+                "controller": controller,
+                "joint": e.joint,
+                "quantity": f"{e.quantity} [{e.unit}]",
+                "limit": e.limit,
+                "first [s]": e.time,
+                "worst": e.value,
+                "part [%]": 100.0 * e.part,
+            }
+            for (condition, controller), _, limits in self._each()
+            for e in limits
+        ]
+
+    def __str__(self) -> str:
+        many = f"{len(self.controllers)} controllers, {len(self.conditions)} conditions"
+        return "\n".join(self.answer or [many])
+
+    def _repr_html_(self) -> str:
+        rows = self.rows()
+        return html_table(self, list(rows[0]), ([*row.values()] for row in rows))
+
+
+def compare(
+    experiments: Experiment | Mapping[str, Experiment],
+    controllers: Sequence[Controller] | Mapping[str, Controller],
+    metric: str | None = "tail",
+    *,
+    progress: ProgressCallback | None = None,
+) -> Comparison:
+    """Simulate every controller under every condition, and rank them.
+
+    Parameters
+    ----------
+    experiments
+        The conditions, by name; one experiment is called nominal.
+    controllers
+        By name, or with names of their own.
+    metric
+        What decides: ``"tail"``, ``"rms"``, ``"peak"``, ``"variation"``, ``"energy"``, ``"cost"``
+        or ``"peak_error"``; None: nothing does.
+    progress
+        Called as the work goes on.
+
+    Raises
+    ------
+    ArgumentError
+        An unknown metric, controllers of one name, or whatever `simulate` refuses.
+    """
+    measure = None if metric is None else MEASURES[checks.choice("metric", metric, MEASURES)]
+    if isinstance(experiments, Experiment):
+        experiments = {"nominal": experiments}
+    if not isinstance(controllers, Mapping):
+        given = list(controllers)
+        controllers = {law.name or type(law).__name__: law for law in given}
+        if len(controllers) < len(given):
+            raise ArgumentError("controllers", "a name of its own each", listed(controllers))
+    pairs = list(product(experiments.values(), controllers.values()))
+    runs = simulate([e for e, _ in pairs], [law for _, law in pairs], progress=progress)
+    return Comparison(tuple(experiments), tuple(controllers), tuple(runs), measure)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
