@@ -70,13 +70,10 @@ def test_without_pcodec_one_line_says_what_to_install(tmp_path, monkeypatch):
     small = written(tmp_path / "small", {"x": np.zeros(9)}, compressed=True)
     monkeypatch.setitem(sys.modules, "pcodec", None)
     line = (
-        r"pcodec: expected it to be installed \(pip install 'fpid_pin\[compressed\]'\), got none$"
+        rf"^{small}: pcodec: expected it to be installed \(pip install 'fpid_pin\[compressed\]'\)"
     )
-    with pytest.raises(FpidError, match=f"^{line}"):
-        written(tmp_path / "none", {"x": np.zeros(9)}, compressed=True)
-    with pytest.raises(FpidError, match=f"^{small}: {line}"):
+    with pytest.raises(FpidError, match=line):
         npz.read(small, "thing")
-    assert os.listdir(tmp_path) == ["small"]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
-"""What the pages show runs as it stands there, and their links lead somewhere."""
+"""What README, CONTRIBUTING, docs and examples show runs, prints what they say, leads somewhere."""
 
+import contextlib
+import io
 import re
 import sys
 from pathlib import Path
@@ -7,31 +9,134 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bounded import finished
+from test_house import PACKAGE, TIERS, is_module
 
-from fpid_pin.control import EncoderRate
+import fpid_pin as fp
+from fpid_pin.cli.configuration import demo_config
+from fpid_pin.cli.results import show
+from fpid_pin.control import EncoderRate, fpid
 
-DOCS = Path(__file__).parents[1] / "docs"
-PAGES = ("data.md", "robot.md")
+ROOT = PACKAGE.parent
+PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md"))
+README, CONTRIBUTING = (path.read_text(encoding="utf-8") for path in PAGES[:2])
+SECTIONS = re.split(r"^## ", CONTRIBUTING, flags=re.MULTILINE)[1:]
+RECIPES = {
+    section.splitlines()[0].removeprefix("To add "): section
+    for section in SECTIONS
+    if section.startswith("To add ")
+}
+MOST_LINES = 25
+#: One process for all: to begin takes longer than most of them do.
+RUN = """
+import runpy, sys
+
+if __name__ == "__main__":
+    for path in sys.argv[1:]:
+        print("example", path, flush=True)
+        runpy.run_path(path, run_name="__main__")
+"""
 
 
-@pytest.mark.parametrize("name", PAGES)
+def code(text, language="python"):
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.M | re.S)
+
+
+def run(folder, *paths):
+    """Run programs one after another, away from what this process has registered."""
+    (folder / "run.py").write_text(RUN, encoding="utf-8")
+    done = finished([sys.executable, "-W", "error", "run.py", *paths], cwd=folder)
+    assert done.returncode == 0, done.stdout.splitlines()[-1] + done.stderr
+    told = done.stdout.split("example ")[1:]
+    return [text.removeprefix(f"{path}\n") for path, text in zip(paths, told, strict=True)]
+
+
+def test_examples_run_and_each_says_something(tmp_path):
+    paths = sorted((ROOT / "examples").glob("*.py"))
+    told = run(tmp_path, *paths)
+    assert len(told) > 5
+    assert all(told)
+
+
+@pytest.mark.parametrize("name", ["data.md", "robot.md"])
 def test_its_code_runs_from_top_to_bottom(name, tmp_path):
-    text = (DOCS / name).read_text(encoding="utf-8")
-    blocks = re.findall(r"^```python\n(.*?)^```$", text, re.M | re.S)
-    (tmp_path / "page.py").write_text("\n".join(blocks), encoding="utf-8")
-    done = finished([sys.executable, "-W", "error", "page.py"], cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    text = (ROOT / "docs" / name).read_text(encoding="utf-8")
+    (tmp_path / "page.py").write_text("\n".join(code(text)), encoding="utf-8")
+    (printed,) = run(tmp_path, "page.py")
     if name == "robot.md":
-        assert f"print(loop.ticks)  # {done.stdout.strip()}" in text
+        assert f"print(loop.ticks)  # {printed.strip()}" in text
 
 
-def test_every_link_leads_somewhere():
-    for page in (*DOCS.glob("*.md"), DOCS.parent / "README.md", DOCS.parent / "CONTRIBUTING.md"):
+def test_every_link_leads_somewhere_and_every_file_that_is_named_is_there():
+    for page in PAGES:
         for link in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
             assert (page.parent / link).exists(), f"{page.name}: {link}"
+    for name in re.findall(r"`([\w/]+(?:/|\.py|\.md))`", CONTRIBUTING):
+        assert (ROOT / name).exists() or (PACKAGE / name).exists(), name
 
 
 def test_the_noise_that_is_told_is_the_filter_s():
     resolution = 2 * np.pi / 2**14
     told = [EncoderRate(tau).noise(resolution, 1e-3) for tau in (0.0, 1e-3, 5e-3)]
     assert [float(f"{value:.2g}") for value in told] == [0.16, 0.064, 0.019]
+
+
+# ---------------------------------------------------------------------- README
+
+
+def test_what_the_demo_prints_is_what_the_readme_says(capsys):
+    config = demo_config()
+    show(config, fp.compare(config.conditions, config.controllers), Path("runs/demo"))
+    printed = [line.rstrip() for line in capsys.readouterr().out.splitlines()]
+    assert printed in [block.splitlines() for block in code(README, r"\w+")]
+
+
+def test_ten_lines_of_python_print_what_stands_below_them():
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        exec(next(block for block in code(README) if block.startswith("import fpid_pin")), {})
+    assert printed.getvalue() in code(README, "text")
+
+
+def test_the_law_that_is_quoted_is_the_law_that_runs():
+    source = [line.strip() for line in Path(fpid.__file__).read_text().splitlines()]
+    page = (ROOT / "docs/reading-the-paper.md").read_text(encoding="utf-8")
+    quoted = page.split("```python\nc.s = ")[1].split("```")[0]
+    where = 0
+    for line in ("c.s = " + quoted).splitlines():
+        if line != "...":
+            where = source.index(line.strip(), where) + 1
+
+
+def test_every_name_of_the_face_that_is_used_is_there():
+    for path in set(re.findall(r"`fp\.([a-z_A-Z.]+)", README)) - {"something"}:
+        thing = fp
+        for name in path.split("."):
+            thing = getattr(thing, name)
+
+
+# ---------------------------------------------------------------------- CONTRIBUTING
+
+
+def test_each_recipe_has_one_short_example_and_what_it_asserts_is_true(tmp_path):
+    assert list(RECIPES) == [
+        "an arm", "a law", "a fractional law", "a fractional sliding surface",
+        "a law of the whole robot", "a law in plain Python", "a reference", "a disturbance",
+        "a cost", "a fractional design",
+    ]  # fmt: skip
+    assert len(code(CONTRIBUTING)) == len(RECIPES)
+    paths = []
+    for name, section in RECIPES.items():
+        (example,) = code(section)
+        lines = example.splitlines()
+        assert len(lines) <= MOST_LINES
+        assert max(map(len, lines)) <= 100
+        assert any(line.startswith("assert ") for line in lines)
+        paths.append(f"{name}.py".replace(" ", "_"))
+        (tmp_path / paths[-1]).write_text(example, encoding="utf-8")
+    run(tmp_path, *paths)
+
+
+def test_the_table_is_the_house():
+    rows = re.findall(r"^\| (`.*?) \|", CONTRIBUTING, re.MULTILINE)
+    told = [set(re.findall(r"`(\w+)`", row)) for row in rows]
+    assert told == [{room for room in tier if is_module(room)} for tier in TIERS]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,11 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fpid_pin import costs
+from fpid_pin import costs, npz
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.costs import Metrics
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.files import replacing
 from fpid_pin.resources import needed
 from fpid_pin.simulation import Outcome
 
@@ -136,17 +134,7 @@ def export(data: CampaignData, path: str | Path) -> Path:
     FileFormatError
         It cannot be written.
     """
-    path, table = Path(path), data.columns()
-    if path.suffix not in (".csv", ".parquet"):
-        raise ArgumentError("file", "a name that ends with .csv or .parquet", path.name)
-    with replacing(path) as temporary:
-        if path.suffix == ".csv":
-            with open(temporary, "w", newline="", encoding="utf-8") as file:
-                # Floats by their repr: the shortest text that is that number.
-                writer = csv.writer(file, lineterminator="\n")
-                writer.writerow(table)
-                writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
-        else:
-            arrow = needed("pyarrow", "parquet").table(table)
-            needed("pyarrow.parquet", "parquet").write_table(arrow, temporary, compression="zstd")
-    return path
+    suffix = Path(path).suffix
+    if suffix not in (".csv", ".parquet"):
+        raise ArgumentError("file", "a name that ends with .csv or .parquet", Path(path).name)
+    return npz.write_columns(path, data.columns(), parquet=suffix == ".parquet")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import dataclasses
 import json
 from collections.abc import Callable, Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from numpy.typing import ArrayLike
 
@@ -21,7 +20,6 @@ from fpid_pin.costs import Metrics, tool_distance
 from fpid_pin.costs.cost import MOTION
 from fpid_pin.costs.metrics import metrics_of
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
-from fpid_pin.files import replacing
 from fpid_pin.resources import needed
 from fpid_pin.simulation.experiment import Experiment, Outcome
 from fpid_pin.simulation.recorded import meta_of, on_a_clock
@@ -33,6 +31,12 @@ _HEAD = ("joint", "in", "RMS", "tail", "peak error", "settled after [s]", "peak 
          "at its limit [%]")  # fmt: skip
 
 T = TypeVar("T")
+
+
+@lru_cache(maxsize=64)
+def _arm_of(table: str) -> Arm:
+    # Runs of one arm share it: to build one takes some 20 ms.
+    return descriptions.from_dict(json.loads(table), Arm, "arm")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -108,8 +112,13 @@ class Run:
         return self._rebuilt("experiment", Experiment)
 
     def _rebuilt(self, name: str, family: Callable[..., T]) -> T:
+        table = self.meta[name]
         try:
-            return descriptions.from_dict(self.meta[name], family, name)
+            if name == "arm":
+                return cast("T", _arm_of(json.dumps(table)))
+            if table.get("arm") == self.meta["arm"]:
+                table = table | {"arm": self.arm}
+            return descriptions.from_dict(table, family, name)
         except FpidError:
             raise
         except Exception as error:
@@ -226,6 +235,7 @@ class Run:
         `scipy.io.savemat` and its like take (docs/data.md).
         """
         about = self._about() | {"joint_names": list(self.arm.joint_names)}
+        del about["units"]
         return self._arrays() | about | {"meta": json.dumps(about["meta"])}
 
     def to_dataframe(self) -> Any:
@@ -240,18 +250,12 @@ class Run:
             pandas is not installed; the line says how.
         """
         frame = needed("pandas", "pandas").DataFrame(self.columns())
-        frame.attrs.update(self._about() | {"units": self._units()})
+        frame.attrs.update(self._about())
         return frame
 
     def to_csv(self, path: str | Path) -> Path:
         """Write the columns of `to_dataframe` as CSV, every digit; no pandas is needed."""
-        table = self.columns()
-        rows = zip(*(column.tolist() for column in table.values()), strict=True)
-        with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as f:
-            writer = csv.writer(f, lineterminator="\n")
-            writer.writerow(table)
-            writer.writerows(rows)
-        return Path(path)
+        return npz.write_columns(path, self.columns())
 
     def to_parquet(self, path: str | Path) -> Path:
         """Write the columns of `to_dataframe` as Parquet; the schema's metadata has the rest.
@@ -261,12 +265,7 @@ class Run:
         FpidError
             pyarrow is not installed; the line says how.
         """
-        table = needed("pyarrow", "parquet").table(self.columns())
-        about = json.dumps(self._about() | {"units": self._units()})
-        table = table.replace_schema_metadata({"fpid_pin": about})
-        with replacing(path) as temporary:
-            needed("pyarrow.parquet", "parquet").write_table(table, temporary, compression="zstd")
-        return Path(path)
+        return npz.write_columns(path, self.columns(), parquet=True, about=self._about())
 
     def columns(self) -> dict[str, FloatArray]:
         """Return every number by column: ``t``, ``q.joint1``, ..., ``kp.joint1``, ...
@@ -281,8 +280,8 @@ class Run:
             if array.ndim == 1:
                 found[name] = array
             else:
-                joints = enumerate(self.arm.joint_names)
-                found |= {f"{name}.{joint}": array[:, j] for j, joint in joints}
+                heads = [f"{name}.{joint}" for joint in self.arm.joint_names]
+                found |= zip(heads, array.T, strict=True)
         return found
 
     def _arrays(self) -> dict[str, FloatArray]:
@@ -293,17 +292,16 @@ class Run:
         return own | dict(self.signals)
 
     def _about(self) -> dict[str, Any]:
-        outcome, meta = str(self.outcome), dict(self.meta)
-        return {"name": self.name, "step": self.step, "outcome": outcome, "meta": meta}
-
-    def _units(self) -> dict[str, str]:
-        """Return the units of columns; a signal's is the law's to say."""
+        """Return what goes with the columns; a signal's unit is the law's to say."""
         arm, units = self.arm, {"t": "s"}
         for joint, unit, effort in zip(arm.joint_names, arm.units, arm.effort_units, strict=True):
             each = {"q": unit, "q_ref": unit, "v": f"{unit}/s", "v_ref": f"{unit}/s",
                     "torque": effort}  # fmt: skip
             units |= {f"{name}.{joint}": unit for name, unit in each.items()}
-        return units
+        outcome, meta = str(self.outcome), dict(self.meta)
+        return {
+            "name": self.name, "step": self.step, "outcome": outcome, "units": units, "meta": meta,
+        }  # fmt: skip
 
     def _repr_html_(self) -> str:
         """Return the metrics as a table, a row a joint; errors in thousandths of its unit."""

@@ -200,6 +200,24 @@ def test_a_run_has_the_same_bits_in_blocks_of_any_size(dynamics, monkeypatch):
         assert found == pytest.approx(costs, rel=1e-13)
 
 
+@pytest.mark.parametrize(
+    ("orders", "short", "long", "dynamics"),
+    [("symbol", 1.0, 2.0, "pinocchio"), ("symbol", 5.0, 20.0, "compiled"),
+     ("sign", 0.01, 20.0, "compiled"), ("integer", 1.0, 2.0, "compiled")],
+)  # fmt: skip
+def test_two_durations_agree_to_the_bit_where_both_run(orders, short, long, dynamics):
+    """How long a run is must not be felt before it ends: one fit of the operator up to 20 s."""
+    law = fp.paper_controller(orders)
+    one, other = (
+        fp.simulate(fp.paper_experiment(duration=d).with_dynamics(dynamics), law)
+        for d in (short, long)
+    )
+    rows = len(one.t)
+    assert rows == round(short / one.step) + 1
+    for name in ("t", "q", "v", "torque", *one.signals):
+        assert np.array_equal(getattr(one, name), getattr(other, name)[:rows]), name
+
+
 def test_a_simulation_tick_by_tick_has_the_bits_of_a_run():
     """Across the end of a block of noise; `horizon` is the longest that it may go on."""
     experiment = dataclasses.replace(COMPILED, sensors=SENSORS, duration=0.2, seed=4)

@@ -1,16 +1,21 @@
-"""Runs for other programs, and from them."""
+"""A run: one file that says everything and executes nothing; for other programs, and from them."""
 
 import csv
+import dataclasses
 import html.parser
 import json
 import sys
 
 import numpy as np
+import pyarrow.parquet
 import pytest
 from scipy.io import loadmat, savemat
 
 import fpid_pin as fp
-from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin import npz
+from fpid_pin.disturbances import Pulse
+from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.references import Hold
 from fpid_pin.simulation import limit_report
 
 ARM = fp.Arm.two_link()
@@ -20,6 +25,90 @@ NAMES = ("t", "q", "v", "q_ref", "v_ref", "torque")
 @pytest.fixture(scope="module")
 def run():
     return fp.simulate(fp.paper_experiment(duration=0.2), fp.paper_controller())
+
+
+# ---------------------------------------------------------------------- its file
+
+
+def test_it_comes_back_bit_for_bit(run, tmp_path):
+    back = fp.Run.load(run.save(tmp_path / "run.npz"))
+    for name in ("t", "q", "v", "q_ref", "v_ref", "torque", "error", *run.signals):
+        assert (getattr(back, name) == getattr(run, name)).all(), name
+    assert back.outcome == run.outcome
+    assert (back.metrics.ise == run.metrics.ise).all()
+    assert back.arm == run.arm
+    again = fp.simulate(back.experiment, back.controller)
+    assert (again.q == run.q).all()
+    assert (again.kd == run.kd).all()
+
+
+def test_nothing_in_it_is_pickled(run, tmp_path):
+    with np.load(run.save(tmp_path / "run.npz"), allow_pickle=False) as file:
+        assert all(file[name].dtype.kind in "fU" for name in file.files)
+        meta = json.loads(str(file["meta"]))
+    assert {"fpid_pin", "pin", "numpy", "scipy", "python"} <= meta["versions"].keys()
+
+
+def test_what_could_not_be_read_back_is_not_written(run, tmp_path):
+    for signals, message in (
+        ({"x": np.zeros((len(run.t), 2, 2))}, "signals.x: expected a signal with 201 rows"),
+        ({"a/b": run.t}, "arrays: expected names that a file can have, got 'signal_a/b'"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            dataclasses.replace(run, signals=signals).save(tmp_path / "run.npz")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_that_is_no_run_is_told(run, tmp_path):
+    path = tmp_path / "file.npz"
+    npz.write(path, "checkpoint", {}, {"q": run.q})
+    with pytest.raises(FileFormatError, match="npz: expected a run file, got a checkpoint"):
+        fp.Run.load(path)
+
+
+def test_a_record_whose_descriptions_mean_nothing_is_one_line(run, tmp_path):
+    meta = dict(run.meta) | {"arm": dict(run.meta["arm"]) | {"changes": [[0, 1], "x"]}}
+    back = fp.Run.load(dataclasses.replace(run, meta=meta).save(tmp_path / "run.npz"))
+    with pytest.raises(FpidError) as caught:
+        _ = back.arm
+    assert "\n" not in str(caught.value)
+
+
+def test_limits_of_infinity_survive_the_file(tmp_path):
+    arm = fp.Arm.two_link()
+    plant = fp.Plant(effort_limit=np.inf, disturbance=Pulse(1.0))
+    experiment = fp.Experiment(arm, Hold(0.1), plant=plant, duration=0.01)
+    run = fp.simulate(experiment, fp.ComputedTorque())
+    back = fp.Run.load(run.save(tmp_path / "run.npz"))
+    assert back.experiment.plant.disturbance.end == np.inf
+    with pytest.raises(AttributeError, match="has no 'kp'"):
+        _ = back.kp
+
+
+def test_a_compressed_file_is_smaller_and_gives_every_bit(run, tmp_path):
+    plain = run.save(tmp_path / "plain.npz")
+    small = run.save(tmp_path / "small.npz", compressed=True)
+    assert small.stat().st_size < 0.5 * plain.stat().st_size
+    other = fp.Run.load(small)
+    assert other.save(tmp_path / "again.npz").read_bytes() == plain.read_bytes()
+    assert run.save(tmp_path / "twice.npz", compressed=True).read_bytes() == small.read_bytes()
+
+
+def test_a_thinned_run_has_one_row_in_so_many_and_says_so(run, tmp_path):
+    thin = fp.Run.load(run.save(tmp_path / "run.npz", every=5, compressed=True))
+    assert (thin.q == run.q[::5]).all()
+    assert (thin.kp == run.kp[::5]).all()
+    assert thin.step == pytest.approx(5e-3)
+    assert thin.meta["every"] == 5
+    assert len(thin.t) == thin.planned_rows == 41
+    assert thin.thinned(2).meta["every"] == 10
+    assert len(run.thinned(7).t) == run.thinned(7).planned_rows == 29
+    # The same integral by a coarser sum.
+    assert thin.metrics.ise == pytest.approx(run.metrics.ise, rel=0.2)
+    with pytest.raises(ArgumentError, match="every: expected a whole number >= 1"):
+        run.save(tmp_path / "no.npz", every=0)
+    with pytest.raises(ArgumentError, match="every: expected rows at most 10 s"):
+        run.thinned(20_000)
 
 
 def parts(run):
@@ -35,13 +124,30 @@ def parts(run):
 # ---------------------------------------------------------------------- out
 
 
-def test_csv_has_every_digit(run, tmp_path):
-    with open(run.to_csv(tmp_path / "run.csv"), newline="") as file:
-        head, *rows = csv.reader(file)
-    table = dict(zip(head, np.array(rows, float).T, strict=True))
+def written(run, way, folder):
+    """Return the columns of a run, by name, and what else was written with them."""
+    if way == "csv":
+        with open(run.to_csv(folder / "run.csv"), newline="") as file:
+            head, *rows = csv.reader(file)
+        return dict(zip(head, np.array(rows, float).T, strict=True)), None
+    if way == "parquet":
+        table = pyarrow.parquet.read_table(run.to_parquet(folder / "run.parquet"))
+        about = json.loads(table.schema.metadata[b"fpid_pin"])
+        return {name: table[name].to_numpy() for name in table.column_names}, about
+    frame = run.to_dataframe()
+    return {name: frame[name].to_numpy() for name in frame.columns}, frame.attrs
+
+
+@pytest.mark.parametrize("way", ["csv", "dataframe", "parquet"])
+def test_tables_have_every_digit_and_say_what_they_are(run, tmp_path, way):
+    table, about = written(run, way, tmp_path)
     assert table.keys() == parts(run).keys()
     for name, column in parts(run).items():
         assert (table[name] == column).all(), name
+    if about is not None:
+        assert (about["name"], about["step"]) == (run.name, run.step)
+        assert about["units"]["torque.joint1"] == "N m"
+        assert about["meta"]["seed"] == 0
 
 
 def test_a_dict_is_what_matlab_s_file_takes(run, tmp_path):
@@ -55,30 +161,11 @@ def test_a_dict_is_what_matlab_s_file_takes(run, tmp_path):
     assert file["outcome"] == "completed at 0.2 s"
 
 
-def test_a_dataframe_has_columns_and_says_what_they_are(run):
-    pytest.importorskip("pandas")
-    frame = run.to_dataframe()
-    assert set(frame.columns) == parts(run).keys()
-    for name, column in parts(run).items():
-        assert (frame[name].to_numpy() == column).all()
-    assert frame.attrs["units"]["torque.joint1"] == "N m"
-    assert frame.attrs["name"] == run.name
-
-
-def test_parquet_has_the_same(run, tmp_path):
-    parquet = pytest.importorskip("pyarrow.parquet")
-    table = parquet.read_table(run.to_parquet(tmp_path / "run.parquet"))
-    for name, column in parts(run).items():
-        assert (table[name].to_numpy() == column).all()
-    about = json.loads(table.schema.metadata[b"fpid_pin"])
-    assert about["step"] == run.step
-    assert about["meta"]["seed"] == 0
-
-
 @pytest.mark.parametrize(
     ("call", "module", "extra"),
     [(lambda run, _: run.to_dataframe(), "pandas", "pandas"),
-     (lambda run, path: run.to_parquet(path), "pyarrow", "parquet")],
+     (lambda run, path: run.to_parquet(path), "pyarrow", "parquet"),
+     (lambda run, path: run.save(path, compressed=True), "pcodec", "compressed")],
 )  # fmt: skip
 def test_a_package_that_is_missing_is_named_with_its_extra(
     run, tmp_path, monkeypatch, call, module, extra
