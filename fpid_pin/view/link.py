@@ -23,61 +23,42 @@ PORT = 7000
 _START_LIMIT = 20.0
 _log = logging.getLogger("fpid_pin")
 
-Announce = Callable[[str], None]
-
 
 class LiveLink:
     """A live page and the process that serves it; a context manager.
 
-    Sending never waits: while the server is busy with a frame, others are left out. The page's
-    address holds a token of 144 random bits; who does not know it is neither served nor heard.
-
-    Parameters
-    ----------
-    page
-        The page, from `fpid_pin.view.replay.render`.
-    port
-        First port to try on 127.0.0.1; None: 7000. Where it is in use the next free one is taken.
-    announce
-        Told, in a line, what the user needs to know; None: the package's logger.
-
-    Attributes
-    ----------
-    url, port
-        Where the page is.
-    served
-        How often the page was fetched.
-    dropped
-        Frames that were left out.
-
-    Raises
-    ------
-    FpidError
-        The server did not start.
+    The page is served at `url`, on the first port of 127.0.0.1 that is free from `port` on, 7000
+    unless given. Its address holds a token of 144 random bits; who does not know it is neither
+    served nor heard. Sending never waits: while the server is busy with a frame, others are
+    `dropped`. `announce` is told, in a line, what the user needs to know; None: the logger.
     """
 
     def __init__(
-        self, page: str, *, port: int | None = None, announce: Announce | None = None
+        self, page: str, *, port: int | None = None, announce: Callable[[str], None] | None = None
     ) -> None:
         import zmq
 
         asked = PORT if port is None else checks.integer("port", port, low=1, high=65535)
         self._announce = announce or _log.warning
         self._mention = announce or _log.info
-        self._keys, self.served, self.dropped = "", 0, 0
+        #: How often the page was fetched, and frames that were left out.
+        self.served, self.dropped = 0, 0
+        self._keys, self._waiting = "", False
         token, once = secrets.token_urlsafe(18), secrets.token_urlsafe(18)
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.REQ)
         # A socket in a private folder: nobody else can send frames or take keys.
         with tempfile.TemporaryDirectory(prefix="fpid_pin-") as folder:
             address, script = f"ipc://{folder}/frames", Path(__file__).with_name("server.py")
-            arguments = [str(script), str(asked), address, str(os.getpid())]
             # A session of its own: Ctrl-C in the terminal is for us to handle, not for the server.
             # -P: the script's folder must not be searched for modules.
             self._process = subprocess.Popen(
-                [sys.executable, "-P", *arguments], start_new_session=True,
-                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                [sys.executable, "-P", str(script), str(asked), address, str(os.getpid())],
+                start_new_session=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
             )  # fmt: skip
+            #: The server's process.
+            self.pid = self._process.pid
             try:
                 self._socket.connect(address)
                 self._socket.send_multipart([token.encode(), once.encode(), page.encode()])
@@ -91,17 +72,11 @@ class LiveLink:
                 if isinstance(error, zmq.ZMQError):
                     raise FpidError(f"live view: {address}: {error}") from None
                 raise
-        self._waiting = False
         self.url = f"http://127.0.0.1:{self.port}/{token}/"
         # A browser's arguments are in the list of processes, which every user can read.
         self._once = f"http://127.0.0.1:{self.port}/{once}/"
         if self.port != asked:
             self._announce(f"port {asked} is in use; taking {self.port}")
-
-    @property
-    def pid(self) -> int:
-        """The server's process."""
-        return self._process.pid
 
     @property
     def alive(self) -> bool:

@@ -1,12 +1,18 @@
-"""The control loop in real time, and a look at it."""
+"""The control loop in real time, and a look at it: its period, its keys, its page."""
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import math
+import os
+import select
+import sys
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from array import array
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -18,9 +24,7 @@ from fpid_pin.exceptions import SimulationError
 from fpid_pin.simulation.engine import Simulation
 from fpid_pin.simulation.entry import warm
 from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.view.keyboard import Keyboard
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.realtime import Timing, keep_time, urgent
 from fpid_pin.view.replay import render
 from fpid_pin.view.scene import experiment_scene
 
@@ -28,6 +32,156 @@ HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"
 _PUSH_TIME = 0.2
 # The reference is looked at this far ahead to place the camera, s.
 _PREVIEW = 20.0
+# Sleep until this much before a tick, then spin: the scheduler wakes us some 0.1 ms late.
+_SPIN = 2.5e-4
+# Further behind than this (a suspended laptop) the schedule starts anew.
+_GIVE_UP = 0.1
+
+
+@dataclass(eq=False)
+class Timing:
+    """How a period was kept.
+
+    Attributes
+    ----------
+    step
+        The period [s].
+    late
+        How late each tick began [s].
+    missed
+        Ticks whose work was done later than one step after they were due.
+    restarts
+        How often the schedule was given up and begun anew.
+    """
+
+    step: float
+    late: array[float] = field(default_factory=lambda: array("f"))
+    missed: int = 0
+    restarts: int = 0
+
+    @property
+    def ticks(self) -> int:
+        """How many there were."""
+        return len(self.late)
+
+    @property
+    def worst(self) -> float:
+        """Largest lateness [s]."""
+        return max(self.late, default=0.0)
+
+    def lateness(self, percentile: float) -> float:
+        """Return a percentile of how late ticks began [s]; NaN before any."""
+        return float(np.percentile(self.late, percentile)) if self.late else math.nan
+
+    def __str__(self) -> str:
+        part = 100.0 * self.missed / self.ticks if self.ticks else 0.0
+        late = ", ".join(
+            f"{name} {1e6 * self.lateness(p):.0f} us"
+            for name, p in (("median", 50.0), ("99th", 99.0), ("99.9th percentile", 99.9))
+        )
+        return (
+            f"{self.ticks} ticks of {1e3 * self.step:g} ms, {self.missed} deadlines missed "
+            f"({part:.3g} %); lateness: {late}, worst {1e6 * self.worst:.0f} us"
+        )
+
+
+def keep_time(
+    tick: Callable[[], bool], step: float, *, idle: Callable[[], bool], every: float
+) -> Timing:
+    """Call `tick` every `step` [s] until it or `idle` returns False; Ctrl-C ends it too.
+
+    `idle` is for what is not urgent: it is called right after a tick, `every` so many seconds.
+    Sleeps, then spins for the last quarter of a millisecond. The garbage collector waits.
+    """
+    timing = Timing(step)
+    collecting = gc.isenabled()
+    try:
+        gc.collect()
+        gc.disable()
+        due = time.perf_counter() + step
+        idle_due = due
+        while True:
+            left = due - time.perf_counter() - _SPIN
+            if left > 0.0:
+                time.sleep(left)
+            while (now := time.perf_counter()) < due:
+                pass
+            timing.late.append(now - due)
+            going = tick()
+            end = time.perf_counter()
+            if end > due + step:
+                timing.missed += 1
+            if not going:
+                break
+            if end >= idle_due:
+                if not idle():
+                    break
+                idle_due = max(idle_due + every, end)
+            due += step
+            if time.perf_counter() - due > _GIVE_UP:
+                timing.restarts += 1
+                due = time.perf_counter() + step
+    except KeyboardInterrupt:
+        pass
+    finally:
+        if collecting:
+            gc.enable()
+    return timing
+
+
+@contextlib.contextmanager
+def urgent() -> Iterator[bool]:
+    """Ask the system to run this process before others while the block lasts.
+
+    Yields whether it does: that takes a system with real-time scheduling, and its permission.
+    """
+    try:
+        # Processes that we start meanwhile stay ordinary.
+        policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+        os.sched_setscheduler(0, policy, os.sched_param(10))
+    except (OSError, AttributeError):
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+class Keyboard:
+    """Reads keys without waiting; a context manager. Without a terminal it reads nothing.
+
+    Ctrl-C still interrupts.
+    """
+
+    _descriptor = -1
+
+    def __enter__(self) -> Keyboard:
+        # No terminal, no standard input, or a system without either.
+        with contextlib.suppress(ImportError, OSError, ValueError, AttributeError):
+            import termios
+            import tty
+
+            descriptor = sys.stdin.fileno()
+            # A background job would be stopped for touching the terminal.
+            if os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp():
+                self._before: Any = termios.tcgetattr(descriptor)
+                tty.setcbreak(descriptor)
+                self._descriptor = descriptor
+        return self
+
+    def keys(self) -> str:
+        """Return the keys pressed since last asked."""
+        if self._descriptor < 0 or not select.select([self._descriptor], [], [], 0.0)[0]:
+            return ""
+        return os.read(self._descriptor, 64).decode("utf-8", errors="ignore")
+
+    def __exit__(self, *exception: object) -> None:
+        if self._descriptor >= 0:
+            import termios
+
+            with contextlib.suppress(termios.error):
+                termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
 
 
 @dataclass(frozen=True, eq=False)

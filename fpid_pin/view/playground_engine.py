@@ -51,26 +51,10 @@ def encoded(values: Any) -> str:
 
 
 class Engine:
-    """The printed rollouts of one experiment and its laws, and all that they start from.
+    """The printed rollouts of an experiment and its laws, and all that they start from.
 
-    Parameters
-    ----------
-    experiment, laws
-        What the page begins with.
-    steps
-        Steps that the page offers [s].
-
-    Attributes
-    ----------
-    text
-        JavaScript that returns the rollouts, one for each law.
-    table : dict
-        What the page needs to set the memory up, plain values.
-
-    Raises
-    ------
-    FpidError
-        A joint that the kernels do not have, or a law with a line that cannot be printed.
+    `text` is JavaScript that returns the rollouts, one for each law; `table` what the page needs
+    to set the memory up for any of the `steps` that it offers.
     """
 
     def __init__(self, experiment: Experiment, laws: Sequence[Law], steps: list[float]) -> None:
@@ -139,16 +123,11 @@ class Engine:
         """Print a law's rollout and return its name."""
         n, kinds = self._experiment.arm.n, list[Kind]()
         for head in ("c", "plant", "sensing", "rows"):
-            members = {
-                name.partition(".")[2]: (values, str(places[name]))
-                for name, values in arrays.items()
-                if name.startswith(f"{head}.")
-            }
-            kinds.append(bundle(
-                label if head == "c" else head,
-                {name: values for name, (values, _) in members.items()},
-                {name: place for name, (_, place) in members.items()}, constants=_CONSTANT,
-            ))  # fmt: skip
+            names = [name for name in arrays if name.startswith(f"{head}.")]
+            members = {name.removeprefix(f"{head}."): arrays[name] for name in names}
+            at = {name.removeprefix(f"{head}."): str(places[name]) for name in names}
+            name = label if head == "c" else head
+            kinds.append(bundle(name, members, at, constants=_CONSTANT))
         program.stand_ins = stand_ins(law.state.controller)
         kinds += [real(INPUTS, n), real(n), Array(INT, (5,))]
         return program.add(rollout, kinds).name

@@ -42,34 +42,20 @@ def supervisor_of(e: Experiment, controller: Controller) -> Supervisor:
     return Supervisor.quiet(m_x=float(f"{2.0 * bound + 1.0:.3g}"), reference_bound=bound, **own)
 
 
+def one_number(name: str, value: Any) -> float:
+    """Return what is the same for all joints: the page has one slider for it."""
+    if np.ptp(value) > 0.0:
+        raise ArgumentError(name, "one number for a page's slider", np.asarray(value).tolist())
+    return float(np.max(value))
+
+
 class Law:
-    """A controller as a page plays it.
+    """A controller as a page plays it, beside `others`; FpidError where it cannot hold it.
 
-    Parameters
-    ----------
-    controller, experiment
-        What it is, and where.
-    others
-        Laws that are on the page already.
-
-    Attributes
-    ----------
-    controller
-        On the experiment's arm.
-    state
-        At t = 0, with room for orders that come to move where its orders can.
-    supervisor
-        Its own, or the one of a page's switch.
-    settings : dict
-        Fields that sliders can move, by name: one number, or one for each joint.
-    moves : dict
-        For each of them the numbers that it moves: column, and number over setting, (n,).
-
-    Raises
-    ------
-    FpidError
-        A page cannot hold it: a law in plain Python, or operators of another design than those
-        of `others`, or of one without shared poles.
+    `state` is that at t = 0, with room for orders that come to move where its orders can;
+    `supervisor` its own or the one of the page's switch; `settings` the fields that sliders can
+    move, one number or one for each joint, and `moves` for each of them the numbers that it moves:
+    column, and number over setting, (n,).
     """
 
     def __init__(
@@ -94,18 +80,14 @@ class Law:
         with warnings.catch_warnings(action="ignore", category=FpidWarning):
             # What a description has to say it said where it was made.
             self.state = start(replace(law, **changes), arm, self._step, self._horizon)
+        #: Fields that are orders of the law's operators.
+        self.orders = [x.order for x in law.operators.values() if isinstance(x.order, str)]
         self.settings: dict[str, Any] = {}
         self.moves: dict[str, list[Any]] = {}
         if isinstance(law, AdaptiveFpid):
             self._of_fpid(law)
         else:
             self._of_fields(law)
-
-    @property
-    def orders(self) -> list[str]:
-        """Fields that are orders of the law's operators."""
-        operators = self.state.controller.operators.values()
-        return [x.order for x in operators if isinstance(x.order, str)]
 
     @property
     def functions(self) -> tuple[Any, ...]:
@@ -139,17 +121,13 @@ class Law:
         """Note the settings of the adaptive FPID."""
         n, plain = self._arm.n, ("integral_order", "derivative_order", "kp", "ki", "kd", "k0", "k1")
         rates, guard = np.asarray(law.order_learning_rate), law.safeguards or Safeguards()
-        if np.ptp(rates) > 0.0:
-            raise ArgumentError(
-                "order_learning_rate", "one number for a page's slider", rates.tolist()
-            )
         for name in plain:
             self._note(name, np.zeros(n) + getattr(law, name), {name: 1.0})
         # A factor of the described rates.
         gammas = zip(("gamma_p", "gamma_i", "gamma_d"), law.rates(n), strict=False)
         self._note("learning_rate", 1.0, dict(gammas))
         orders = dict.fromkeys(("integral_order_rate", "derivative_order_rate"), 1.0)
-        self._note("order_learning_rate", float(rates.max()), orders)
+        self._note("order_learning_rate", one_number("order_learning_rate", rates), orders)
         self._note("sigma", guard.sigma, {"sigma": 1.0})
         self._note("dead_zone", guard.dead_zone, {"dead_zone": 1.0})
 
@@ -215,10 +193,8 @@ class Law:
         law, guard = self.controller, self.supervisor
         names = list(self.state.record.names)
         operators = [
-            {
-                "order": names.index(x.order) if isinstance(x.order, str) else -1,
-                "integral": isinstance(x, Integral), "adapts": x.adapts,
-            }
+            {"order": names.index(x.order) if isinstance(x.order, str) else -1,
+             "integral": isinstance(x, Integral), "adapts": x.adapts}
             for _, x in self.state._operators
         ]  # fmt: skip
         return {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,11 +19,11 @@ from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS, of_paper
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.document import Page, as_text, asset, closed, document
 from fpid_pin.view.playground_engine import Engine
 from fpid_pin.view.playground_law import Law
-from fpid_pin.view.playground_presets import presets
 from fpid_pin.view.replay import licences, meshcat_file
 from fpid_pin.view.scene import experiment_scene, to_script_json
 from fpid_pin.view.style import ON_DARK, PALETTE
@@ -165,7 +166,68 @@ def _page(
     return {
         "joints": list(e.arm.joint_names), "start": start, "steps": steps, "laws": about,
         "groups": settings.shared_groups(e, start),
-        "presets": presets(e, laws, steps, peak.tolist()),
+        "presets": _presets(e, laws, steps, peak.tolist()),
         "toml": settings.toml_tables(e, laws, names),
         "palette": {"light": PALETTE, "dark": ON_DARK},
     }  # fmt: skip
+
+
+def _presets(
+    e: Experiment, laws: Sequence[Law], steps: Sequence[float], peak: Sequence[float]
+) -> list[dict[str, Any]]:
+    """Return the presets that a page can have, as `assets/playground_presets.csv` has them.
+
+    `peak` is the largest torque of the described run, (n,) [N m], and sizes loads and limits.
+    Settings of a law are those of the first adaptive FPID. The table's columns: what a page `needs`
+    for it; the settings `now`, and those of the run that is `pinned` beside it, ``nothing`` or
+    those that differ from the description. A value is a number, how much of one of `sizes`, or
+    ``yes`` or ``no``; ``orders`` stands for both of a law's.
+    """
+    fpids = [k for k, x in enumerate(laws) if isinstance(x.controller, AdaptiveFpid)]
+    index, ours = fpids[0] if fpids else 0, of_paper(e.arm)
+    guard, own = laws[index].supervisor, {*laws[index].settings, "supervised", "m_x"}
+    weight = float(np.abs(e.arm.gravity_vector(np.asarray(e.q0))).max())
+    each = np.ones(e.arm.n)
+    sizes: dict[str, Any] = {
+        "": 1.0, "each": each, "peak": np.asarray(peak), "weight": max(weight / 9.8, 2.0),
+        "close": 1.3 * guard.reference_bound + 0.3, "longest": max(steps),
+        "slow": 1.0 if e.arm.n == 2 else 0.1,
+    }  # fmt: skip
+    orders: dict[str, Any] = {
+        "1": (each, each), "published": PUBLISHED_ORDERS["symbol"],
+        "sign": PUBLISHED_ORDERS["sign"], "tuned": TUNED_ORDERS,
+    }  # fmt: skip
+    able = {
+        "": True, "several": len(laws) > 1, "slower": max(steps) > e.step, "fpid": bool(fpids),
+        "paper": bool(fpids) and ours, "printed": guard.kind == "paper",
+        "sampled": guard.kind != "paper",
+    }  # fmt: skip
+
+    def chosen(text: str) -> dict[str, Any] | None:
+        if text == "nothing":
+            return None
+        found: dict[str, Any] = {}
+        for key, value in (part.split(" = ") for part in text.split("; ") if part):
+            amount, _, size = value.partition(" ")
+            if key == "orders":
+                # The paper's orders, and those tuned for it, mean something on its arm alone.
+                if ours or value == "1":
+                    names = ("integral_order", "derivative_order")
+                    found |= {k: list(x) for k, x in zip(names, orders[value], strict=True)}
+            elif key == "beside":
+                found[key] = [k for k in range(len(laws)) if k != index]
+            elif amount in ("yes", "no"):
+                found[key] = amount == "yes"
+            else:
+                total = float(amount) * sizes[size]
+                parts = [settings.rounded(x, 2) for x in np.ravel(total)]
+                found[key] = parts if np.ndim(total) else parts[0]
+        named = {f"{index}.{key}" if key in own else key: x for key, x in found.items()}
+        return {"controller": index, **named}
+
+    return [
+        {"name": row["name"], "text": row["text"], "now": chosen(row["now"]),
+         "pinned": chosen(row["pinned"])}
+        for row in csv.DictReader(asset("playground_presets.csv").splitlines())
+        if able[row["needs"]]
+    ]  # fmt: skip

@@ -20,7 +20,7 @@ from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.view.document import asset
 from fpid_pin.view.playground_engine import encoded
-from fpid_pin.view.playground_law import Law
+from fpid_pin.view.playground_law import Law, one_number
 
 #: Steps that a page offers [s].
 STEPS = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2)
@@ -42,33 +42,25 @@ def start_settings(e: Experiment, laws: Sequence[Law]) -> dict[str, Any]:
     """Return the settings that stand for a description."""
     plant, main = plant_of(e), _disturbance(e)[0]
     sensors = {} if e.sensors is None else to_dict(e.sensors)
-    noise = {}
-    for name in ("position_noise", "velocity_noise", "position_resolution"):
-        value = np.asarray(sensors.get(name, 0.0))
-        if np.ptp(value) > 0.0:
-            raise ArgumentError(f"sensors.{name}", "one number for a page's slider", value.tolist())
-        noise[name] = float(value.max())
-    own = {
-        f"{k}.{key}": value
-        for k, law in enumerate(laws)
-        for key, value in {
-            **law.settings,
-            "supervised": law.controller.supervisor is not None,
-            "m_x": law.supervisor.m_x,
-        }.items()
+    noise = {
+        name: one_number(f"sensors.{name}", sensors.get(name, 0.0))
+        for name in ("position_noise", "velocity_noise", "position_resolution")
     }
-    return _sayable({
+    own: dict[str, Any] = {}
+    for k, law in enumerate(laws):
+        guarded = {"supervised": law.controller.supervisor is not None, "m_x": law.supervisor.m_x}
+        own |= {f"{k}.{key}": value for key, value in (law.settings | guarded).items()}
+    return _plain_table({
         "controller": 0, "beside": [], **own, **noise, "payload": 0.0,
-        "viscous_friction": plant.viscous_friction.tolist(),
-        "dry_friction": plant.dry_friction.tolist(),
-        "effort_limit": plant.effort_limit.tolist(),
+        "viscous_friction": plant.viscous_friction, "dry_friction": plant.dry_friction,
+        "effort_limit": plant.effort_limit,
         "knows_limit": bool(np.array_equal(plant.effort_limit, e.arm.effort_limit)),
-        "disturbance": (np.zeros(e.arm.n) + np.asarray(main.amplitude)).tolist(),
+        "disturbance": np.zeros(e.arm.n) + np.asarray(main.amplitude),
         "disturbance_frequency": float(np.max(main.frequency)),
         "reference_size": 1.0, "reference_speed": 1.0,
         "differentiated": sensors.get("velocity") == "differentiated",
         "delay": sensors.get("delay", 0),
-        "q0": np.asarray(e.q0).tolist(), "step": e.step,
+        "q0": np.asarray(e.q0), "step": e.step,
     })  # fmt: skip
 
 
@@ -92,10 +84,10 @@ def outside(e: Experiment) -> dict[str, Any]:
     else:
         rows = e.motion(np.arange(e.rows, dtype=np.float64) * e.step)
         reference = {"kind": "rows", "rows": encoded(np.concatenate([x.ravel() for x in rows]))}
-    return _sayable({
+    return _plain_table({
         "reference": reference,
-        "disturbance": {"phase": np.asarray(main.phase).tolist(), "others": others},
-        "v0": np.asarray(e.v0).tolist(), "duration": e.duration, "runaway": e.runaway_speed,
+        "disturbance": {"phase": main.phase, "others": others},
+        "v0": np.asarray(e.v0), "duration": e.duration, "runaway": e.runaway_speed,
         "joints": list(e.arm.joint_names),
         "cutoff": 500.0 if e.sensors is None else e.sensors.velocity_cutoff,
     })  # fmt: skip
@@ -108,7 +100,7 @@ def toml_tables(e: Experiment, laws: Sequence[Law], names: Sequence[str]) -> dic
     controllers = [
         to_dict(law.controller) | {
             "supervisor": to_dict(law.supervisor),
-            "scale": law.controller.scale_on(e.arm).tolist(), "name": name,
+            "scale": law.controller.scale_on(e.arm), "name": name,
         }
         for law, name in zip(laws, names, strict=True)
     ]  # fmt: skip
@@ -117,7 +109,7 @@ def toml_tables(e: Experiment, laws: Sequence[Law], names: Sequence[str]) -> dic
         return {key: x for key, x in whole.get(table, {}).items() if key not in keys}
 
     kept = ("q0", "v0", "step", "duration", "integrator", "seed", "runaway_speed")
-    return _sayable({
+    return _plain_table({
         "arm": whole["arm"], "reference": whole["reference"],
         "simulation": {key: whole[key] for key in kept} | {"dynamics": "compiled"},
         "plant": without("plant", "disturbance", "kind"), "sensors": without("sensors", "kind"),
@@ -125,19 +117,19 @@ def toml_tables(e: Experiment, laws: Sequence[Law], names: Sequence[str]) -> dic
     })  # fmt: skip
 
 
-def _sayable(table: dict[str, Any]) -> dict[str, Any]:
-    """Return plain tables in which infinities are the numbers that the page takes for them."""
-    return {key: _said(value) for key, value in table.items()}
+def _plain_table(table: dict[str, Any]) -> dict[str, Any]:
+    """Return plain values, in which infinities are the numbers that the page takes for them."""
+    return {key: _plain(value) for key, value in table.items()}
 
 
-def _said(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     if isinstance(value, dict):
-        return _sayable(value)
+        return _plain_table(value)
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     if isinstance(value, (list, tuple)):
-        return [_said(item) for item in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return math.copysign(NONE, value)
-    return value
+        return [_plain(item) for item in value]
+    return math.copysign(NONE, value) if value in (math.inf, -math.inf) else value
 
 
 def rounded(x: float, digits: int = 3) -> float:

@@ -12,7 +12,7 @@ from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.checks import FloatArray
-from fpid_pin.view.camera import stage, view_axes
+from fpid_pin.view.scene import stage, view_axes
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of
 from fpid_pin.view.style import colour, new_figure, styled
 

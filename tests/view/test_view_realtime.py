@@ -11,10 +11,9 @@ import pytest
 from bounded import wait_until
 
 from fpid_pin import paper_controller, paper_experiment
-from fpid_pin.view import live, realtime
-from fpid_pin.view.keyboard import Keyboard
+from fpid_pin.view import live, live_session
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.realtime import keep_time
+from fpid_pin.view.live_session import Keyboard, keep_time
 
 
 class Clock:
@@ -53,7 +52,7 @@ def kept(monkeypatch, work):
         ends.append(clock.now)
         return len(ends) < TICKS
 
-    monkeypatch.setattr(realtime, "time", clock)
+    monkeypatch.setattr(live_session, "time", clock)
     timing = keep_time(tick, PERIOD, idle=lambda: True, every=1.0)
     due = PERIOD * np.arange(1, TICKS + 1)
     return timing, np.array(begins) - due, np.array(ends) - due

@@ -12,8 +12,7 @@ from fpid_pin import Arm, FpidWarning, Run
 from fpid_pin.arms import names
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view import export_html
-from fpid_pin.view.camera import stage
-from fpid_pin.view.scene import captions_of, replay_scene, to_script_json
+from fpid_pin.view.scene import captions_of, replay_scene, stage, to_script_json
 from fpid_pin.view.shapes import shapes_of
 
 FULL = os.environ.get("FPID_TORTURE") == "full"
