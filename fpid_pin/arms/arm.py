@@ -2,34 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from importlib import resources
+from pathlib import Path
+from typing import Any, Self, cast
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms import catalogue, mjcf
+from fpid_pin.arms.chain import Chain, gravity_vector, table_of
 from fpid_pin.arms.changes import ArmChanges
-from fpid_pin.arms.constructors import ArmConstructors
-from fpid_pin.arms.rigid_body import RigidBody, require_regular
-from fpid_pin.arms.shapes import geometry_of
-from fpid_pin.arms.spec import ArmSpec
-from fpid_pin.checks import FloatArray
+from fpid_pin.arms.planar import planar_chain
+from fpid_pin.arms.rigid_body import require_regular
+from fpid_pin.arms.robot_file import kind_of, read_robot
+from fpid_pin.arms.shapes import Shape, geometry_of
+from fpid_pin.arms.tree import Keep, Tree, tree_of
+from fpid_pin.arms.urdf import urdf_tree
 from fpid_pin.text import cut
 
-#: Fields of an arm that are one number a joint, and a joint's own name for each.
-_COLUMNS = {
-    "lower": "lower", "upper": "upper", "effort_limit": "effort", "velocity_limit": "velocity",
-    "viscous_friction": "damping", "dry_friction": "friction",
-}  # fmt: skip
+Lock = Mapping[str, float] | None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Arm(RigidBody, ArmConstructors, ArmChanges):
+class Arm(ArmChanges):
     """A robot arm with n revolute or prismatic joints; immutable and picklable.
 
-    Made by `two_link`, `planar`, `from_file`, `from_model` and their kin (see `ArmConstructors`),
-    and from other arms by `with_payload` and its kin. What is an angle [rad] or a torque [N m]
-    below is a length [m] or a force [N] for a prismatic joint: see `units`. The rigid-body terms
-    are those of
+    Made by `two_link`, `planar`, `from_file`, `from_model` and their kin, and from other arms by
+    `with_payload` and its kin. What is an angle [rad] or a torque [N m] below is a length [m] or a
+    force [N] for a prismatic joint: see `units`. The rigid-body terms are those of
 
         M(q) q'' + C(q, q') q' + G(q) = tau                                             (5)
 
@@ -50,27 +55,35 @@ class Arm(RigidBody, ArmConstructors, ArmChanges):
         A pose within the limits: the catalogue's, else the middle of the limits, else 0.
     tool : str
         The frame that `tool_pose` and `with_payload` mean.
+    credit : str
+        Origin and licence of the arm's description, where known.
     model : pinocchio.Model
         nq = nv = n. Treat it as read-only.
+
+    Notes
+    -----
+    These arguments are the same for all that read an arm:
+
+    lock : dict
+        Joints to hold still, and where: ``{"finger": 0.02}`` [rad], prismatic ones [m]. A joint
+        that mimics another follows it.
+    keep : str or list of str
+        The link at the arm's tip, or the arm's joints: all other joints are held where they are
+        drawn.
+    gravity : number (along -z) or (3,)
+        [m/s^2]
+    tool : str
+        The frame that `Arm.tool_pose` means; None: one called ``tool``, else the last link.
+    inertia : str
+        What to do where a link that moves has a rotational inertia that no body has (a principal
+        moment below 0, or above the sum of the others): ``"error"``; ``"nearest"`` takes the
+        closest possible, and says by how much it differs; ``"accept"`` takes it as it is.
     """
 
-    lower: FloatArray
-    upper: FloatArray
-    effort_limit: FloatArray
-    velocity_limit: FloatArray
-    viscous_friction: FloatArray
-    dry_friction: FloatArray
-    home: FloatArray
-    _spec: ArmSpec
+    credit: str = ""
+    _shapes: tuple[Shape, ...] = ()
+    _inertia: str = "error"
     _origin: Mapping[str, Any] | None = None
-    _changes: tuple[Mapping[str, Any], ...] = ()
-
-    # ------------------------------------------------------------------ what it is
-
-    @property
-    def credit(self) -> str:
-        """Origin and licence of the arm's description, where known."""
-        return self._spec.credit
 
     def __repr__(self) -> str:
         changes = "".join(f" + {name}" for change in self._changes for name in change)
@@ -79,7 +92,7 @@ class Arm(RigidBody, ArmConstructors, ArmChanges):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Arm):
             return NotImplemented
-        return self._spec == other._spec
+        return bool(self.tool == other.tool and self.model == other.model)
 
     def __hash__(self) -> int:
         return hash((self.name, self.joint_names))
@@ -104,42 +117,285 @@ class Arm(RigidBody, ArmConstructors, ArmChanges):
         FpidWarning
             Once, when meshes are missing; the geometry is then incomplete.
         """
-        if "visual" not in self._cache:
-            self._cache["visual"] = geometry_of(self._spec.shapes, cut(self.name))
-        return self.model, self._cache["visual"].copy()
+        kept = vars(self)
+        if "_geometry" not in kept:
+            kept["_geometry"] = geometry_of(self._shapes, cut(self.name))
+        return self.model, kept["_geometry"].copy()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the table that `fpid_pin.descriptions.from_dict` rebuilds the arm from."""
         if self._origin is None:
             # Changes are in its numbers.
-            return {"kind": "model", **self._spec.table()}
+            fields = {"tool": self.tool, "credit": self.credit, "inertia": self._inertia}
+            return {"kind": "model", **table_of(self.model, self._shapes, **fields)}
         table = dict(self._origin)
         return table | {"changes": list(self._changes)} if self._changes else table
 
-    @classmethod
-    def _assembled(cls, spec: ArmSpec, origin: Mapping[str, Any] | None = None) -> Self:
-        model = spec.model()
-        require_regular(model, spec.name, spec.pose)
-        return cls._of(spec, model, origin, ())
-
-    def _changed(self, spec: ArmSpec, change: Mapping[str, Any]) -> Self:
-        model = self.model.copy()
-        spec.fill(model)
-        return self._of(spec, model, self._origin, (*self._changes, change))
+    # ------------------------------------------------------------------ how it is made
 
     @classmethod
-    def _of(
-        cls,
-        spec: ArmSpec,
-        model: Any,
-        origin: Mapping[str, Any] | None,
-        changes: tuple[Mapping[str, Any], ...],
-    ) -> Self:
-        columns: dict[str, Any] = {
-            name: checks.read_only(spec.column(key)) for name, key in _COLUMNS.items()
-        }
-        return cls(
-            model, spec.name, tuple(joint.name for joint in spec.joints), spec.tool_frame,
-            **columns, home=checks.read_only(spec.pose), _spec=spec, _origin=origin,
-            _changes=changes,
+    def _of(cls, chain: Chain, origin: Mapping[str, Any] | None = None) -> Self:
+        """Build the arm, with every check; `origin` is a shorter table that stands for it."""
+        arm = cls(
+            chain.model(), chain.tool_frame, credit=chain.credit, _shapes=tuple(chain.shapes),
+            _inertia=chain.inertia, _origin=origin,
         )  # fmt: skip
+        require_regular(arm.model, arm.name, arm.home)
+        return arm
+
+    @classmethod
+    def _from_tree(
+        cls,
+        tree: Tree,
+        gravity: ArrayLike | None,
+        lock: Lock,
+        keep: Keep | None,
+        inertia: str,
+        tool: str | None,
+    ) -> Self:
+        if gravity is not None:
+            tree.model.gravity.linear = np.array(gravity_vector("gravity", gravity))
+        chain = tree.serial(lock, keep, inertia, tool)
+        arm = cls._of(chain)
+        tree.warn(chain)
+        return arm
+
+    @classmethod
+    def two_link(cls) -> Self:
+        """Return the paper's robot (section 5.1) from ``urdf/two_link.urdf``, g = 9.8 m/s^2."""
+        # `data` is a link to the repository's urdf folder; the wheel and the sdist hold the file.
+        file = resources.files("fpid_pin.arms") / "data" / "two_link.urdf"
+        tree = urdf_tree(file.read_bytes(), "two_link.urdf")
+        # Pinocchio's own default is 9.81.
+        tree.model.gravity.linear = np.array((0.0, 0.0, -9.8))
+        return cls._of(tree.serial(), {"kind": "two_link"})
+
+    @classmethod
+    def planar(
+        cls,
+        lengths: ArrayLike,
+        masses: ArrayLike,
+        gravity: ArrayLike = 9.8,
+        rods: bool = False,
+    ) -> Self:
+        """Return an n-R arm in the vertical x-z plane; angles are counter-clockwise from x.
+
+        Parameters
+        ----------
+        lengths, masses
+            Link lengths [m] and masses [kg], (n,).
+        gravity
+            A number (along -z) or (3,) [m/s^2]; 0 for a horizontal arm.
+        rods
+            False: point masses at the link ends (the paper's). True: uniform thin rods.
+
+        Raises
+        ------
+        ArgumentError
+            Lengths or masses that are not positive, or not as many of one as of the other.
+        """
+        return cls._of(*planar_chain(lengths, masses, gravity, rods))
+
+    @classmethod
+    def from_file(
+        cls, path: str | Path, lock: Lock = None, gravity: ArrayLike | None = None, **options: Any
+    ) -> Self:
+        """Read a URDF or MJCF file; its root element says which.
+
+        `gravity` None is what the file says, else 9.81 m/s^2 along -z; `options` are those of
+        `from_urdf` or `from_mjcf`.
+        """
+        if kind_of(path) == "robot":
+            return cls.from_urdf(path, lock, 9.81 if gravity is None else gravity, **options)
+        return cls.from_mjcf(path, lock, gravity, **options)
+
+    @classmethod
+    def from_urdf(
+        cls,
+        path: str | Path | None = None,
+        lock: Lock = None,
+        gravity: ArrayLike = 9.81,
+        package_dirs: Sequence[str | Path] = (),
+        keep: Keep | None = None,
+        inertia: str = "error",
+        tool: str | None = None,
+        urdf: str | None = None,
+    ) -> Self:
+        """Read a fixed-base serial chain of revolute, continuous or prismatic joints.
+
+        A saved run holds what was read, a plain table, and not the file.
+
+        Parameters
+        ----------
+        path
+            The URDF file.
+        lock, gravity, keep, inertia, tool
+            See `Arm`.
+        package_dirs
+            Folders to look up ``package://`` meshes in, besides those at and above the file.
+        urdf
+            The text of the URDF; `path` then says no more than where its meshes are.
+
+        Raises
+        ------
+        ArmError
+            What urdfdom or Pinocchio refuse, in their words; a file that xacro has to read first; a
+            tree, or a joint without one axis, that is not held; a mass or inertia that no body has;
+            a link without mass that leaves the mass matrix singular.
+
+        Warns
+        -----
+        FpidWarning
+            Limits that are none, or were not taken as they stand, by joint.
+        """
+        if urdf is not None:
+            checks.plain("urdf", urdf, str, "the text of a URDF")
+        if path is not None or urdf is None:
+            checks.instance("path", path, (str, Path), "the path of a URDF file")
+        checks.instance("package_dirs", package_dirs, (list, tuple), "a list of folders")
+        for k, place in enumerate(package_dirs):
+            checks.instance(f"package_dirs.{k}", place, (str, Path), "a folder")
+        text = read_robot(cast("Path", path)) if urdf is None else urdf
+        folder = None if path is None else Path(os.path.abspath(path)).parent
+        tree = urdf_tree(text, str(path or "URDF"), folder, package_dirs)
+        return cls._from_tree(tree, gravity, lock, keep, inertia, tool)
+
+    @classmethod
+    def from_mjcf(
+        cls,
+        path: str | Path,
+        lock: Lock = None,
+        gravity: ArrayLike | None = None,
+        keep: Keep | None = None,
+        arm: str | None = None,
+        inertia: str = "error",
+        tool: str | None = None,
+    ) -> Self:
+        """Read a fixed-base serial chain of hinges and slides from MuJoCo's MJCF.
+
+        MuJoCo's own compiler reads the file (``pip install fpid_pin[mujoco]``). A saved run holds
+        what was read, a plain table, and not the file. Effort limits are the joints'
+        ``actuatorfrcrange`` and the ``forcerange`` of actuators, or a motor's ``ctrlrange``, times
+        their gear; rotor inertia and damping of actuators count; what else they do is not read.
+
+        Parameters
+        ----------
+        path
+            The MJCF file.
+        lock, gravity, keep, inertia, tool
+            See `Arm`; gravity None is the file's.
+        arm
+            The body at the arm's base, where the world holds several with joints.
+
+        Raises
+        ------
+        FpidError
+            MuJoCo is not installed, or refuses the file.
+        ArmError
+            As for `from_urdf`; several bodies of the world have joints.
+
+        Warns
+        -----
+        FpidWarning
+            What is left out: springs, equality constraints, tendons, gravity compensation, fluid,
+            other bodies that move.
+        """
+        tree = mjcf.mjcf_tree(path, arm, keep)
+        return cls._from_tree(tree, gravity, lock, keep, inertia, tool)
+
+    @classmethod
+    def from_model(
+        cls,
+        model: Any,
+        lock: Lock = None,
+        gravity: ArrayLike | None = None,
+        geometry: Any = None,
+        tool: str | None = None,
+        keep: Keep | None = None,
+        inertia: str = "error",
+    ) -> Self:
+        """Return the arm that a ``pinocchio.Model`` is: a fixed-base serial chain.
+
+        The model is copied; continuous joints become revolute ones without limits: nq = nv = n.
+        A saved run holds a plain table of joints, frames and shapes (`fpid_pin.arms.chain.Chain`).
+
+        Parameters
+        ----------
+        model
+            Limits, friction, damping and rotor inertia (`armature`) are taken from it, and its
+            reference configuration ``home`` where it has one.
+        lock, gravity, tool, keep, inertia
+            See `Arm`; gravity None is the model's.
+        geometry
+            Its visual ``pinocchio.GeometryModel``; None: drawn from primitives. Meshes are found
+            again where their files are.
+
+        Raises
+        ------
+        ArmError
+            As for `from_urdf`.
+        """
+        checks.instance("model", model, pin.Model, "a pinocchio.Model")
+        if geometry is not None:
+            checks.instance("geometry", geometry, pin.GeometryModel, "a pinocchio.GeometryModel")
+        tree = tree_of(model, str(model.name) or "model", geometry)
+        return cls._from_tree(tree, gravity, lock, keep, inertia, tool)
+
+    @classmethod
+    def from_example(
+        cls, name: str, lock: Lock = None, keep: Keep | None = None, tool: str | None = None
+    ) -> Self:
+        """Return an arm of example-robot-data by its name (see `fpid_pin.arms.names`).
+
+        Parameters
+        ----------
+        name
+            One of `fpid_pin.arms.names`.
+        lock, keep, tool
+            See `Arm`; the arm's own fingers are held besides.
+
+        Raises
+        ------
+        ArgumentError
+            An unknown name; the message gives the nearest.
+        """
+        tree, held = catalogue.example_tree(name)
+        given = {"name": name, "lock": lock and dict(lock), "keep": keep, "tool": tool}
+        origin = {"kind": "example"} | {key: value for key, value in given.items() if value}
+        return cls._of(tree.serial({**held, **(lock or {})}, keep, tool=tool), origin)
+
+    @classmethod
+    def from_description(
+        cls,
+        name: str,
+        lock: Lock = None,
+        gravity: ArrayLike | None = None,
+        keep: Keep | None = None,
+        inertia: str = "error",
+        tool: str | None = None,
+    ) -> Self:
+        """Return an arm of robot_descriptions by its module's name, ``"ur5e_description"``.
+
+        That package downloads the robot's repository the first time, with git, and writes out by
+        xacro what is written for it, which evaluates expressions of the repository. A saved run
+        holds what was read, so that reading it needs none of this.
+
+        Parameters
+        ----------
+        name
+            As ``robot_descriptions`` has it.
+        lock, gravity, keep, inertia, tool
+            See `Arm`.
+
+        Raises
+        ------
+        ArgumentError
+            An unknown name; the message gives the nearest.
+        ArmError
+            The package is missing (``pip install fpid_pin[descriptions]``), the download failed,
+            or the file is refused as `from_urdf` and `from_mjcf` refuse it.
+        """
+        path, folders = catalogue.described_file(name)
+        options: dict[str, Any] = {"keep": keep, "inertia": inertia, "tool": tool}
+        options |= {} if folders is None else {"package_dirs": folders}
+        return cls.from_file(path, lock, gravity, **options)

@@ -27,11 +27,11 @@ def bodies_of(arm: Arm) -> Any:
     ArmError
         A joint that neither turns about nor slides along one axis.
     """
-    if "bodies" not in arm._cache:
-        bodies = _bodies(arm.model)
-        bodies.flags.writeable = False
-        arm._cache["bodies"] = bodies
-    return arm._cache["bodies"]
+    kept = vars(arm)
+    if "_bodies" not in kept:
+        kept["_bodies"] = _bodies(arm.model)
+        kept["_bodies"].flags.writeable = False
+    return kept["_bodies"]
 
 
 def inertial_numbers(bodies: Any) -> FloatArray:

@@ -1,19 +1,22 @@
-"""The arms of example-robot-data that work, by name, with a home pose and their origin."""
+"""Arms by name: of example-robot-data those that work, of robot_descriptions by its modules."""
 
 from __future__ import annotations
 
-import dataclasses
+import importlib
+import pkgutil
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
 from fpid_pin import checks
-from fpid_pin.arms.robot_file import read_robot
+from fpid_pin.arms.robot_file import one_line, read_robot
 from fpid_pin.arms.tree import Tree
 from fpid_pin.arms.urdf import urdf_tree
 from fpid_pin.exceptions import ArgumentError, ArmError
+from fpid_pin.text import cut
 
 
 @dataclass(frozen=True)
@@ -85,12 +88,58 @@ def example_tree(name: str) -> tuple[Tree, Mapping[str, float]]:
     path = folder / entry.file
     # Meshes are addressed as package://example-robot-data/robots/..., two folders up.
     tree = urdf_tree(read_robot(path), str(path), path.parent, (folder.parent.parent,))
-    tree.name = name
+    tree.model.name = name
     tree.credit = f"{name}: {entry.credit} (by way of example-robot-data)"
-    tree.tool = entry.tool or tree.tool
+    tree.tool = entry.tool
     # The catalogue's arrays are for the arm with the catalogue's own locks.
-    own = [k for k, joint in enumerate(tree.joints) if joint.name not in entry.lock]
-    tree.home = {tree.joints[k].name: q for k, q in zip(own, entry.home, strict=False)}
+    own = [k for k, joint in enumerate(tree.names) if joint not in entry.lock]
+    tree.home = {tree.names[k]: q for k, q in zip(own, entry.home, strict=False)}
     for k, armature in zip(own, entry.armature, strict=False):
-        tree.joints[k] = dataclasses.replace(tree.joints[k], armature=armature)
+        tree.model.armature[tree.model.joints[k + 1].idx_v] = armature
     return tree, entry.lock
+
+
+# ---------------------------------------------------------------------- robot_descriptions
+
+_PACKAGE = "robot_descriptions"
+#: What the names of its modules end with.
+ENDING = "_description"
+
+
+def described_file(name: str) -> tuple[str, list[str] | None]:
+    """Return the file of a description, and the folders of its meshes; of an MJCF file None."""
+    module = _module(name)
+    if hasattr(module, "URDF_PATH") or hasattr(module, "XACRO_PATH"):
+        path = str(getattr(module, "URDF_PATH", None) or _written_out(module, name))
+        folders = {str(getattr(module, key)) for key in ("PACKAGE_PATH", "REPOSITORY_PATH")
+                   if hasattr(module, key)}  # fmt: skip
+        # Meshes are addressed by the package's name, one folder up.
+        return path, sorted(folders | {str(Path(folder).parent) for folder in folders})
+    if hasattr(module, "MJCF_PATH"):
+        return str(module.MJCF_PATH), None
+    raise ArmError(f"{name}: expected a description with a URDF or an MJCF file, got neither")
+
+
+def _module(name: Any) -> Any:
+    """Import the module of a description, which downloads the robot the first time."""
+    try:
+        package = importlib.import_module(_PACKAGE)
+    except ImportError:
+        raise ArmError(
+            f"{cut(str(name))}: expected the package robot_descriptions, got none "
+            "(pip install fpid_pin[descriptions])"
+        ) from None
+    known = [
+        item.name
+        for item in pkgutil.iter_modules(package.__path__)
+        if item.name.endswith(ENDING) and not item.name.startswith("_")
+    ]
+    checks.choice("description", name, known)
+    with one_line(f"{name}: cannot be downloaded"):
+        return importlib.import_module(f"{_PACKAGE}.{name}")
+
+
+def _written_out(module: Any, name: str) -> str:
+    """Return the URDF that the package's own xacro makes of a description, as its loaders do."""
+    with one_line(f"{name}: xacro cannot write it out"):
+        return str(importlib.import_module(f"{_PACKAGE}._xacro").get_urdf_path(module))

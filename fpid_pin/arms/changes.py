@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
-from abc import abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -13,9 +13,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms.inertia import impossible, inertia_of, perturbed_rows, row_of, scaled_rows
-from fpid_pin.arms.joints import placement_of
-from fpid_pin.arms.spec import ArmSpec, gravity_vector
+from fpid_pin.arms.chain import column, gravity_vector, set_columns
+from fpid_pin.arms.inertia import impossible, row_of
+from fpid_pin.arms.rigid_body import RigidBody
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
 
@@ -24,14 +24,22 @@ T = TypeVar("T")
 _FAR = 1e9
 
 
-class ArmChanges:
+@dataclass(frozen=True, eq=False, repr=False)
+class ArmChanges(RigidBody):
     """What makes another arm of an arm; ``with_NAME`` is the change NAME of a file's table."""
 
-    _spec: ArmSpec
+    _changes: tuple[Mapping[str, Any], ...] = ()
 
-    @abstractmethod
-    def _changed(self, spec: ArmSpec, change: Mapping[str, Any]) -> Self:
-        """Return the arm of `spec`; `change` is its table, ``{name: {field: value}}``."""
+    def _changed(self, name: str, fields: Mapping[str, Any], **columns: Any) -> Self:
+        """Return the arm with other numbers of its joints; `fields` are the table of the change."""
+        model = self.model.copy()
+        set_columns(model, **columns)
+        table = {
+            key: value.tolist() if isinstance(value, np.ndarray) else value
+            for key, value in fields.items()
+            if value is not None
+        }
+        return dataclasses.replace(self, model=model, _changes=(*self._changes, {name: table}))
 
     def with_payload(
         self,
@@ -45,7 +53,7 @@ class ArmChanges:
         `inertia` is the body's (3, 3) rotational inertia about its centre of mass [kg m^2]; None: a
         point.
         """
-        spec, mass = self._spec, checks.number("mass", mass, low=0.0)
+        mass = checks.number("mass", mass, low=0.0)
         centre = checks.floats("com", com, shape=(3,))
         given = None if inertia is None else checks.floats("inertia", inertia, shape=(3, 3))
         about = np.zeros((3, 3)) if given is None else np.array(given)
@@ -57,28 +65,26 @@ class ArmChanges:
             expected = "principal moments >= 0, none above the sum of the others"
             raise ArgumentError("inertia", expected, np.linalg.eigvalsh(about).tolist())
         # A joint's own frame is where its link begins.
-        places: dict[str, Any] = {
-            joint.name: (k, np.eye(4)[:3]) for k, joint in enumerate(spec.joints)
+        places = {
+            str(frame.name): (int(frame.parentJoint), frame.placement)
+            for frame in list(self.model.frames)[1:]
         }
-        places |= {f.name: (f.joint, f.placement) for f in spec.frames}
-        name = checks.choice("frame", frame or spec.tool_frame, places)
+        name = checks.choice("frame", frame or self.tool, places)
         joint, place = places[name]
-        if joint < 0:
+        if joint == 0:
             raise ArgumentError("frame", "a frame that moves with the arm", shown(name))
-        rows = spec.column("inertia")
+        rows = column(self.model, "inertia")
         if mass > 0.0:
-            rows[joint] = row_of(inertia_of(rows[joint]) + placement_of(place).act(body))
+            rows[joint - 1] = row_of(self.model.inertias[joint] + place.act(body))
         fields = {"mass": mass, "com": centre, "frame": frame, "inertia": given}
-        return self._changed(spec.with_columns(inertia=rows), _table("payload", fields))
+        return self._changed("payload", fields, inertia=rows)
 
     def with_friction(self, viscous: ArrayLike | None = None, dry: ArrayLike | None = None) -> Self:
         """Return the arm with other F_v [N m s/rad] or F_d [N m]; what is None stays."""
         given = {"viscous friction": viscous, "dry friction": dry}
         columns = self._columns(given, ("damping", "friction"), low=0.0)
-        return self._changed(
-            self._spec.with_columns(**columns),
-            _table("friction", {"viscous": columns.get("damping"), "dry": columns.get("friction")}),
-        )
+        fields = {"viscous": columns.get("damping"), "dry": columns.get("friction")}
+        return self._changed("friction", fields, **columns)
 
     def with_limits(
         self,
@@ -101,24 +107,25 @@ class ArmChanges:
             key: np.where(np.abs(limit) < _FAR, limit, np.copysign(np.inf, limit))
             for key, limit in columns.items()
         }
-        spec = self._spec.with_columns(**columns)
-        for joint in spec.joints:
-            if not joint.lower < joint.upper:
-                what = f"a number > {joint.lower:g} for {joint.name}"
-                raise ArgumentError("upper limit", what, f"{joint.upper:g}")
         written = {key: np.clip(limit, -_FAR, _FAR) for key, limit in columns.items()}
-        return self._changed(spec, _table("limits", written))
+        arm = self._changed("limits", written, **columns)
+        low, high = column(arm.model, "lower"), column(arm.model, "upper")
+        for k in np.flatnonzero(~(low < high)):
+            what = f"a number > {low[k]:g} for {self.joint_names[k]}"
+            raise ArgumentError("upper limit", what, f"{high[k]:g}")
+        return arm
 
     def with_gravity(self, gravity: ArrayLike) -> Self:
         """Return the arm under another gravity [m/s^2]: a number (along -z) or (3,)."""
-        vector = gravity_vector(gravity)
-        spec = dataclasses.replace(self._spec, gravity=tuple(vector.tolist()))
-        return self._changed(spec, _table("gravity", {"gravity": vector}))
+        vector = gravity_vector("gravity", gravity)
+        arm = self._changed("gravity", {"gravity": vector})
+        arm.model.gravity.linear = np.array(vector)
+        return arm
 
     def with_armature(self, armature: ArrayLike) -> Self:
         """Return the arm with other rotor inertias [kg m^2], seen at the joint."""
         columns = self._columns({"armature": armature}, ("armature",), low=0.0)
-        return self._changed(self._spec.with_columns(**columns), _table("armature", columns))
+        return self._changed("armature", columns, **columns)
 
     def with_inertias(self, rows: ArrayLike) -> Self:
         """Return the arm with other inertias for all links, (n, 10).
@@ -126,10 +133,8 @@ class ArmChanges:
         A row is mass, centre of mass (3) in the joint's frame and rotational inertia about it: xx,
         xy, yy, xz, yz, zz. These are Pinocchio's own numbers, so that nothing is rounded.
         """
-        numbers = checks.floats("inertias", rows, shape=(len(self._spec.joints), 10))
-        return self._changed(
-            self._spec.with_columns(inertia=numbers), _table("inertias", {"rows": numbers})
-        )
+        numbers = checks.floats("inertias", rows, shape=(self.n, 10))
+        return self._changed("inertias", {"rows": numbers}, inertia=numbers)
 
     def with_scaled_links(self, mass: ArrayLike = 1.0, inertia: ArrayLike = 1.0) -> Self:
         """Return the arm with heavier or lighter links, each by a factor > 0, a scalar or (n,).
@@ -138,8 +143,14 @@ class ArmChanges:
         further. Centres of mass stay; what is made is physically consistent if this arm is.
         """
         factors = self._columns({"mass": mass, "inertia": inertia}, ("mass", "inertia"), above=0.0)
-        rows = scaled_rows(self._spec.column("inertia"), **factors)
-        return self._changed(self._spec.with_columns(inertia=rows), _table("scaled_links", factors))
+        return self._changed("scaled_links", factors, inertia=self._scaled(**factors))
+
+    def _scaled(self, mass: Any, inertia: Any) -> Any:
+        """Return the links' inertias, (n, 10), their density and then their shape times (n,)."""
+        rows = column(self.model, "inertia")
+        rows[:, 0] *= mass
+        rows[:, 4:] *= np.multiply(mass, inertia)[:, np.newaxis]
+        return rows
 
     def with_changes(self, *tables: Mapping[str, Any]) -> Self:
         """Return the arm with changes as files have them, ``{"payload": {"mass": 1.0}}``, in order.
@@ -184,17 +195,21 @@ class ArmChanges:
 
         Notes
         -----
-        All spreads are uniform. Whatever is drawn is physically consistent if this arm is.
+        All spreads are uniform. Whatever is drawn is physically consistent if this arm is: a mass
+        and its rotational inertia are scaled together (the density changes, not the shape).
         """
         checks.instance("rng", rng, np.random.Generator, "a numpy.random.Generator")
         for name, value in (("mass", mass), ("inertia", inertia), ("friction", friction)):
             checks.number(name, value, low=0.0, high=1.0 if name == "friction" else 1.0 - 1e-9)
         checks.number("com", com, low=0.0)
-        rows = perturbed_rows(self._spec.column("inertia"), rng, mass, com, inertia)
+        density = rng.uniform(1.0 - mass, 1.0 + mass, self.n)
+        shift = rng.uniform(-com, com, (self.n, 3))
+        rows = self._scaled(density, rng.uniform(1.0 - inertia, 1.0 + inertia, self.n))
+        rows[:, 1:4] += shift
         arm = self.with_inertias(rows)
         if friction:
-            scale = rng.uniform(1.0 - friction, 1.0 + friction, (2, len(rows)))
-            viscous, dry = scale * [self._spec.column(key) for key in ("damping", "friction")]
+            scale = rng.uniform(1.0 - friction, 1.0 + friction, (2, self.n))
+            viscous, dry = scale * [column(self.model, key) for key in ("damping", "friction")]
             arm = arm.with_friction(viscous, dry)
         return arm
 
@@ -206,7 +221,7 @@ class ArmChanges:
         above: float | None = None,
     ) -> dict[str, Any]:
         """Return what is given, by its name in a message, as (n,) by these keys."""
-        n, finite = len(self._spec.joints), not any("limit" in name for name in given)
+        n, finite = self.n, not any("limit" in name for name in given)
         return {
             key: checks.per_joint(name, value, n, low=low, above=above, finite=finite)
             for key, (name, value) in zip(keys, given.items(), strict=True)
@@ -228,18 +243,8 @@ def call(make: Callable[..., T], fields: Mapping[str, Any], where: str, of: Any 
     """
     known = inspect.signature(of or make).parameters
     for key in fields:
-        checks.choice(f"{where}.{key}", key, known)
+        checks.choice(f"{where}.{key}", key, known, among="one of the keys")
     for key, parameter in known.items():
         if parameter.default is parameter.empty and key not in fields:
             raise ArgumentError(f"{where}.{key}", "a value", "none")
     return make(**fields)
-
-
-def _table(name: str, fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a change as a file has it: plain values, without what is None."""
-    plain = {
-        key: value.tolist() if isinstance(value, np.ndarray) else value
-        for key, value in fields.items()
-        if value is not None
-    }
-    return {name: plain}

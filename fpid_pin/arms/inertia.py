@@ -1,4 +1,4 @@
-"""A link's inertia as ten numbers, whether a body could have it, and links drawn at random."""
+"""A link's inertia as ten numbers, and whether a body could have it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NEGLIGIBLE = 1e-6
 
 
 def inertia_of(row: Sequence[float] | FloatArray) -> Any:
-    """Build a ``pinocchio.Inertia`` from its ten numbers (see `fpid_pin.arms.spec.Joint`)."""
+    """Build a ``pinocchio.Inertia`` from its ten numbers (see `fpid_pin.arms.chain.Joint`)."""
     numbers = np.asarray(row, dtype=np.float64)
     inertia = pin.Inertia(float(numbers[0]), np.array(numbers[1:4]), np.eye(3))
     # Afterwards, and so without a check: what is asked for may be no body's.
@@ -60,46 +60,28 @@ def summed(rows: Sequence[Sequence[float]]) -> tuple[float, ...]:
 
 
 def require_physical(names: Sequence[str], rows: FloatArray, label: str) -> None:
-    """Refuse masses and inertias that no body has.
+    """Refuse masses and inertias, (L, 10), of links that no body has.
 
     A mass is not negative. Neither are the principal moments of inertia, and none is larger than
-    the sum of the other two: Ixx + Iyy - Izz is twice an integral of z^2.
-
-    Parameters
-    ----------
-    names
-        Of the links.
-    rows
-        (L, 10), as in `fpid_pin.arms.spec.Joint`.
-    label
-        What to call the arm.
-
-    Raises
-    ------
-    ArmError
-        Naming the first link at fault.
+    the sum of the other two: Ixx + Iyy - Izz is twice an integral of z^2. The `ArmError` names the
+    first link at fault.
     """
-    bad = ~np.isfinite(rows).all(axis=1)
-    if bad.any():
-        raise ArmError(
-            f"{label}: link {named(names[int(np.argmax(bad))])}: expected a finite mass and "
-            "inertia, got NaN or inf"
-        )
-    light = rows[:, 0] < 0.0
-    if light.any():
-        k = int(np.argmax(light))
-        raise ArmError(
-            f"{label}: link {named(names[k])}: expected a mass >= 0 [kg], got {rows[k, 0]:g}"
-        )
-    bad = impossible(rows)
-    if bad.any():
-        k = int(np.argmax(bad))
+    bad = ~np.isfinite(rows).all(axis=1) | (rows[:, 0] < 0.0)
+    bad[~bad] = impossible(rows[~bad])
+    if not bad.any():
+        return
+    k = int(np.argmax(bad))
+    if not np.isfinite(rows[k]).all():
+        said = "a finite mass and inertia, got NaN or inf"
+    elif rows[k, 0] < 0.0:
+        said = f"a mass >= 0 [kg], got {rows[k, 0]:g}"
+    else:
         got = ", ".join(f"{moment:.4g}" for moment in _moments(rows[k])[0])
-        raise ArmError(
-            f"{label}: link {named(names[k])}: expected principal moments of inertia >= 0 [kg m^2] "
-            f'with none above the sum of the others, got {got} (inertia = "nearest" takes the '
-            'closest that a body can have, "accept" these)'
+        said = (
+            "principal moments of inertia >= 0 [kg m^2] with none above the sum of the others, got "
+            f'{got} (inertia = "nearest" takes the closest that a body can have, "accept" these)'
         )
+    raise ArmError(f"{label}: link {named(names[k])}: expected {said}")
 
 
 def impossible(rows: FloatArray, rounding: float = _ROUNDING) -> NDArray[np.bool_]:
@@ -137,30 +119,3 @@ def nearest_possible(row: Sequence[float]) -> tuple[tuple[float, ...], float]:
 def _moments(row: Any) -> tuple[FloatArray, FloatArray]:
     values, axes = np.linalg.eigh(np.asarray(row)[_ENTRIES].reshape(3, 3))
     return values, axes
-
-
-def scaled_rows(rows: FloatArray, mass: Any, inertia: Any) -> FloatArray:
-    """Return links' numbers, (n, 10), with masses, and rotational inertias again, times (n,)."""
-    scaled = np.array(rows)
-    scaled[:, 0] *= mass
-    scaled[:, 4:] *= np.multiply(mass, inertia)[:, None]
-    return scaled
-
-
-def perturbed_rows(
-    rows: FloatArray, rng: np.random.Generator, mass: float, com: float, inertia: float
-) -> FloatArray:
-    """Draw other inertias for every link, physically consistent by construction.
-
-    The mass is multiplied by a number from U(1 - mass, 1 + mass), the rotational inertia about the
-    centre of mass by the same number (the density changes, not the shape) and by one from
-    U(1 - inertia, 1 + inertia), and the centre of mass moves by U(-com, com) [m] along each axis.
-    Scaling and moving keep principal moments positive and within the triangle inequality.
-    """
-    n = len(rows)
-    scale = rng.uniform(1.0 - mass, 1.0 + mass, n)
-    shift = rng.uniform(-com, com, (n, 3))
-    size = rng.uniform(1.0 - inertia, 1.0 + inertia, n)
-    drawn = scaled_rows(rows, scale, size)
-    drawn[:, 1:4] += shift
-    return drawn

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from fpid_pin.checks import FloatArray
+from fpid_pin import checks
+from fpid_pin.checks import Check, FloatArray
+from fpid_pin.exceptions import ArgumentError
 
 Numbers = tuple[float, ...]
 REVOLUTE, PRISMATIC = "revolute", "prismatic"
@@ -74,6 +76,19 @@ def placement_of(rows: ArrayLike) -> Any:
     """Build a ``pinocchio.SE3`` from three rows of four numbers."""
     matrix = np.array(rows, dtype=np.float64)
     return pin.SE3(np.array(matrix[:, :3]), np.array(matrix[:, 3]))
+
+
+def _placement(name: str, value: Any) -> FloatArray:
+    rows = checks.floats(name, value, shape=(3, 4))
+    rotation = rows[:, :3]
+    small = np.abs(rotation).max() < 2.0
+    near = small and np.abs(rotation @ rotation.T - np.eye(3)).max() < 1e-6
+    if not near or np.linalg.det(rotation) < 0.0:
+        raise ArgumentError(name, "a rotation in its first three columns", rotation.tolist())
+    return rows
+
+
+Placement = Annotated[ArrayLike, Check(_placement, "m")]
 
 
 def link_of(model: Any, joint: int) -> str:

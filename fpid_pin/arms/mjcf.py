@@ -10,18 +10,25 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin import checks
+from fpid_pin.arms.chain import FRAMES, VECTORS, Row, own_name
 from fpid_pin.arms.inertia import moved
-from fpid_pin.arms.joints import PRISMATIC, REVOLUTE, UNITS, Numbers, displacement, rows_of
-from fpid_pin.arms.pinocchio_model import limit_of, own_name
+from fpid_pin.arms.joints import (
+    PRISMATIC,
+    REVOLUTE,
+    UNITS,
+    Numbers,
+    displacement,
+    joint_model,
+    rows_of,
+)
 from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_root
-from fpid_pin.arms.spec import Frame, Joint, Shape
 from fpid_pin.arms.tree import Body, Keep, Tree
 from fpid_pin.exceptions import ArmError
 from fpid_pin.resources import needed
 from fpid_pin.text import cut, listed
 
 #: By MuJoCo's enumerations mjtJoint and mjtGeom.
-_KINDS = ("a free joint (an arm's base is fixed)", "a ball joint", PRISMATIC, REVOLUTE)
+_KINDS = ("FreeFlyer", "Spherical", PRISMATIC, REVOLUTE)
 _SOLIDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 #: Groups of geoms that MuJoCo's viewers show at first; the others are for contacts.
 _SHOWN = 2
@@ -65,8 +72,10 @@ class _Reader:
         self.bodies = [model.body(k).name or f"body{k}" for k in range(model.nbody)]
         # The names of a compiled model begin with its own.
         name = bytes(model.names).partition(b"\0")[0].decode()
-        unnamed = name in ("", "MuJoCo Model")
-        self.result = Tree(label, Path(label).stem if unnamed else name, gravity)
+        robot = pin.Model()
+        robot.name = Path(label).stem if name in ("", "MuJoCo Model") else name
+        robot.gravity.linear = np.array(gravity)
+        self.result = Tree(label, robot)
         #: Of each body: which joint carries it, and where on it.
         self.at: dict[int, tuple[int, Any]] = {0: (-1, pin.SE3.Identity())}
         #: Pose of the key frame called home.
@@ -87,12 +96,11 @@ class _Reader:
             if (body := int(model.site_bodyid[site])) in self.at and body >= base:
                 joint, place = self.at[body]
                 name = own_name(model.site(site).name, "site", taken)
-                rows = rows_of(place * _pose(model.site_pos[site], model.site_quat[site]))
-                tree.frames.append(Frame(name, joint, "frame", rows))
+                place = place * _pose(model.site_pos[site], model.site_quat[site])
+                self._add_frame(name, joint, "frame", place)
         for geom in range(model.ngeom):
             if int(model.geom_bodyid[geom]) in self.at and int(model.geom_bodyid[geom]) >= base:
                 tree.shapes += self._shapes(geom)
-        tree.tool = "tool" if any(frame.name == "tool" for frame in tree.frames) else None
         self._say_what_is_left_out()
         return tree
 
@@ -144,35 +152,47 @@ class _Reader:
         for j in range(first, first + int(model.body_jntnum[body])):
             # The joint's frame is the body's, moved to where the joint is.
             to_joint = pin.SE3(np.eye(3), np.array(model.jnt_pos[j]))
-            joint = self._joint(j, rows_of(place * to_joint))
-            tree.joints.append(joint)
-            tree.parents.append(carrier)
-            # A coordinate is measured from qpos0, where the file draws the body.
-            drawn = float(model.qpos0[model.jnt_qposadr[j]]) if joint.kind in UNITS else 0.0
-            tree.rest.append(drawn)
-            carrier = len(tree.joints) - 1
-            back = displacement(joint.kind, np.array(joint.axis), -drawn)
-            place = back * to_joint.inverse()
-            if self.home is not None and joint.kind in UNITS:
-                tree.home[joint.name] = float(self.home[model.jnt_qposadr[j]])
+            back = self._add_joint(j, carrier, place * to_joint)
+            carrier, place = tree.model.njoints - 2, back * to_joint.inverse()
         self.at[body] = carrier, place
         xx, yy, zz = (float(x) for x in model.body_inertia[body])
         principal = (float(model.body_mass[body]), 0.0, 0.0, 0.0, xx, 0.0, yy, 0.0, 0.0, zz)
         inertia = moved(principal, place * _pose(model.body_ipos[body], model.body_iquat[body]))
         name = self.bodies[body]
         tree.bodies.append(Body(name, carrier, inertia))
-        tree.frames.append(Frame(own_name(name, "link", taken), carrier, "link", rows_of(place)))
+        self._add_frame(own_name(name, "link", taken), carrier, "link", place)
         if model.body_gravcomp[body] and carrier >= 0:
             tree.remark(name, "left out: gravity compensation")
+
+    def _add_frame(self, name: str, joint: int, kind: str, place: Any) -> None:
+        self.result.model.addFrame(pin.Frame(name, joint + 1, place, FRAMES[kind]), False)
 
     def _joint_name(self, j: int) -> str:
         return self.model.joint(j).name or f"joint{j}"
 
-    def _joint(self, j: int, placement: tuple[Numbers, ...]) -> Joint:
+    def _add_joint(self, j: int, carrier: int, place: Any) -> Any:
+        """Add a joint; return its body's frame in the joint's, but for the joint's own place."""
         model, name, tree = self.model, self._joint_name(j), self.result
         kind, dof = _KINDS[int(model.jnt_type[j])], int(model.jnt_dofadr[j])
         if kind not in UNITS:
-            return Joint(name, kind, (0.0, 0.0, 1.0), placement, (0.0,) * 10)
+            joint = getattr(pin, f"JointModel{kind}")()
+            tree.model.addJoint(carrier + 1, joint, place, name)
+            return pin.SE3.Identity()
+        axis, at = np.array(model.jnt_axis[j]), int(model.jnt_qposadr[j])
+        added = tree.model.joints[tree.model.addJoint(
+            carrier + 1, joint_model(kind, axis), place, name)]  # fmt: skip
+        for key, value in self._numbers(j, dof).items():
+            vector = getattr(tree.model, VECTORS[key])
+            vector[added.idx_q if "Position" in VECTORS[key] else added.idx_v] = value
+        # A coordinate is measured from qpos0, where the file draws the body.
+        tree.rest[name] = float(model.qpos0[at])
+        if self.home is not None:
+            tree.home[name] = float(self.home[at])
+        return displacement(kind, axis, -tree.rest[name])
+
+    def _numbers(self, j: int, dof: int) -> dict[str, float]:
+        """Return a joint's numbers, by their names in `VECTORS`; note what they leave out."""
+        model, name, tree = self.model, self._joint_name(j), self.result
         lower, upper = _span(model.jnt_limited, model.jnt_range, j)
         effort = self._effort(j)
         if abs(effort[0]) != abs(effort[1]):
@@ -190,13 +210,12 @@ class _Reader:
                      for gear, i in gears)
             for key in ("armature", "damping")
         }  # fmt: skip
-        return Joint(
-            name, kind, tuple(float(x) for x in model.jnt_axis[j]), placement, (0.0,) * 10,
-            lower, upper, limit_of(max(map(abs, effort))), np.inf,
-            float(model.dof_damping[dof]) + extra["damping"],
-            float(model.dof_frictionloss[dof]),
-            float(model.dof_armature[dof]) + extra["armature"],
-        )  # fmt: skip
+        return {
+            "lower": lower, "upper": upper, "effort": max(map(abs, effort)) or np.inf,
+            "velocity": np.inf, "friction": float(model.dof_frictionloss[dof]),
+            "damping": float(model.dof_damping[dof]) + extra["damping"],
+            "armature": float(model.dof_armature[dof]) + extra["armature"],
+        }  # fmt: skip
 
     # ------------------------------------------------------------------ actuators
 
@@ -226,7 +245,7 @@ class _Reader:
 
     # ------------------------------------------------------------------ what is drawn
 
-    def _shapes(self, geom: int) -> Iterator[Shape]:
+    def _shapes(self, geom: int) -> Iterator[Row]:
         model, kind = self.model, _SOLIDS.get(int(self.model.geom_type[geom]))
         material = int(model.geom_matid[geom])
         colour = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
@@ -250,7 +269,8 @@ class _Reader:
             size = (size[0], 2.0 * size[1])
         elif kind == "sphere":
             size = size[:1]
-        yield Shape(joint, rows_of(place), kind, size, _floats(colour), path)
+        yield {"joint": joint, "placement": rows_of(place), "kind": kind, "size": size,
+               "colour": _floats(colour), "path": path}  # fmt: skip
 
     # ------------------------------------------------------------------ what is left out
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms.chain import Chain, Frame, Joint, gravity_vector
 from fpid_pin.arms.joints import REVOLUTE, Numbers
-from fpid_pin.arms.spec import ArmSpec, Frame, Joint, Shape, gravity_vector
+from fpid_pin.arms.shapes import Shape
 from fpid_pin.exceptions import ArgumentError
 
 Rotation = tuple[Numbers, Numbers, Numbers]
@@ -26,9 +27,9 @@ _DARK, _RED = (0.25, 0.27, 0.3, 1.0), (0.65, 0.15, 0.15, 1.0)
 _LINKS = ((0.85, 0.5, 0.15, 1.0), (0.2, 0.45, 0.7, 1.0))
 
 
-def planar_spec(
+def planar_chain(
     lengths: ArrayLike, masses: ArrayLike, gravity: ArrayLike, rods: bool
-) -> tuple[ArmSpec, dict[str, Any]]:
+) -> tuple[Chain, dict[str, Any]]:
     """Return the arm, with frames ``link1`` ... ``linkn`` at the joints and ``tool`` at the tip.
 
     And the short table that stands for it; see `Arm.planar`.
@@ -42,7 +43,7 @@ def planar_spec(
             "masses", f"shape {lengths.shape} (one for each length)", f"shape {masses.shape}"
         )
     checks.instance("rods", rods, bool, "True or False")
-    down = tuple(gravity_vector(gravity).tolist())
+    down = gravity_vector("gravity", gravity).tolist()
     joints, frames, shapes = [], [], list[Shape]()
     placement = _at(_TURNED, 0.0)
     thick = 0.03 * float(lengths.mean())
@@ -61,12 +62,10 @@ def planar_spec(
             radius = 2.5 * thick * float(np.cbrt(mass / masses.max()))
             shapes.append(Shape(k, placement, "sphere", (radius,), _RED))
     frames.append(Frame("tool", lengths.size - 1, "frame", placement))
-    spec = ArmSpec(
-        tuple(joints), tuple(frames), tuple(shapes), f"planar{lengths.size}", down, tool="tool"
-    )
-    written = spec.table()["gravity"]
+    chain = Chain(joints, frames, shapes, f"planar{lengths.size}", down, tool="tool")
+    written = -down[2] if down[:2] == [0.0, 0.0] and down[2] <= 0.0 else down
     numbers = {"lengths": lengths.tolist(), "masses": masses.tolist(), "gravity": written}
-    return spec, {"kind": "planar", **numbers, "rods": rods}
+    return chain, {"kind": "planar", **numbers, "rods": rods}
 
 
 def _at(rotation: Rotation, x: float) -> tuple[Numbers, ...]:

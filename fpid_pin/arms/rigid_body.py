@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms.chain import VECTORS, column
 from fpid_pin.arms.joints import EFFORT_UNITS, UNITS, kind_of, link_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArmError
@@ -25,6 +28,13 @@ _POSES = 4
 _SINGULAR = 1e-14
 
 
+def _column(key: str) -> cached_property[FloatArray]:
+    def read(arm: RigidBody) -> FloatArray:
+        return checks.read_only(column(arm.model, key))
+
+    return cached_property(read)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class RigidBody:
     """A chain of n joints and links, without friction.
@@ -37,26 +47,45 @@ class RigidBody:
     """
 
     model: Any
-    name: str
-    joint_names: tuple[str, ...]
     tool: str
-    _cache: dict[str, Any] = field(default_factory=dict, kw_only=True)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_cache": {}}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        for name, value in state.items():
-            # An array comes out of a pickle writable.
-            fixed = checks.read_only(value) if isinstance(value, np.ndarray) else value
-            object.__setattr__(self, name, fixed)
+        # Without what is derived from them and kept.
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
 
     @property
     def n(self) -> int:
         """Number of joints."""
-        return len(self.joint_names)
+        return int(self.model.nv)
 
-    @property
+    @cached_property
+    def name(self) -> str:
+        """Name of the robot."""
+        return str(self.model.name)
+
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in the order of every (n,) array."""
+        return tuple(str(name) for name in list(self.model.names)[1:])
+
+    # Numbers of the joints, (n,): see `Arm`.
+    (
+        lower, upper, effort_limit, velocity_limit, viscous_friction, dry_friction, armature,
+    ) = map(_column, VECTORS)  # fmt: skip
+
+    @cached_property
+    def home(self) -> FloatArray:
+        """A pose within the limits, (n,)."""
+        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
+        middle = np.zeros(self.n)
+        middle[bounded] = 0.5 * (self.lower[bounded] + self.upper[bounded])
+        # With one bound only, the admissible value nearest to 0.
+        middle = np.clip(middle, self.lower, self.upper)
+        poses = {pair.key(): pair.data() for pair in self.model.referenceConfigurations}
+        home = np.array(poses.get("home", middle))
+        return checks.read_only(np.where((home >= self.lower) & (home <= self.upper), home, middle))
+
+    @cached_property
     def joint_kinds(self) -> tuple[str, ...]:
         """``"revolute"`` or ``"prismatic"``, by joint."""
         return tuple(kind_of(joint) for joint in list(self.model.joints)[1:])
@@ -75,11 +104,6 @@ class RigidBody:
     def gravity(self) -> float:
         """Magnitude of gravity [m/s^2]; its direction is ``model.gravity.linear``."""
         return math.hypot(*self.model.gravity.linear)
-
-    @property
-    def armature(self) -> FloatArray:
-        """Rotor inertia seen at the joints [kg m^2], (n,); it is part of M."""
-        return np.array(self.model.armature, dtype=np.float64)
 
     def mass_matrix(self, q: ArrayLike) -> FloatArray:
         """Return M(q) [kg m^2], (n, n): symmetric, rotor inertia included."""
@@ -157,12 +181,9 @@ class RigidBody:
         rows = zip(self.joint_names, units, *columns, strict=True)
         return html_table(f"{self.name}: {self.n} joints, tool {self.tool}", heads, rows)
 
-    @property
+    @cached_property
     def _data(self) -> Any:
-        data = self._cache.get("data")
-        if data is None:
-            data = self._cache["data"] = self.model.createData()
-        return data
+        return self.model.createData()
 
     def _joint(self, name: str, value: ArrayLike) -> FloatArray:
         return checks.vector(name, value, self.n)

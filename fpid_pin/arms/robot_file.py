@@ -51,17 +51,12 @@ def parse_xml(text: bytes | str, label: str) -> ET.Element:
     parser = expat.ParserCreate("utf-8" if isinstance(text, str) else None)
     data = text.encode("utf-8", "replace") if isinstance(text, str) else text
     data = re.sub(rb"<!--.*?-->", b"", data.removeprefix(b"\xef\xbb\xbf").lstrip(), flags=re.DOTALL)
-    builder, within = ET.TreeBuilder(), list[str]()
+    builder, depth = ET.TreeBuilder(), 0
 
     def start(tag: str, attributes: Mapping[str, str]) -> None:
-        within.append(tag)
-        if tag.startswith("xacro:"):
-            shell = label if " " not in label else f"'{label}'"
-            raise ArmError(
-                f"{label}: expected a robot that is written out, got macros of xacro (run: xacro "
-                f"{shell} > robot.urdf, and read that)"
-            )
-        if len(within) > NESTED:
+        nonlocal depth
+        depth += 1
+        if depth > NESTED:
             raise ArmError(
                 f"{label}: expected at most {NESTED} elements within one another, got more around "
                 f"<{cut(tag, _TAG)}>"
@@ -69,15 +64,23 @@ def parse_xml(text: bytes | str, label: str) -> ET.Element:
         builder.start(tag, dict(attributes))
 
     def end(tag: str) -> None:
-        within.pop()
+        nonlocal depth
+        depth -= 1
         builder.end(tag)
 
     parser.StartElementHandler, parser.EndElementHandler = start, end
     try:
         parser.Parse(data, True)
-        return builder.close()
+        root = builder.close()
     except (expat.ExpatError, AssertionError, ValueError, LookupError) as error:
         raise ArmError(f"{label}: expected well-formed XML, got {error}") from None
+    if any(element.tag.startswith("xacro:") for element in root.iter()):
+        shell = label if " " not in label else f"'{label}'"
+        raise ArmError(
+            f"{label}: expected a robot that is written out, got macros of xacro (run: xacro "
+            f"{shell} > robot.urdf, and read that)"
+        )
+    return root
 
 
 def require_root(root: ET.Element, tag: str, label: str) -> None:

@@ -8,8 +8,7 @@
     {"kind": "description", "name": "ur5e_description"}
     {"kind": "model", "name": "gantry", "joints": [{...}, ...]}
 
-and in each of them ``"changes"``: a list of ``{"payload": {...}}``, ``{"friction": {...}}``,
-``{"limits": {...}}``, ``{"gravity": {...}}``, ``{"armature": {...}}``, ``{"inertias": {...}}``.
+and in each of them ``"changes"``: a list of what `Arm.with_changes` takes.
 """
 
 from __future__ import annotations
@@ -17,19 +16,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from fpid_pin import checks
+from fpid_pin import checks, descriptions
 from fpid_pin.arms.arm import Arm
+from fpid_pin.arms.chain import Chain
 from fpid_pin.arms.changes import call
-from fpid_pin.arms.spec import ArmSpec
 from fpid_pin.arms.tree import HoldError
-from fpid_pin.descriptions import described
 
 
 def _model(**fields: Any) -> Arm:
-    return Arm._assembled(ArmSpec.from_table(fields))
+    return Arm._of(descriptions.from_dict(fields, Chain))
 
 
-#: By kind, what makes the arm; its arguments are the table's keys.
+#: By the kind of an ``[arm]`` table, what makes the arm; its arguments are the table's keys. Each
+#: may have ``changes``, a list of what `Arm.with_changes` takes.
 _KINDS: dict[str, Callable[..., Arm]] = {
     "two_link": Arm.two_link,
     "planar": Arm.planar,
@@ -47,7 +46,7 @@ def arm_of(table: Mapping[str, Any]) -> Arm:
     changes = table.get("changes", ())
     checks.instance("changes", changes, (list, tuple), "a list of tables")
     fields = {key: value for key, value in table.items() if key not in ("kind", "changes")}
-    arm = call(_KINDS[kind], fields, "arm", of=ArmSpec if kind == "model" else None)
+    arm = call(_KINDS[kind], fields, "arm", of=Chain if kind == "model" else None)
     return arm.with_changes(*changes)
 
 
@@ -55,12 +54,12 @@ def _from_table(kind: str, fields: Mapping[str, Any]) -> Arm:
     try:
         return arm_of({"kind": kind, **fields})
     except HoldError as error:
-        raise error.in_toml() from None
+        raise error.written("toml") from None
 
 
 for _kind in _KINDS:
     # Reading one gives an `Arm`; none of these classes ever has an instance.
-    described(_kind)(
+    descriptions.described(_kind)(
         type(f"_{_kind}", (Arm,), {
             "from_table": classmethod(lambda cls, fields, kind=_kind: _from_table(kind, fields)),
         })

@@ -6,28 +6,42 @@ import dataclasses
 import json
 import shlex
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
-from fpid_pin import checks
+from fpid_pin import checks, descriptions
+from fpid_pin.arms.chain import INERTIA, MOST_JOINTS, VECTORS, Chain, Row, frame_rows, joint_row
 from fpid_pin.arms.inertia import (
     impossible,
     moved,
     nearest_possible,
     require_physical,
+    row_of,
     summed,
 )
-from fpid_pin.arms.joints import UNITS, Numbers, displacement, placement_of, rows_of
-from fpid_pin.arms.spec import INERTIA, MOST_JOINTS, ArmSpec, Frame, Joint, Shape
+from fpid_pin.arms.joints import (
+    UNITS,
+    Numbers,
+    displacement,
+    is_unbounded,
+    kind_of,
+    link_of,
+    placement_of,
+    rows_of,
+)
+from fpid_pin.arms.shapes import shape_rows
 from fpid_pin.exceptions import ArgumentError, ArmError, FpidWarning
 from fpid_pin.text import cut, listed, named, shown
 
 Keep = str | Sequence[str]
 _WORDS = {
     "FreeFlyer": "a free joint (an arm's base is fixed)",
+    "Spherical": "a ball joint",
     "Composite": "several joints in one (put a body between them)",
     "Mimic": "one that mimics another (lock it)",
 }
@@ -35,15 +49,19 @@ _WORDS = {
 UNREACHABLE = 1e4
 
 
-class HoldError(ArmError):
-    """Joints have to be held still before there is an arm; `hint` says which.
+#: What to hold as a script, a configuration and the command line write it: how names are quoted,
+#: what keeps, what locks, what is between joints, a joint.
+_FORMS: dict[str, tuple[Callable[[str], str], str, str, str, str]] = {
+    "script": (repr, "keep={}", "lock={{{}}}", ", ", "{}: {:g}"),
+    "toml": (json.dumps, "keep = {}", "lock = {{ {} }}", ", ", "{} = {:g}"),
+    "shell": (shlex.quote, "--keep {}", "{}", " ", "--lock {}={:g}"),
+}
 
-    Attributes
-    ----------
-    lock : dict
-        The joints, and where they are.
-    keep : str
-        The tip of what would be left, where there is one.
+
+class HoldError(ArmError):
+    """Joints have to be held still before there is an arm; a hint says which.
+
+    `lock` has the joints and where they are, `keep` the tip of what would be left or nothing.
     """
 
     what: str
@@ -51,28 +69,18 @@ class HoldError(ArmError):
     keep: str
 
     @classmethod
-    def of(cls, what: str, lock: Mapping[str, float], keep: str) -> HoldError:
-        """Return the error with its hint as a script has it."""
-        values = ", ".join(f"{name!r}: {value:g}" for name, value in lock.items())
-        error = cls(what + _hint(keep and f"keep={keep!r}", values and f"lock={{{values}}}"))
+    def of(cls, what: str, lock: Mapping[str, float], keep: str, form: str = "script") -> HoldError:
+        """Return the error with its hint in one of the forms ``script``, ``toml``, ``shell``."""
+        quote, keeping, locking, between, joint = _FORMS[form]
+        held = between.join(joint.format(quote(name), value) for name, value in lock.items())
+        ways = [keeping.format(quote(keep))] * bool(keep) + [locking.format(held)] * bool(held)
+        error = cls(what + (f" ({' or '.join(ways)})" if ways else ""))
         error.what, error.lock, error.keep = what, lock, keep
         return error
 
-    def in_toml(self) -> ArmError:
-        """Return the error with its hint as a configuration has it."""
-        values = ", ".join(f"{json.dumps(name)} = {x:g}" for name, x in self.lock.items())
-        keeping = self.keep and f"keep = {json.dumps(self.keep)}"
-        return ArmError(self.what + _hint(keeping, values and f"lock = {{ {values} }}"))
-
-    def on_command_line(self) -> ArmError:
-        """Return the error with its hint as the command line has it."""
-        values = " ".join(f"--lock {shlex.quote(name)}={x:g}" for name, x in self.lock.items())
-        return ArmError(self.what + _hint(self.keep and f"--keep {shlex.quote(self.keep)}", values))
-
-
-def _hint(*ways: str) -> str:
-    found = " or ".join(filter(None, ways))
-    return found and f" ({found})"
+    def written(self, form: str) -> HoldError:
+        """Return the error with its hint in another form."""
+        return self.of(self.what, self.lock, self.keep, form)
 
 
 @dataclass(frozen=True)
@@ -86,19 +94,21 @@ class Body:
 
 @dataclass
 class Tree:
-    """Joints of any kind in an order in which a joint's parent comes before it.
+    """What a reader found: a Pinocchio model of joints of any kind, and what that has no place for.
+
+    Joints are counted from 0 here, as in an arm's table; -1 is the base.
 
     Attributes
     ----------
     label : str
         What to call it in a message.
-    joints : list of Joint
-        Their own inertias are not looked at.
-    parents : list of int
-        Of each joint; -1 the base.
-    rest : list of float
-        Where each joint is drawn [rad] or [m].
-    bodies, frames, shapes : list
+    model : pinocchio.Model
+        Joints and frames. Its inertias are not looked at.
+    bodies : list
+    shapes : list
+        Tables of `Shape`.
+    rest : dict
+        Joint: where it is drawn [rad] or [m], where that is not 0.
     mimics : dict
         Joint: (master, multiplier, offset).
     home : dict
@@ -109,19 +119,21 @@ class Tree:
     """
 
     label: str
-    name: str = "arm"
-    gravity: Numbers = (0.0, 0.0, -9.81)
-    joints: list[Joint] = field(default_factory=list)
-    parents: list[int] = field(default_factory=list)
-    rest: list[float] = field(default_factory=list)
+    model: Any
     bodies: list[Body] = field(default_factory=list)
-    frames: list[Frame] = field(default_factory=list)
-    shapes: list[Shape] = field(default_factory=list)
+    shapes: list[Row] = field(default_factory=list)
+    rest: dict[str, float] = field(default_factory=dict)
     mimics: dict[str, tuple[str, float, float]] = field(default_factory=dict)
     home: dict[str, float] = field(default_factory=dict)
     tool: str | None = None
     credit: str = ""
     remarks: dict[str, list[str]] = field(default_factory=dict)
+
+    # Of a model that is complete.
+    names = cached_property(lambda self: [str(name) for name in list(self.model.names)[1:]])
+    kinds = cached_property(lambda self: [kind_of(joint) for joint in list(self.model.joints)[1:]])
+    parents = cached_property(lambda self: [int(p) - 1 for p in list(self.model.parents)[1:]])
+    frames = cached_property(lambda self: frame_rows(self.model))
 
     def serial(
         self,
@@ -129,7 +141,7 @@ class Tree:
         keep: Keep | None = None,
         inertia: str = "error",
         tool: str | None = None,
-    ) -> ArmSpec:
+    ) -> Chain:
         """Return the serial chain that is left where joints are held.
 
         Parameters
@@ -152,50 +164,56 @@ class Tree:
         """
         checks.choice("inertia", inertia, INERTIA)
         held = self._held({} if lock is None else lock, keep)
-        free = [k for k in range(len(self.joints)) if k not in held]
+        free = [k for k in range(len(self.names)) if k not in held]
         self._require_chain(free)
         # Of each joint: which of the chain's carries its frame, and where on it.
-        at: dict[int, tuple[int, Any]] = {-1: (-1, placement_of(np.eye(4)[:3].tolist()))}
-        chain = list[Joint]()
-        for k, joint in enumerate(self.joints):
+        at: dict[int, tuple[int, Any]] = {-1: (-1, pin.SE3.Identity())}
+        joints = list[Row]()
+        for k in range(len(self.names)):
+            row = joint_row(self.model, k + 1)
             carrier, place = at[self.parents[k]]
-            place = place * placement_of(joint.placement)
+            place = place * self.model.jointPlacements[k + 1]
             if k in held:
-                if joint.kind in UNITS:
-                    place = place * displacement(joint.kind, np.array(joint.axis), held[k])
+                if self.kinds[k] in UNITS:
+                    place = place * displacement(self.kinds[k], np.array(row["axis"]), held[k])
                 at[k] = carrier, place
             else:
-                at[k] = len(chain), placement_of(np.eye(4)[:3].tolist())
-                chain.append(dataclasses.replace(joint, placement=rows_of(place)))
+                at[k] = len(joints), pin.SE3.Identity()
+                joints.append(row | {"placement": rows_of(place)})
         bodies = self._bodies(at, inertia)
-        for k, joint in enumerate(chain):
-            total = summed([body.inertia for body in bodies if body.joint == k])
-            chain[k] = dataclasses.replace(joint, inertia=total)
-        home = tuple(self.home[joint.name] for joint in chain) if self.home else None
-        tip = [frame.name for frame in self.frames if frame.name == keep and frame.joint in free]
-        tool = tool or self.tool or next(iter(tip), None)
-        spec = ArmSpec(
-            tuple(chain),
-            tuple(_carried(self.frames, at)),
-            tuple(_carried(self.shapes, at)),
-            self.name, self.gravity, home, tool, "accept" if inertia == "accept" else "error",
-            self.credit,
-        )  # fmt: skip
+        for k, joint in enumerate(joints):
+            joint["inertia"] = summed([body.inertia for body in bodies if body.joint == k])
+        # The frame called tool, if there is one; else the tip, where the arm was named by a link.
+        tools = [frame["name"] for frame in self.frames if frame["name"] == "tool"]
+        tools += [frame["name"] for frame in self.frames
+                  if frame["name"] == keep and frame["joint"] in free]  # fmt: skip
+        table = {
+            "joints": joints, "frames": _carried(self.frames, at),
+            "shapes": _carried(self.shapes, at), "name": str(self.model.name) or "arm",
+            "gravity": np.array(self.model.gravity.linear), "credit": self.credit,
+            "home": [self.home[joint["name"]] for joint in joints] if self.home else None,
+            "tool": tool or self.tool or next(iter(tools), None),
+            "inertia": "accept" if inertia == "accept" else "error",
+        }  # fmt: skip
         try:
-            spec.require_sound()
+            return descriptions.from_dict(table, Chain)
         except ArgumentError as error:
             if error.name == "tool":
                 raise
+            group, *key = error.name.split(".")
+            if group == "joints" and key:
+                which = named(joints[int(key[0])]["name"])
+                said = f"joint {which}: expected {key[1]} {error.expected}, got {error.got}"
+                raise ArmError(f"{cut(self.label)}: {said}") from None
             raise ArmError(f"{cut(self.label)}: {error}") from None
-        return spec
 
     def remark(self, name: str, text: str) -> None:
         """Note something of a joint or a link."""
         self.remarks.setdefault(text, []).append(name)
 
-    def warn(self, spec: ArmSpec) -> None:
+    def warn(self, chain: Chain) -> None:
         """Say what a user should know of how the file was read, as far as it matters to the arm."""
-        held = {joint.name for joint in self.joints} - {joint.name for joint in spec.joints}
+        held = {*self.names} - {joint.name for joint in chain.joints}
         for text, names in self.remarks.items():
             told = [name for name in names if name not in held]
             if told or not names:
@@ -205,22 +223,22 @@ class Tree:
     # ------------------------------------------------------------------ which joints are held
 
     def _held(self, lock: Any, keep: Any) -> dict[int, float]:
-        names = [joint.name for joint in self.joints]
+        names = self.names
         if not isinstance(lock, Mapping):
             raise ArgumentError("lock", "a table {joint: value}", shown(lock))
         values: dict[str, float] = {}
         for name, value in lock.items():
             values[checks.choice("lock", name, names)] = checks.number(f"lock.{name}", value)
-            kind = self.joints[names.index(name)].kind
+            kind = self.kinds[names.index(name)]
             if kind not in UNITS:
                 raise ArmError(
                     f"{cut(self.label)}: joint {named(name)}: expected a joint with one coordinate "
                     f"to lock, got {_WORDS.get(kind, kind)}"
                 )
         if keep is not None:
-            kept = self._kept(keep, names)
-            rest = dict(zip(names, self.rest, strict=True))
-            values = {name: rest[name] for name in names if name not in kept} | values
+            kept = self._kept(keep)
+            drawn = {name: self.rest.get(name, 0.0) for name in names if name not in kept}
+            values = drawn | values
         for _ in self.mimics:
             # A mimic joint follows its master, by way of others perhaps; a lock of its own counts.
             for name, (master, factor, offset) in self.mimics.items():
@@ -228,14 +246,14 @@ class Tree:
                     values[name] = factor * values[master] + offset
         return {names.index(name): value for name, value in values.items()}
 
-    def _kept(self, keep: Any, names: list[str]) -> set[str]:
+    def _kept(self, keep: Any) -> set[str]:
         """Return the joints of the arm, by their names or by the link at its tip."""
         if not isinstance(keep, str):
             checks.instance("keep", keep, Sequence, "joints' names, or the link at the arm's tip")
-            return {checks.choice("keep", name, names) for name in keep}
-        places = {name: k for k, name in enumerate(names)}
-        places |= {frame.name: frame.joint for frame in self.frames}
-        return {names[k] for k in self._path(places[checks.choice("keep", keep, places)])}
+            return {checks.choice("keep", name, self.names) for name in keep}
+        places = {name: k for k, name in enumerate(self.names)}
+        places |= {frame["name"]: frame["joint"] for frame in self.frames}
+        return {self.names[k] for k in self._path(places[checks.choice("keep", keep, places)])}
 
     def _path(self, joint: int) -> list[int]:
         """Return the joints from the base to this one."""
@@ -259,8 +277,8 @@ class Tree:
         below = {k: [j for j in able if above[j] == k] for k in (-1, *able)}
         branch = next((k for k in below if len(below[k]) > 1), None)
         if branch is not None:
-            where = "its base" if branch < 0 else f"joint {named(self.joints[branch].name)}"
-            into = listed(self.joints[k].name for k in below[branch])
+            where = "its base" if branch < 0 else f"joint {named(self.names[branch])}"
+            into = listed(self.names[k] for k in below[branch])
             fault = fault or (
                 f"expected a serial chain, got a tree that branches at {where} into {into}"
             )
@@ -268,29 +286,28 @@ class Tree:
             # A finger that others follow is no part of the arm either.
             masters = {master for master, _, _ in self.mimics.values()}
             for k in able:
-                if self.joints[k].name in masters and not below[k]:
+                if self.names[k] in masters and not below[k]:
                     below[above[k]].remove(k)
             chain = _main_chain(below)
-            rest = {self.joints[k].name: self.rest[k] for k in free if k not in chain}
-            rest = {name: x for name, x in rest.items()
-                    if name not in self.mimics or self.mimics[name][0] not in rest}  # fmt: skip
-            if any(self.joints[k].kind not in UNITS for k in free):
+            others = [self.names[k] for k in free if k not in chain]
+            rest = {name: self.rest.get(name, 0.0) for name in others
+                    if name not in self.mimics or self.mimics[name][0] not in others}  # fmt: skip
+            if any(self.kinds[k] not in UNITS for k in free):
                 rest = {}
             tip = self._link_of(chain[-1]) if chain else ""
             raise HoldError.of(f"{label}: {fault}", rest, tip)
 
     def _joint_fault(self, k: int) -> str:
-        joint, fault = self.joints[k], ""
-        if joint.name in self.mimics:
-            fault = f"a joint of its own, got one that mimics {named(self.mimics[joint.name][0])}"
-        elif joint.kind not in UNITS:
-            got = _WORDS.get(joint.kind, joint.kind)
-            fault = f"revolute, continuous or prismatic, got {got}"
-        return fault and f"joint {named(joint.name)}: expected {fault}"
+        name, kind, fault = self.names[k], self.kinds[k], ""
+        if name in self.mimics:
+            fault = f"a joint of its own, got one that mimics {named(self.mimics[name][0])}"
+        elif kind not in UNITS:
+            fault = f"revolute, continuous or prismatic, got {_WORDS.get(kind, kind)}"
+        return fault and f"joint {named(name)}: expected {fault}"
 
     def _link_of(self, joint: int) -> str:
         links = [body.name for body in self.bodies if body.joint == joint]
-        return (links or [self.joints[joint].name])[0]
+        return (links or [self.names[joint]])[0]
 
     # ------------------------------------------------------------------ what it carries
 
@@ -331,13 +348,37 @@ def _main_chain(below: Mapping[int, list[int]]) -> list[int]:
     return chain
 
 
-def _carried(items: Sequence[Any], at: Mapping[int, tuple[int, Any]]) -> list[Any]:
-    """Return frames or shapes on the joints of the chain."""
-    moved = []
-    for item in items:
-        joint, place = at[item.joint]
+def _carried(rows: Sequence[Row], at: Mapping[int, tuple[int, Any]]) -> list[Row]:
+    """Return tables of frames or shapes on the joints of the chain."""
+    carried = []
+    for row in rows:
+        joint, place = at[row["joint"]]
         if not place.isIdentity(0.0):
-            place = rows_of(place * placement_of(item.placement))
-            item = dataclasses.replace(item, placement=place)
-        moved.append(dataclasses.replace(item, joint=joint))
-    return moved
+            row = row | {"placement": rows_of(place * placement_of(row["placement"]))}
+        carried.append(row | {"joint": joint})
+    return carried
+
+
+def tree_of(model: Any, label: str, geometry: Any = None) -> Tree:
+    """Return the tree of a ``pinocchio.Model``, with its visual geometry; both stay as they are.
+
+    An effort or velocity limit of 0, and position limits that are empty or beyond reach, are none.
+    """
+    model = model.copy()
+    for key in ("effort", "velocity"):
+        limit = np.array(getattr(model, VECTORS[key]))
+        setattr(model, VECTORS[key], np.where((limit == 0.0) | (limit > 1e300), np.inf, limit))
+    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
+    none = lower >= upper
+    model.lowerPositionLimit = np.where(none | (lower < -UNREACHABLE), -np.inf, lower)
+    model.upperPositionLimit = np.where(none | (upper > UNREACHABLE), np.inf, upper)
+    tree = Tree(label, model, shapes=[] if geometry is None else shape_rows(geometry))
+    poses = {pair.key(): pair.data() for pair in model.referenceConfigurations}
+    home = np.array(poses.get("home", ()), dtype=np.float64)
+    for k, joint in enumerate(list(model.joints)[1:], start=1):
+        tree.bodies.append(Body(link_of(model, k), k - 1, row_of(model.inertias[k])))
+        if home.shape == (model.nq,) and np.isfinite(home).all() and joint.nv == 1:
+            at = home[joint.idx_q : joint.idx_q + joint.nq]
+            angle = np.arctan2(at[1], at[0]) if is_unbounded(joint) else at[0]
+            tree.home[tree.names[k - 1]] = float(angle)
+    return tree

@@ -8,26 +8,36 @@ import re
 import sys
 import tempfile
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from fpid_pin.arms.chain import MOST_JOINTS, joint_row
 from fpid_pin.arms.inertia import moved
-from fpid_pin.arms.pinocchio_model import tree_of
+from fpid_pin.arms.joints import rows_of
 from fpid_pin.arms.robot_file import one_line, parse_xml, require_root
-from fpid_pin.arms.spec import MOST_JOINTS
-from fpid_pin.arms.tree import Body, Tree
-from fpid_pin.arms.urdf_visuals import Visuals, pose_of
+from fpid_pin.arms.shapes import GREY
+from fpid_pin.arms.tree import Body, Tree, tree_of
 from fpid_pin.exceptions import ArmError
 from fpid_pin.text import cut, listed, named
 
 #: urdfdom calls itself once for each link of a chain; at some ten thousand its stack ends, and the
 #: process with it.
 MOST_LINKS = 2000
+#: How many folders above the URDF's own are tried for ``package://name/...``.
+_ABOVE = 4
+#: Attributes that hold a shape's lengths, and how many each.
+_LENGTHS = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "mesh": {"scale": 3},
+}
 _TO_SET = "(with_limits sets one)"
 
 
@@ -72,23 +82,16 @@ def urdf_tree(
     for body in tree.bodies:
         if body.joint >= 0 and body.inertia[0] == 0.0 and any(body.inertia[4:]):
             tree.remark(body.name, "mass 0 with a rotational inertia, which is kept")
-    for k, joint in enumerate(tree.joints):
+    for k, name in enumerate(tree.names, start=1):
         # Where a held joint stands: as drawn, or as near to it as its limits let it.
-        tree.rest[k] = float(np.clip(0.0, joint.lower, joint.upper))
+        lower, upper = (joint_row(tree.model, k).get(key, 0.0) for key in ("lower", "upper"))
+        tree.rest[name] = float(np.clip(0.0, lower, upper))
     for element in root.findall("joint"):
         mimic = element.find("mimic")
-        if mimic is not None and element.get("name") in {joint.name for joint in tree.joints}:
+        if mimic is not None and element.get("name") in tree.names:
             scale = [float(mimic.get(k, d)) for k, d in (("multiplier", "1"), ("offset", "0"))]
             tree.mimics[element.get("name", "")] = (mimic.get("joint", ""), scale[0], scale[1])
-    visuals = Visuals(root, folder, package_dirs)
-    for link in root.findall("link"):
-        frame = places[link.get("name", "")]
-        shapes, unclear = visuals.shapes(link, int(frame.parentJoint) - 1, frame.placement)
-        tree.shapes += shapes
-        if unclear:
-            tree.remark(
-                link.get("name", ""), "a visual without one shape of known size is not drawn"
-            )
+    _add_visuals(tree, root, places, _folders(folder, package_dirs))
     return tree
 
 
@@ -205,4 +208,102 @@ def _body(link: ET.Element, frame: Any) -> Body:
         float(about.get(key, "0")) for key in ("ixx", "ixy", "iyy", "ixz", "iyz", "izz")
     )
     row = (float(mass.get("value", "0")), 0.0, 0.0, 0.0, xx, xy, yy, xz, yz, zz)
-    return Body(name, joint, moved(moved(row, pose_of(inertial.find("origin"))), frame.placement))
+    return Body(name, joint, moved(moved(row, _pose(inertial.find("origin"))), frame.placement))
+
+
+# ---------------------------------------------------------------------- what is drawn
+
+
+def _folders(folder: Path | None, package_dirs: Sequence[str | Path]) -> list[Path]:
+    """Return where to look for meshes: where told, beside and above the file, where ROS does."""
+    above = [] if folder is None else [folder, *list(folder.parents)[:_ABOVE]]
+    ros = filter(None, os.environ.get("ROS_PACKAGE_PATH", "").split(":"))
+    return [*map(Path, package_dirs), *above, *map(Path, ros)]
+
+
+def _add_visuals(
+    tree: Tree, root: ET.Element, links: Mapping[str, Any], folders: list[Path]
+) -> None:
+    """Add what is drawn; colours may be given once for all links, some at their first use."""
+    colours: dict[str, list[float]] = {}
+    for material in root.iter("material"):
+        with suppress(ValueError):
+            colours[material.get("name", "")] = _rgba(material)
+    for link in root.findall("link"):
+        name, unclear = link.get("name", ""), False
+        frame = links[name]
+        for visual in link.findall("visual"):
+            try:
+                pose = frame.placement * _pose(visual.find("origin"))
+                tree.shapes.append({
+                    "joint": int(frame.parentJoint) - 1, "placement": rows_of(pose),
+                    **_solid(visual, colours, folders),
+                })  # fmt: skip
+            except ValueError:
+                unclear = True
+        if unclear:
+            tree.remark(name, "a visual without one shape of known size is not drawn")
+
+
+def _solid(
+    visual: ET.Element, colours: Mapping[str, list[float]], folders: list[Path]
+) -> dict[str, Any]:
+    """Return the shape of a visual; raises ValueError where it has not one of known size."""
+    (solid,) = visual.findall("geometry/*")
+    mesh = solid.tag == "mesh"
+    if solid.tag not in _LENGTHS:
+        raise ValueError(solid.tag)
+    size = [
+        x
+        for key, count in _LENGTHS[solid.tag].items()
+        for x in _numbers(solid, key, count, "1 1 1" if mesh else "")
+    ]
+    if not mesh and min(size) <= 0.0:
+        raise ValueError(size)
+    material, colour = visual.find("material"), list(GREY)
+    if material is not None:
+        colour = colours.get(material.get("name", ""), colour)
+        with suppress(ValueError):
+            colour = _rgba(material)
+    path = _find(solid.get("filename", ""), folders) if mesh else ""
+    return {"kind": solid.tag, "size": size, "colour": colour, "path": path}
+
+
+def _find(address: str, folders: list[Path]) -> str:
+    """Resolve ``package://``, ``model://``, ``file://``, absolute and relative addresses.
+
+    What is not found keeps its address.
+    """
+    scheme, separator, rest = address.partition("://")
+    if separator and scheme in ("package", "model"):
+        # A package's own folder may be given, whatever it is called on this disk.
+        ends = [rest, rest.partition("/")[2]]
+    else:
+        ends, folders = [rest if separator else address], folders or [Path()]
+    for candidate in (folder / end for end in ends for folder in folders):
+        # The system has no file of a name that is too long for it, and says so by an error.
+        with suppress(OSError, ValueError):
+            if candidate.is_file():
+                return os.path.abspath(candidate)
+    return address
+
+
+def _pose(origin: ET.Element | None) -> Any:
+    """Return the ``pinocchio.SE3`` of an ``<origin>``; None: where its owner is."""
+    if origin is None:
+        return pin.SE3.Identity()
+    xyz, rpy = (np.array(_numbers(origin, key, 3, "0 0 0")) for key in ("xyz", "rpy"))
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
+
+
+def _rgba(material: ET.Element) -> list[float]:
+    colour = material.find("color")
+    return _numbers(material if colour is None else colour, "rgba", 4)
+
+
+def _numbers(element: ET.Element, key: str, count: int, absent: str = "") -> list[float]:
+    """Return an attribute's numbers; raises ValueError where they are not so many finite ones."""
+    values = [float(word) for word in element.get(key, absent).split()]
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise ValueError(key)
+    return values

@@ -13,7 +13,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.arms import Arm, catalogue
 from fpid_pin.arms.joints import PRISMATIC
-from fpid_pin.arms.robot_descriptions import ENDING
+from fpid_pin.arms.catalogue import ENDING
 from fpid_pin.arms.robot_file import KINDS, kind_of
 from fpid_pin.arms.tables import arm_of
 from fpid_pin.arms.tree import HoldError
@@ -70,7 +70,7 @@ def arm_of_table(table: dict[str, Any]) -> Arm:
     try:
         return arm_of(table)
     except HoldError as error:
-        raise error.on_command_line() from None
+        raise error.written("shell") from None
 
 
 def arm_rows() -> list[Row]:

@@ -79,7 +79,8 @@ def run(
     name = found.chosen(controller)
     found = found.under(condition)
     if falling := found.experiment.joints_that_fall():
-        raise ConfigError.of(config, [f"{falling[0]}; it falls under any controller"])
+        lines = [f"{line}; it falls under any controller" for line in falling]
+        raise ConfigError.of(config, lines)
     one = dataclasses.replace(found, controllers={name: found.controllers[name]})
     _compare(one, out or results_path(config), "tail", options)
 

@@ -80,7 +80,7 @@ def test_a_run_holds_it_as_a_plain_table(tmp_path):
     arm = Arm.from_model(mixed()).with_payload(0.3)
     table = json.loads(json.dumps(descriptions.to_dict(arm)))
     assert descriptions.from_dict(table, Arm) == arm
-    assert set(table) == {"kind", "name", "gravity", "joints", "frames"}
+    assert set(table) == {"kind", "name", "gravity", "joints", "frames", "tool"}
     experiment = fp.Experiment(arm, fp.references.Hold(arm.home), duration=0.05)
     fp.simulate(experiment, fp.ComputedTorque(100.0, 20.0)).save(tmp_path / "run.npz")
     assert fp.Run.load(tmp_path / "run.npz").arm == arm

@@ -40,7 +40,7 @@ REFUSED = {
         robot(link("w"), link("base"), link("tip"), joint("j", "base", "tip"),
               joint("root", "w", "base", "floating", "")),
         "joint 'root': expected revolute, continuous or prismatic, got a free joint"),
-    "no axis": (one_joint(link("tip"), axis="0 0 0"), "joints.0.axis: expected a unit vector"),
+    "no axis": (one_joint(link("tip"), axis="0 0 0"), "joint 'j': expected axis a unit vector"),
     "no joints": (robot(link("x")), "expected at least one joint that is free"),
     "broken XML": ("<robot name='x'><link></robot>", "expected well-formed XML, got mismatched"),
     "massless tip": (
@@ -57,7 +57,7 @@ REFUSED = {
         r"none above the sum of the others, got 0\.1, 0\.1, 0\.3 .inertia = .nearest. takes"),
     "negative damping": (
         one_joint(link("tip"), LIMIT + '<dynamics damping="-0.5"/>'),
-        "joint 'j': expected damping >= 0, got -0.5"),
+        "joint 'j': expected damping a number >= 0, got -0.5"),
     "detached cycle": (
         robot(*map(link, ("base", "tip", "x", "y")), joint("j", "base", "tip"),
               joint("k", "x", "y"), joint("l", "y", "x")),

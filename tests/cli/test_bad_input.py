@@ -51,7 +51,7 @@ def space(bounds, law='kind = "suggested_fpid"'):
         ("run study.toml", {'kind = "two_link"': 'kind = "two_link"\nlenghts = [1.0]'},
          "study.toml: arm.lenghts: expected none, got 'lenghts'"),
         ("run study.toml --controller 'integer PID'",
-         {'kind = "two_link"': 'kind = "two_link"\nchanges = [{ limits = { effort = 3.0 } }]'},
+         {'kind = "two_link"': 'kind = "two_link"\nchanges = [{limits = {effort = [3, 30]}}]'},
          "falls under any controller"),
         ("run study.toml", {}, "expected one controller, or --controller NAME, got 'FPID, publ"),
         ("run study.toml --controller 'integr PID'", {}, "did you mean integer PID?"),
@@ -116,3 +116,12 @@ def test_wrong_input_is_one_line_and_status_2(words, change, said, tmp_path, mon
     assert told.out == ""
     after = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
     assert {path: data for path, data in after.items() if "__pycache__" not in str(path)} == before
+
+
+def test_run_names_every_joint_that_falls(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    weak = 'kind = "two_link"\nchanges = [{ limits = { effort = 3.0 } }]'
+    (tmp_path / "study.toml").write_text(STUDY.replace('kind = "two_link"', weak))
+    assert main(["run", "study.toml", "--controller", "integer PID"]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(": gravity")[0][-6:] for line in lines] == ["joint1", "joint2"]

@@ -42,7 +42,7 @@ def random_chain(seed, n):
 
 
 def bodies(model):
-    return bodies_of(SimpleNamespace(model=model, _cache={}))
+    return bodies_of(SimpleNamespace(model=model))
 
 
 def mass_matrix(model, q):
