@@ -144,18 +144,11 @@ class Arm(ArmChanges):
         return arm
 
     @classmethod
-    def _from_tree(
-        cls,
-        tree: Tree,
-        gravity: ArrayLike | None,
-        lock: Lock,
-        keep: Keep | None,
-        inertia: str,
-        tool: str | None,
-    ) -> Self:
+    def _from_tree(cls, tree: Tree, gravity: ArrayLike | None, *options: Any) -> Self:
+        """Build the arm of a tree; `options` are those of `Tree.serial`."""
         if gravity is not None:
             tree.model.gravity.linear = np.array(gravity_vector("gravity", gravity))
-        chain = tree.serial(lock, keep, inertia, tool)
+        chain = tree.serial(*options)
         arm = cls._of(chain)
         tree.warn(chain)
         return arm
