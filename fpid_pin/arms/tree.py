@@ -294,7 +294,9 @@ class Tree:
                     if name not in self.mimics or self.mimics[name][0] not in others}  # fmt: skip
             if any(self.kinds[k] not in UNITS for k in free):
                 rest = {}
-            tip = self._link_of(chain[-1]) if chain else ""
+            # What stands on a joint that no arm has is not to be had by its tip either.
+            stands = chain and not any(map(self._joint_fault, self._path(chain[-1])))
+            tip = self._link_of(chain[-1]) if stands else ""
             raise HoldError.of(f"{label}: {fault}", rest, tip)
 
     def _joint_fault(self, k: int) -> str:

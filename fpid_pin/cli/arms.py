@@ -12,8 +12,8 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm, catalogue
-from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.arms.catalogue import ENDING
+from fpid_pin.arms.joints import PRISMATIC
 from fpid_pin.arms.robot_file import KINDS, kind_of
 from fpid_pin.arms.tables import arm_of
 from fpid_pin.arms.tree import HoldError
