@@ -14,53 +14,26 @@ from typing import TYPE_CHECKING, Any
 
 from fpid_pin._version import __version__
 
+# isort: off
 if TYPE_CHECKING:
     from fpid_pin import (
-        arms,
-        campaign,
-        control,
-        costs,
-        disturbances,
-        exceptions,
-        export,
-        fractional,
-        progress,
-        references,
-        simulation,
-        tuning,
-        view,
+        arms, campaign, control, costs, disturbances, exceptions, export, fractional, progress,
+        references, simulation, tuning, view,
     )  # fmt: skip
     from fpid_pin.arms import Arm
     from fpid_pin.control import (
-        AdaptiveFpid,
-        ComputedTorque,
-        Controller,
-        GravityOnly,
-        PdGravity,
-        Pid,
-        Safeguards,
-        SlidingMode,
-        SlotineLi,
-        SuggestedFpid,
-        Supervisor,
-        stability_report,
-        suggest_gains,
+        AdaptiveFpid, ComputedTorque, Controller, GravityOnly, PdGravity, Pid, Safeguards,
+        SlidingMode, SlotineLi, SuggestedFpid, Supervisor, stability_report, suggest_gains,
     )  # fmt: skip
     from fpid_pin.descriptions import described
     from fpid_pin.exceptions import FpidError, FpidWarning
     from fpid_pin.export import export_c
     from fpid_pin.simulation import (
-        Experiment,
-        Plant,
-        Run,
-        Sensors,
-        compare,
-        evaluate,
-        paper_controller,
-        paper_experiment,
+        Experiment, Plant, Run, Sensors, compare, evaluate, paper_controller, paper_experiment,
         simulate,
     )  # fmt: skip
     from fpid_pin.tuning import pareto, tune
+# isort: on
 
 # Names are fetched from their rooms when they are first asked for: a command that needs none of
 # them starts at once. Those of no room below are rooms themselves.
@@ -76,49 +49,12 @@ _HOMES = {
      "paper_experiment", "simulate"), "simulation",
 )  # fmt: skip
 __all__ = [
-    "AdaptiveFpid",
-    "Arm",
-    "ComputedTorque",
-    "Controller",
-    "Experiment",
-    "FpidError",
-    "FpidWarning",
-    "GravityOnly",
-    "PdGravity",
-    "Pid",
-    "Plant",
-    "Run",
-    "Safeguards",
-    "Sensors",
-    "SlidingMode",
-    "SlotineLi",
-    "SuggestedFpid",
-    "Supervisor",
-    "__version__",
-    "arms",
-    "campaign",
-    "compare",
-    "control",
-    "costs",
-    "described",
-    "disturbances",
-    "evaluate",
-    "exceptions",
-    "export",
-    "export_c",
-    "fractional",
-    "paper_controller",
-    "paper_experiment",
-    "pareto",
-    "progress",
-    "references",
-    "simulate",
-    "simulation",
-    "stability_report",
-    "suggest_gains",
-    "tune",
-    "tuning",
-    "view",
+    "AdaptiveFpid", "Arm", "ComputedTorque", "Controller", "Experiment", "FpidError", "FpidWarning",
+    "GravityOnly", "PdGravity", "Pid", "Plant", "Run", "Safeguards", "Sensors", "SlidingMode",
+    "SlotineLi", "SuggestedFpid", "Supervisor", "__version__", "arms", "campaign", "compare",
+    "control", "costs", "described", "disturbances", "evaluate", "exceptions", "export", "export_c",
+    "fractional", "paper_controller", "paper_experiment", "pareto", "progress", "references",
+    "simulate", "simulation", "stability_report", "suggest_gains", "tune", "tuning", "view",
 ]  # fmt: skip
 
 

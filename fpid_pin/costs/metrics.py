@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Annotated, Any, get_type_hints
 
@@ -34,6 +35,11 @@ class Metric:
     sliding: str
     joints: str
     meaning: str
+
+    def unit_of(self, angles: Collection[str]) -> str:
+        """Return the unit for joints whose angles are in these, ``"rad"`` or ``"m"``."""
+        units = {"rad": self.unit, "m": self.sliding}
+        return " or ".join(dict.fromkeys(unit for angle, unit in units.items() if angle in angles))
 
     def of(self, values: FloatArray) -> float:
         """Return the one number of all joints' figures, (n,)."""

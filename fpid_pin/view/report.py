@@ -150,11 +150,14 @@ def _replay(
 
 def metrics_table(runs: Sequence[Run], captions: Sequence[str]) -> Table:
     """Return the figures of merit of runs: a row for each run and joint."""
-    told = [f"{name.replace('_', ' ')}, {metric.unit}" for name, metric in METRICS.items()]
-    head = ["run", "joint", *told]
-    rows: list[list[object]] = [list(head)]
-    for run, caption in zip(runs, captions, strict=True):
-        for j, joint in enumerate(joints_of(run).names):
+    joints = [joints_of(run) for run in runs]
+    angles = {unit for each in joints for unit in each.units}
+    told = [
+        f"{name.replace('_', ' ')}, {metric.unit_of(angles)}" for name, metric in METRICS.items()
+    ]
+    rows: list[list[object]] = [["run", "joint", *told]]
+    for run, caption, each in zip(runs, captions, joints, strict=True):
+        for j, joint in enumerate(each.names):
             rows.append([caption, joint, *(getattr(run.metrics, name)[j] for name in METRICS)])
     return rows
 
