@@ -123,9 +123,20 @@ class CampaignData:
 
 
 def export(data: CampaignData, path: str | Path) -> Path:
-    """Write the table of a campaign, by its suffix: ``.csv``, or ``.parquet`` (extra ``parquet``).
+    """Write the table of a campaign: `CampaignData.columns`, a row a run and controller.
 
     Numbers have every digit: two campaigns of the same results give the same bytes of CSV.
+
+    Parameters
+    ----------
+    data
+        The campaign.
+    path
+        The file; its suffix says as what: ``.csv``, or ``.parquet`` (extra ``parquet``).
+
+    Returns
+    -------
+    Path
 
     Raises
     ------

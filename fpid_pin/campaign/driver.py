@@ -88,35 +88,27 @@ def run(
         if missing and pool is not None:
             # So that workers find the kernels compiled.
             warm(nominal, laws)
-        todo, done = pieces(missing, chunk), len(recorded)
+        # Cut where multiples of `chunk` are: a campaign that goes on cuts as it did before.
+        todo = [list(several) for _, several in groupby(missing, lambda k: k // chunk)]
+        done = len(recorded)
         try:
-            for k, rows in spread(run_chunk, [(study, *piece) for piece in todo], pool):
+            for k, rows in spread(run_chunk, [(study, numbers) for numbers in todo], pool):
                 book.record(rows)
-                done += todo[k][1] - todo[k][0]
+                done += len(todo[k])
                 if progress is not None:
                     progress(Progress(done / book.planned))
         except WorkersDied as error:
-            first, last = todo[error.task]
-            raise WorkersDied(f"runs {first} to {last - 1}: {error}", error.task) from None
+            first, last = todo[error.task][0], todo[error.task][-1]
+            raise WorkersDied(f"runs {first} to {last}: {error}", error.task) from None
         return book.data()
 
 
-def pieces(missing: Sequence[int], size: int) -> list[tuple[int, int]]:
-    """Cut runs into pieces of neighbours, at most `size` each: (first, last + 1).
-
-    They end where multiples of `size` are, so that a campaign that goes on cuts as it did before.
-    """
-    cut = groupby(enumerate(missing), lambda item: (item[1] - item[0], item[1] // size))
-    several = [[run for _, run in group] for _, group in cut]
-    return [(group[0], group[-1] + 1) for group in several]
-
-
-def run_chunk(study: Study, first: int, last: int) -> list[Row]:
-    """Simulate runs `first` to `last` - 1 under every controller: a task, wherever it is done."""
-    samples = study.samples(first, last)
+def run_chunk(study: Study, numbers: Sequence[int]) -> list[Row]:
+    """Simulate rising numbers of runs under every controller: a task, wherever it is done."""
+    samples = study.samples(numbers[0], numbers[-1] + 1)[np.subtract(numbers, numbers[0])]
     return [
         (number, column, end.outcome, end.cause, *end.figures, *sample.tolist())
-        for number, sample in enumerate(samples, first)
+        for number, sample in zip(numbers, samples, strict=True)
         for column, end in enumerate(_ends(study, number, sample))
     ]
 
@@ -143,6 +135,15 @@ def _ends(study: Study, number: int, sample: FloatArray) -> list[Ended]:
 
 def load(ledger: str | Path) -> CampaignData:
     """Return what a ledger holds, also while its campaign runs: runs up to the first missing one.
+
+    Parameters
+    ----------
+    ledger
+        The file.
+
+    Returns
+    -------
+    CampaignData
 
     Raises
     ------

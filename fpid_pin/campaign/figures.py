@@ -10,16 +10,7 @@ import numpy as np
 from fpid_pin.campaign.data import METRICS, CampaignData
 from fpid_pin.campaign.statistics import quantile, scored, spearman, tornado
 from fpid_pin.checks import FloatArray
-from fpid_pin.view.style import (
-    DASHES,
-    INK,
-    PLAIN,
-    colour,
-    lettering,
-    new_figure,
-    styled,
-    thinned,
-)  # fmt: skip
+from fpid_pin.view.style import DASHES, INK, PLAIN, colour, lettering, new_figure, styled, thinned
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -168,8 +159,8 @@ def tornado_plot(data: CampaignData) -> Figure:
     order = np.argsort(-effect, kind="stable")[:_BARS]
     order = order[effect[order] >= 0.0]
     figure, panels, columns = _panels(data, 0.75 + 0.26 * max(len(order), 2), 0.35)
-    for k, (panel, column) in enumerate(zip(panels, scored(data).T, strict=True)):
-        _bars(panel, ends[k, order], quantile(column, 0.5), k)
+    for k, (panel, middle) in enumerate(zip(panels, quantile(scored(data), 0.5), strict=True)):
+        _bars(panel, ends[k, order], float(middle), k)
         left = k % columns == 0
         labels = [lettering(data.parameters[j]) if left else "" for j in order]
         panel.set_yticks(range(len(order)), labels)

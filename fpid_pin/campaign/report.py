@@ -127,7 +127,7 @@ def answer(data: CampaignData, differences: Sequence[Difference]) -> list[str]:
     rate, names = success_rates(data)[first], data.controllers
     ends = f"{100.0 * rate.low:.4g} to {100.0 * rate.high:.4g}"
     of = f"of {data.runs} plant{'s' * (data.runs != 1)} (95 %: {ends} %)"
-    typical = quantile(scored(data)[:, first], 0.5)
+    typical = quantile(scored(data), 0.5)[first]
     if not data.success.any():
         return [f"No controller succeeded on any {of}."]
     lines = [f"{names[first]} succeeded on {100.0 * rate.estimate:.4g} % {of}."]
@@ -179,7 +179,7 @@ def _metrics(data: CampaignData) -> Table:
         {"controller": name}
         | {
             f"{metric.replace('_', ' ')}, {what}, {METRICS[metric].unit}":
-                quantile(scored(data, metric)[:, k], share)
+                float(quantile(scored(data, metric), share)[k])
             for metric in data.metrics
             for what, share in shares.items()
         }

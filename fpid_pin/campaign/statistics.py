@@ -57,38 +57,28 @@ def scored(data: CampaignData, metric: str = "rms") -> FloatArray:
     return np.where(data.success & ~np.isnan(values), values, np.inf)
 
 
-def quantile(scores: FloatArray, share: float) -> float:
-    """Return the least value that so large a share of the runs does not exceed; inf where lost."""
+def quantile(scores: FloatArray, share: float) -> FloatArray:
+    """Return the least value that so large a share of the runs does not exceed; inf where lost.
+
+    Of scores (runs,) or (runs, controllers): NaN where there are no runs.
+    """
     if len(scores) == 0:
-        return float("nan")
-    return float(np.quantile(scores, share, method="inverted_cdf"))
+        return np.full(scores.shape[1:], np.nan)
+    return np.asarray(np.quantile(scores, share, axis=0, method="inverted_cdf"))
 
 
 @dataclass(frozen=True)
 class Difference:
-    """One controller against another, on the same plants.
+    """One controller against another, on the same plants."""
 
-    Attributes
-    ----------
-    first, second
-        Their columns.
-    runs
-        Plants on which both succeeded.
-    median
-        Of the first one's metric less the second one's over these, in the metric's unit, with its
-        bootstrap interval (percentiles of `RESAMPLES` resamples).
-    differing
-        Plants on which either was better: not the same to the last bit, and not both lost.
-    better
-        Share of those on which the first was, with its score interval.
-    """
-
-    first: int
+    first: int  # their columns
     second: int
-    runs: int
+    runs: int  # plants on which both succeeded
+    #: Of the first one's metric less the second one's over these, in the metric's unit, with its
+    #: bootstrap interval (percentiles of `RESAMPLES` resamples).
     median: Interval
-    differing: int
-    better: Interval
+    differing: int  # plants on which either was better: not the same bits, and not both lost
+    better: Interval  # share of those on which the first was, with its score interval
 
 
 def paired_difference(
@@ -186,7 +176,7 @@ def tornado(data: CampaignData, metric: str = "rms") -> FloatArray:
             below, above = values < low, values > low
             ends = below if below.any() else ~above, above if above.any() else ~below
         for end, rows in enumerate(ends):
-            found[:, k, end] = [quantile(column, 0.5) for column in scores[rows].T]
+            found[:, k, end] = quantile(scores[rows], 0.5)
     return found
 
 
@@ -204,9 +194,8 @@ def best_shares(data: CampaignData, metric: str = "rms") -> FloatArray:
 
 def leader(data: CampaignData) -> int:
     """Return the controller with most successes; among equals, that of the least median error."""
-    scores, counts = scored(data), data.success.sum(axis=0)
-    keys = [(-int(n), quantile(s, 0.5)) for n, s in zip(counts, scores.T, strict=True)]
-    return min(range(len(keys)), key=lambda k: (keys[k], k))
+    order = np.lexsort((quantile(scored(data), 0.5), -data.success.sum(axis=0)))
+    return int(order[0])
 
 
 def worst_runs(data: CampaignData, controller: int, count: int = 10) -> list[int]:

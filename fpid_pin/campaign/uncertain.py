@@ -125,25 +125,13 @@ class Choices(Distribution):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A key of ``[campaign.uncertain]``.
-
-    Attributes
-    ----------
-    unit
-        Of its values.
-    single
-        Whether there is one number; else one for each joint, or link.
-    low, above
-        Least value, or what it has to be more than; None: any.
-    whole
-        Whether values are rounded to whole numbers.
-    """
+    """A key of ``[campaign.uncertain]``."""
 
     unit: str
-    single: bool = False
-    low: float | None = None
-    above: float | None = None
-    whole: bool = False
+    single: bool = False  # whether there is one number; else one for each joint, or link
+    low: float | None = None  # least value
+    above: float | None = None  # what values have to be more than
+    whole: bool = False  # whether values are rounded to whole numbers
 
     def at(self, spread: Distribution, u: FloatArray) -> FloatArray:
         """Return the values at points of [0, 1], (runs, numbers)."""

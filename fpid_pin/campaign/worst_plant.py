@@ -11,7 +11,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.campaign.data import CampaignData
-from fpid_pin.campaign.driver import pieces, run, run_chunk
+from fpid_pin.campaign.driver import run, run_chunk
 from fpid_pin.campaign.ledger import COLUMNS
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
@@ -59,9 +59,9 @@ def attack(
             points, errors = np.atleast_2d(columns.T), np.empty(columns.size // size)
             scenarios = replace(study.scenarios, points=points)
             alone = replace(study, controllers={"searched": law}, scenarios=scenarios)
-            cuts = pieces(range(len(errors)), -(-len(errors) // workers_of(pool)))
-            for k, rows in spread(run_chunk, [(alone, *cut) for cut in cuts], pool):
-                errors[slice(*cuts[k])] = [row[COLUMNS.index("rms")] for row in rows]
+            cuts = np.array_split(np.arange(len(errors)), min(workers_of(pool), len(errors)))
+            for k, rows in spread(run_chunk, [(alone, cut.tolist()) for cut in cuts], pool):
+                errors[cuts[k]] = [row[COLUMNS.index("rms")] for row in rows]
             calls += 1
             if progress is not None:
                 progress(Progress(min(calls / len(study.laws) / (generations + 1), 1.0)))

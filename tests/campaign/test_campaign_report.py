@@ -6,7 +6,7 @@ from urllib.parse import quote
 
 import numpy as np
 import pytest
-from made_campaigns import arms, campaign
+from studies import arms, campaign
 
 from fpid_pin.campaign import figures
 from fpid_pin.campaign.report import answer, report_html
@@ -132,13 +132,8 @@ def test_a_campaign_without_runs_and_a_place_that_cannot_be_written_are_refused(
 
 
 def test_a_controller_has_one_colour_in_every_figure(data):
-    drawn = [
-        figures.distributions(data),
-        figures.violins(data),
-        figures.tornado_plot(data),
-    ]
-    for figure in drawn:
-        text = figure_bytes(figure, "svg").decode()
+    for draw in (figures.distributions, figures.violins, figures.tornado_plot):
+        text = figure_bytes(draw(data), "svg").decode()
         assert all(colour(k).lower() in text for k in range(3))
 
 

@@ -3,8 +3,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecu
 
 import numpy as np
 import pytest
-from deadly import Deadly, Faulty
-from studies import bits, study
+from studies import Deadly, Faulty, bits, pushed, study
 
 import fpid_pin as fp
 from fpid_pin.campaign import Uniform, load, run
@@ -26,13 +25,6 @@ def pool():
         yield made
 
 
-def pushed(disturbance):
-    """Return a study whose disturbance is of another kind, and only its amplitude uncertain."""
-    made = study(uncertain={"disturbance_amplitude": Uniform(low=0.1, high=1.1, shared=True)})
-    plant = fp.Plant(disturbance=disturbance)
-    return dataclasses.replace(made, experiment=dataclasses.replace(made.experiment, plant=plant))
-
-
 def test_a_run_is_what_simulate_says(alone):
     made = study()
     for number in (0, 23):
@@ -40,8 +32,8 @@ def test_a_run_is_what_simulate_says(alone):
         for column, law in enumerate(made.controllers.values()):
             m = fp.simulate(experiment, law).metrics
             expected = {
-                "peak_torque": m.peak_torque.max(), "rms": np.sqrt(np.mean(m.rms**2)),
-                "rms_tail": np.sqrt(np.mean(m.rms_tail**2)), "energy": m.energy.sum(),
+                "rms": np.sqrt(np.mean(m.rms**2)), "rms_tail": np.sqrt(np.mean(m.rms_tail**2)),
+                "energy": m.energy.sum(), "peak_torque": m.peak_torque.max(),
                 "total_variation": m.total_variation.sum(),
             }  # fmt: skip
             figures = {name: alone.metrics[name][number, column] for name in expected}

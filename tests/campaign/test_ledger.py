@@ -99,21 +99,20 @@ def test_killed_before_its_tables_stand_a_campaign_begins_anew(tmp_path):
 
 
 def test_another_campaign_is_refused_with_the_difference(made):
-    path = made[0]
-    with pytest.raises(FileFormatError, match=r"scenarios\.seed is 3 there and 4 here"):
-        run(study(duration=0.1, seed=4), path, 3)
-    with pytest.raises(FileFormatError, match=r"experiment\.duration is 0\.1 there and 0\.2 here"):
-        run(study(duration=0.2), path, 3)
-    other = study(duration=0.1)
-    laws = dict(other.controllers)
+    path, same = made[0], study(duration=0.1)
+    laws = dict(same.controllers)
     laws["integer"] = dataclasses.replace(laws["integer"], kp=(11.0, 12.0))
-    with pytest.raises(FileFormatError, match=r"controllers\.integer\.kp\.0 is"):
-        run(dataclasses.replace(other, controllers=laws), path, 3)
-    backwards = dict(reversed(other.controllers.items()))
-    with pytest.raises(FileFormatError, match="another order"):
-        run(dataclasses.replace(other, controllers=backwards), path, 3)
+    backwards = dict(reversed(same.controllers.items()))
+    for other, words in (
+        (study(duration=0.1, seed=4), r"scenarios\.seed is 3 there and 4 here"),
+        (study(duration=0.2), r"experiment\.duration is 0\.1 there and 0\.2 here"),
+        (dataclasses.replace(same, controllers=laws), r"controllers\.integer\.kp\.0 is"),
+        (dataclasses.replace(same, controllers=backwards), "another order"),
+    ):
+        with pytest.raises(FileFormatError, match=words):
+            run(other, path, 3)
     # A title decides no result.
-    assert run(dataclasses.replace(other, title="another"), path, 3).runs == RUNS
+    assert run(dataclasses.replace(same, title="another"), path, 3).runs == RUNS
 
 
 def test_files_that_are_no_ledgers_are_refused_untouched(tmp_path):

@@ -2,9 +2,7 @@ import csv
 
 import numpy as np
 import pytest
-from deadly import Faulty
-from studies import bits, study
-from test_execution import pushed
+from studies import Faulty, bits, pushed, study
 
 import fpid_pin as fp
 from fpid_pin.campaign import (
@@ -18,7 +16,7 @@ from fpid_pin.campaign import (
     replay,
     report_html,
     run,
-)
+)  # fmt: skip
 from fpid_pin.campaign.data import METRICS
 from fpid_pin.exceptions import ArgumentError, FileFormatError, SimulationError
 
@@ -68,14 +66,11 @@ def test_ledger_export_report_and_replay_say_the_dynamics(tmp_path):
     assert beside.metrics["rms"] == pytest.approx(data.metrics["rms"], rel=1e-9)
 
 
-def test_what_is_not_there_is_refused(ledger):
+def test_what_is_not_there_is_refused_and_a_run_that_failed_has_nothing_to_show(ledger, tmp_path):
     with pytest.raises(ArgumentError, match="run: expected one that is recorded, got 6"):
         replay(ledger, 6)
     with pytest.raises(ArgumentError, match="did you mean integer"):
         replay(ledger, 0, "intege")
-
-
-def test_a_run_that_failed_has_nothing_to_show(tmp_path):
     made = pushed(Faulty(amplitude=0.5))
     data = run(made, tmp_path / "l.sqlite", 16)
     bad = int(np.flatnonzero(data.outcome[:, 0] == "failed")[0])

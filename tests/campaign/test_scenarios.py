@@ -132,18 +132,15 @@ def test_impossible_values_are_refused_with_the_key(spreads, words):
         study(uncertain=spreads)
 
 
-@pytest.mark.parametrize(
-    ("kind", "numbers", "words"),
-    [
+def test_distributions_refuse_what_is_none():
+    for kind, numbers, words in (
         (Uniform, {"low": 1.0, "high": 1.0}, "high: expected more than low"),
         (LogUniform, {"low": 0.0, "high": 1.0}, "low: expected a number > 0"),
         (Normal, {"mean": 0.0, "std": 0.0}, "std"),
         (Uniform, {"low": [0, 1], "high": [1, 2, 3]}, r"high: .*\(2,\) as low, got \(3,\)"),
-    ],
-)
-def test_distributions_refuse_what_is_none(kind, numbers, words):
-    with pytest.raises(ArgumentError, match=words):
-        kind(**numbers)
+    ):
+        with pytest.raises(ArgumentError, match=words):
+            kind(**numbers)
 
 
 def test_an_experiment_without_the_quantity_is_refused():

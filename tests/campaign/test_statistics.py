@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import scipy.stats
-from made_campaigns import campaign
+from studies import campaign
 
 from fpid_pin.campaign import statistics
 from fpid_pin.exceptions import ArgumentError
@@ -29,30 +29,22 @@ def test_wilsons_interval_has_its_closed_form(successes, runs):
     assert ours[1:] == pytest.approx(sorted(ends), abs=1e-12)
 
 
-def test_no_runs_say_nothing():
-    nothing = statistics.wilson(0, 0)
-    assert np.isnan(nothing.estimate)
-    assert nothing[1:] == (0.0, 1.0)
-
-
-def test_saturated_is_a_success_and_an_error_without_end_is_none():
+def test_saturated_is_a_success_and_what_is_not_finite_is_as_bad_as_lost():
     outcome = np.array([["completed"], ["saturated"], ["diverged"], ["failed"], ["completed"]])
     data = campaign([[1.0], [1.0], [1.0], [1.0], [np.inf]], outcome=outcome)
     assert statistics.success_rates(data)[0].estimate == 0.4
     assert np.isinf(statistics.scored(data)[2:]).all()
-
-
-def test_a_metric_that_is_not_a_number_is_the_worst_also_of_a_run_that_succeeded():
+    # Also a metric that is not a number, of a run that succeeded.
     data = campaign([[1.0], [2.0]])
     data.metrics["energy"][0] = np.nan
     assert statistics.scored(data, "energy")[:, 0].tolist() == [np.inf, 6.0]
     assert statistics.scored(data)[:, 0].tolist() == [1.0, 2.0]
 
 
-# ---------------------------------------------------------------------- distributions
-
-
-def test_a_median_counts_the_plants_that_were_lost():
+def test_a_median_counts_the_plants_that_were_lost_and_no_runs_say_nothing():
+    nothing = statistics.wilson(0, 0)
+    assert np.isnan(nothing.estimate)
+    assert nothing[1:] == (0.0, 1.0)
     assert statistics.quantile(np.array([1.0, 2.0, np.inf]), 0.5) == 2.0
     assert statistics.quantile(np.array([1.0, np.inf, np.inf]), 0.5) == np.inf
     assert np.isnan(statistics.quantile(np.array([]), 0.5))
