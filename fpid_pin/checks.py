@@ -134,13 +134,7 @@ def scalar_or_joints(name: str, value: ArrayLike, *, rows: int = 0, **bounds: An
 
 
 def per_joint(name: str, value: ArrayLike, n: int, **bounds: Any) -> FloatArray:
-    """Check a scalar or an (n,) array, by the bounds of `floats`; return a read-only (n,) array.
-
-    Raises
-    ------
-    ArgumentError
-        For example ``kp: expected shape (2,) (the arm has 2 joints), got shape (3,)``.
-    """
+    """Check a scalar or an (n,) array, by the bounds of `floats`; return a read-only (n,) array."""
     array = floats(name, value, **bounds)
     return vector(name, np.full(n, array) if array.ndim == 0 else array, n, finite=False)
 
@@ -180,14 +174,7 @@ def plain(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -
 
 
 def sample_count(duration: float, step: float) -> int:
-    """Return the number of rows of a run, ``round(duration/step) + 1``: both ends count.
-
-    Raises
-    ------
-    ArgumentError
-        When `step` is not within `STEPS`, or `duration` is shorter than one step or longer than
-        `MOST_ROWS`.
-    """
+    """Return the number of rows of a run, ``round(duration/step) + 1``: both ends count."""
     number("step", step, above=0.0)
     step = number("step", step, low=STEPS[0], high=STEPS[1])
     duration = number("duration", duration, above=0.0)

@@ -104,11 +104,6 @@ class Key:
 
         With `faults` the value is a table's: descriptions in it are built, and what is wrong in
         them is appended there.
-
-        Raises
-        ------
-        ArgumentError
-            It is not what was declared, calling it `name`.
         """
         if value is None and self.optional:
             return None
@@ -285,21 +280,9 @@ def _plain(value: Any) -> Any:
 
 
 def from_dict(table: Any, family: Callable[..., T], name: str = "") -> T:
-    """Build the description that `table` holds.
+    """Build the description of a family that `table` holds, called `name` in errors.
 
-    Parameters
-    ----------
-    table
-        What `to_dict` returned, perhaps by way of a file.
-    family
-        The class that the result must belong to.
-    name
-        Key path, for errors.
-
-    Raises
-    ------
-    FpidError
-        The first fault: an unknown kind or key, or whatever a constructor refuses.
+    The first fault is raised: an unknown kind or key, or whatever a constructor refuses.
     """
     faults: list[FpidError] = []
     thing = build(table, cast("type", family), name, faults)

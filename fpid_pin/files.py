@@ -29,13 +29,8 @@ _KINDS = {
 def replacing(path: str | Path) -> Iterator[Path]:
     """Give the name of a temporary file that replaces `path` when the block ends without an error.
 
-    Folders on the way are made. After an error what was at `path` is still there.
-
-    Raises
-    ------
-    FileFormatError
-        `path` is neither absent nor a regular file (looked at before and after the block), or the
-        system refuses (a full disk, no permission), in the block too.
+    Folders on the way are made. After an error what was at `path` is still there. What the system
+    refuses, in the block too, is a FileFormatError.
     """
     path = Path(path)
     try:
@@ -70,11 +65,6 @@ def locked(path: str | Path) -> Iterator[None]:
     """Keep other processes away from `path` for this block; however this process ends, it is free.
 
     What a killed process has left in hidden folders for `path` is removed.
-
-    Raises
-    ------
-    FileFormatError
-        Another block, of this process or another, has it; or its folder cannot be written.
     """
     # Imported late: most commands lock nothing.
     from filelock import FileLock, Timeout
@@ -128,11 +118,6 @@ def require_file(path: Path) -> None:
     """Refuse a place where a file of ours may not go.
 
     A link would be replaced and not what it points to; a device would be lost to the system.
-
-    Raises
-    ------
-    FileFormatError
-        There is something, and it is not a regular file.
     """
     try:
         kind = kind_of(path)

@@ -35,29 +35,10 @@ def write(
     path: str | Path, kind: str, table: Mapping[str, Any], arrays: Mapping[str, Any], *,
     compressed: bool = False,
 ) -> None:  # fmt: skip
-    """Write arrays and a table, whole or not at all.
+    """Write arrays of numbers or texts and a table of plain values, whole or not at all.
 
-    Parameters
-    ----------
-    path
-        Where to.
-    kind
-        What the file is, in words; a reader asks for it.
-    table
-        Plain values for JSON, as Python writes it: numbers may be ``Infinity`` or ``NaN``.
-    arrays
-        Of numbers or texts.
-    compressed
-        Pack arrays of float64 by pcodec, every bit kept.
-
-    Raises
-    ------
-    ArgumentError
-        What cannot be read back: an array of objects, or a name that is none for a file.
-    FileFormatError
-        The file cannot be written.
-    FpidError
-        pcodec is not installed.
+    `kind` says in words what the file is, and a reader asks for it. Compressed, arrays of float64
+    are packed by pcodec, every bit kept.
     """
     members = {name: np.asarray(array) for name, array in arrays.items()}
     for name, array in members.items():
@@ -76,15 +57,7 @@ def write(
 
 
 def read(path: str | Path, kind: str) -> tuple[Arrays, dict[str, Any]]:
-    """Return the arrays and the table of a file.
-
-    Raises
-    ------
-    FileFormatError
-        Missing, damaged, of another kind or format; the line names the file.
-    FpidError
-        It is compressed, and pcodec is not installed.
-    """
+    """Return the arrays and the table of a file; a fault's line names the file."""
     path = Path(path)
     if not path.is_file():
         found = f"expected a {kind}, got no file" if path.exists() else "no such file"
@@ -158,15 +131,7 @@ def write_columns(
     path: str | Path, table: Mapping[str, NDArray[Any]], *, parquet: bool = False,
     about: Mapping[str, Any] | None = None,
 ) -> Path:  # fmt: skip
-    """Write a table by column as CSV, every digit, or as Parquet with its metadata `about`.
-
-    Raises
-    ------
-    FileFormatError
-        The file cannot be written.
-    FpidError
-        pyarrow is not installed; the line says how.
-    """
+    """Write a table by column as CSV, every digit, or as Parquet with its metadata `about`."""
     with replacing(path) as temporary:
         if parquet:
             arrow = needed("pyarrow", "parquet").table(dict(table))

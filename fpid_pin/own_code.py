@@ -21,13 +21,7 @@ _PREFIX = "fpid_pin_own_"
 
 
 def load(paths: Sequence[Path]) -> None:
-    """Run modules, each once in a process; what they describe has its names from then on.
-
-    Raises
-    ------
-    ConfigError
-        It was not allowed; a file that is missing, or ends with an error.
-    """
+    """Run modules, each once in a process; what they describe has its names from then on."""
     for path in paths:
         label = cut(str(path))
         if not allowed.get():

@@ -24,13 +24,7 @@ def installed(module: str) -> bool:
 
 
 def needed(module: str, extra: str) -> Any:
-    """Import a module of an extra.
-
-    Raises
-    ------
-    FpidError
-        It is not installed; the line says what to install.
-    """
+    """Import a module of an extra; where it is not installed, say what to install."""
     try:
         return importlib.import_module(module)
     except ImportError as error:
@@ -53,13 +47,7 @@ def memory() -> int:
 
 
 def require_memory(name: str, what: str, size: float) -> None:
-    """Refuse what takes `size` bytes where there are fewer.
-
-    Raises
-    ------
-    ArgumentError
-        Naming what there is, and what would be needed.
-    """
+    """Refuse what takes `size` bytes where there are fewer."""
     if size > (there := memory()):
         raise ArgumentError(
             name, f"work that fits into {there / 1e9:.3g} GB of memory",
@@ -68,13 +56,7 @@ def require_memory(name: str, what: str, size: float) -> None:
 
 
 def require_time(name: str, what: str, joint_steps: float) -> None:
-    """Refuse what takes longer than `MOST_SECONDS`, by the steps of single joints in it.
-
-    Raises
-    ------
-    ArgumentError
-        Naming both times.
-    """
+    """Refuse what takes longer than `MOST_SECONDS`, by the steps of single joints in it."""
     seconds = joint_steps * STEP_SECONDS
     if seconds > MOST_SECONDS:
         most, asked = MOST_SECONDS / 86400.0, seconds / 86400.0

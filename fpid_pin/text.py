@@ -24,14 +24,7 @@ def visible(text: str, keep: str = "") -> str:
     r"""Write out, as Python does (``\n``, ``\x1b``, ``\u202e``), what has no shape of its own.
 
     These are control and format characters, line separators, halves of surrogate pairs, and
-    characters that Unicode does not know.
-
-    Parameters
-    ----------
-    text
-        Any text.
-    keep
-        Characters to leave as they are.
+    characters that Unicode does not know; those in `keep` are left as they are.
     """
     if text.isprintable():
         return text

@@ -30,16 +30,8 @@ def start_robots(
 ) -> list[Robot]:
     """Start a robot for each pair; their laws' operators are fitted together.
 
-    Parameters
-    ----------
-    experiments, controllers
-        One a robot.
-    dynamics
-        Of experiments that do not say.
-    keep
-        Signals that are recorded; None: all that the law shows.
-    measures
-        Whether figures of merit are wanted.
+    `dynamics` are those of experiments that do not say; `keep` names the signals to record, None
+    being all that the law shows; `measures` tells whether figures of merit are wanted.
     """
     groups: dict[Any, list[int]] = {}
     for i, e in enumerate(experiments):

@@ -83,16 +83,8 @@ class SensorState:
 class Block:
     """Some consecutive rows: what is given from outside, and room for what robots make of it.
 
-    Robots of one experiment share a block, one after another.
-
-    Parameters
-    ----------
-    experiment
-        Whose reference and disturbance are sampled.
-    first, count
-        Number of the first row in the run, and how many there are.
-    signals
-        How many of a law's signals are kept.
+    Robots of one experiment share a block, one after another. It has `count` rows from number
+    `first` of the run on, and room for so many of a law's signals.
     """
 
     def __init__(self, experiment: Experiment, first: int, count: int, signals: int = 0) -> None:
@@ -114,16 +106,9 @@ class Block:
 class Robot:
     """One experiment under one controller, advanced a block of rows at a time.
 
-    Parameters
-    ----------
-    experiment, state
-        What it is, and the state of its controller: see `control.start.start_all`.
-    dynamics
-        ``"pinocchio"`` or ``"compiled"``.
-    keep
-        Names of the controller's signals that are recorded.
-    limit
-        Of the torque [N m], (n,), to measure figures of merit against; None: they are not wanted.
+    `state` is the controller's (`control.start.start_all`), `keep` names its signals to record,
+    and `limit` is that of the torque [N m], (n,), which figures of merit are measured against;
+    None: they are not wanted.
 
     Attributes
     ----------
@@ -181,14 +166,8 @@ class Robot:
     def advance(self, block: Block, count: int | None = None) -> Rows:
         """Make the next ticks within a block, and return their rows: views of its arrays.
 
-        The last row of a completed run has a torque that is not applied.
-
-        Parameters
-        ----------
-        block
-            Has the robot's next row.
-        count
-            How many ticks, at most; None: to the block's end.
+        At most `count` of them; None: to the block's end. The last row of a completed run has a
+        torque that is not applied.
         """
         e, first, start = self.experiment, self.row, self.row - block.first
         count = block.count - start if count is None else count
@@ -272,11 +251,8 @@ class Robot:
 def _refuse_stiff(plant: ResolvedPlant, step: float) -> None:
     """Refuse a plant that Runge-Kutta's rule cannot follow.
 
-    Raises
-    ------
-    SimulationError
-        Dry friction (its force jumps, so the order is lost and joints chatter) or viscous friction
-        too stiff for an explicit rule at this step.
+    Dry friction jumps, so that the order is lost and joints chatter; viscous friction may be too
+    stiff for an explicit rule at this step.
     """
     arm = plant.arm
     if plant.dry_friction.any():
@@ -301,19 +277,9 @@ def _refuse_stiff(plant: ResolvedPlant, step: float) -> None:
 class Simulation:
     """One robot that is advanced tick by tick, by whoever shows it or pushes it.
 
-    Parameters
-    ----------
-    experiment, controller
-        What is simulated, by compiled dynamics unless the experiment says otherwise.
-    horizon
-        Longest time that it will go on [s]; None: the experiment's duration.
-
-    Attributes
-    ----------
-    robot
-        See `Robot`.
-    q_ref : ndarray, (n,)
-        Reference of the last tick [rad].
+    Its dynamics are compiled unless the experiment says otherwise, `horizon` is the longest time
+    that it will go on [s], None being the experiment's duration, and `q_ref` the reference of the
+    last tick [rad], (n,).
     """
 
     def __init__(
@@ -340,13 +306,7 @@ class Simulation:
         self._push_ends[j] = self.robot.row + ticks
 
     def tick(self) -> None:
-        """Make one tick.
-
-        Raises
-        ------
-        SimulationError
-            A law of one's own that raised, or returned something of another shape.
-        """
+        """Make one tick; a law of one's own that fails is a SimulationError."""
         robot = self.robot
         place = robot.row - self._block.first
         if place == BLOCK_ROWS:

@@ -186,11 +186,8 @@ class Experiment(Description):
     def joints_that_fall(self, *, by_hand: bool = True) -> list[str]:
         """Return a line for each joint that no drive can hold where the run starts.
 
-        Parameters
-        ----------
-        by_hand
-            Whether a limit counts that the plant was given by hand (``Plant.effort_limit``), which
-            may well be meant; False: those of the two arms.
+        Not `by_hand`, the limits are those of the two arms: one that the plant was given by hand
+        (``Plant.effort_limit``) may well be meant.
         """
         arm = plant_of(self).arm
         limit = (
@@ -209,13 +206,7 @@ class Experiment(Description):
         return self if self.dynamics is not None else replace(self, dynamics=dynamics)
 
     def motion(self, t: FloatArray) -> Motion:
-        """Sample the reference at `t`, (K,), as three (K, n) arrays, checked.
-
-        Raises
-        ------
-        ArgumentError
-            The reference has another number of joints, or is not finite.
-        """
+        """Sample the reference at `t`, (K,), as three (K, n) arrays, checked."""
         n, out = self.arm.n, []
         for name, array in zip(("q", "v", "a"), self.reference.sample(t), strict=True):
             array = np.asarray(array, dtype=np.float64)

@@ -168,24 +168,10 @@ def workers_of(executor: Executor | None) -> int:
 def spread(
     call: Callable[..., T], tasks: Sequence[tuple[Any, ...]], executor: Executor | None
 ) -> Iterator[tuple[int, T]]:
-    """Yield ``(k, call(*tasks[k]))`` as results come, in no order.
+    """Yield ``(k, call(*tasks[k]))`` as results come, in no order; without executor, one by one.
 
     A worker that dies may take all tasks under way with it. These are tried once more, one by one,
-    so that a task whose worker dies again is the one to blame.
-
-    Parameters
-    ----------
-    call, tasks
-        What to do, and its arguments.
-    executor
-        Who does it; None: this process, one task after another.
-
-    Raises
-    ------
-    WorkersDied
-        Workers died twice over one task, whose number is the error's `task`.
-    FpidError
-        Tasks were cancelled, as where a scheduler is lost.
+    so that a task whose worker dies again is the one to blame: the `task` of `WorkersDied`.
     """
     if executor is None:
         yield from ((k, call(*task)) for k, task in enumerate(tasks))
