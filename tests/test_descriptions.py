@@ -100,6 +100,10 @@ def test_all_faults_of_a_table_are_found_at_once():
         (Quintic, {"start": 0, "end": 1, "duration": 0},
          "reference.duration: expected a number > 0, got 0"),
         (fp.Sensors, {"delay": 0.5}, "sensors.delay: expected a whole number, got 0.5"),
+        (fp.Sensors, {"delay": -1},
+         "sensors.delay: expected a whole number in [0, 1e+06], got -1"),
+        (fp.Sensors, {"velocity_bias": float("inf")},
+         "sensors.velocity_bias: expected a number finite, got inf"),
         (fp.Sensors, {"velocity": "measure"}, "sensors.velocity: expected one of measured, "
          "differentiated, got 'measure' (did you mean measured?)"),
         (fp.Supervisor, {"m_x": 5, "reference_bound": 1, "weight": [1, 2]},

@@ -5,7 +5,6 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.costs.cost import BLOCK_ROWS
-from fpid_pin.exceptions import ArgumentError
 from fpid_pin.kernels.sensors import measure
 from fpid_pin.simulation.engine import SensorState
 
@@ -71,19 +70,3 @@ def test_noise_depends_on_the_seed_and_not_on_how_many_ticks_a_call_makes(veloci
     for block in (256, BLOCK_ROWS):
         assert (measured(sensors, q, seed=3, block=block) == one).all()
     assert (measured(sensors, q, seed=4)[:, 0] != one[:, 0]).mean() > 0.9
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"position_noise": -1.0}, "sensors.position_noise: expected a number >= 0, got -1"),
-        ({"delay": 1.5}, "sensors.delay: expected a whole number, got 1.5"),
-        ({"delay": -1}, "sensors.delay"),
-        ({"velocity": "derived"}, "sensors.velocity: expected one of measured, differentiated"),
-        ({"velocity_cutoff": 0.0}, "sensors.velocity_cutoff: expected a number > 0"),
-        ({"velocity_bias": np.inf}, "sensors.velocity_bias"),
-    ],
-)
-def test_bad_sensors_are_named(arguments, message):
-    with pytest.raises(ArgumentError, match=message):
-        fp.Sensors(**arguments)
