@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from importlib import resources
 from pathlib import Path
+from string import Template
 from typing import Any
 
 import numpy as np
@@ -16,84 +18,13 @@ from fpid_pin.cli.screen import say
 from fpid_pin.control.gains import impossible_joints
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import kind_of, put_text
+from fpid_pin.text import visible
 
-#: The reference: so far to both sides at most [rad], [m], and this part of what position and speed
-#: limits allow.
-_SWING, _SLIDE = 0.3, 0.1
-_PART = 0.4
-#: Its frequency [rad/s].
-_FREQUENCY = 1.0
-#: Bandwidth of all controllers [rad/s]: ten times the reference's.
-_BANDWIDTH = 10.0
+#: The reference of ``init.toml``: so far to both sides at most [rad], [m], this part of what
+#: position and speed limits allow, and its frequency [rad/s].
+_SWING, _SLIDE, _PART, _FREQUENCY = 0.3, 0.1, 0.4, 1.0
 #: The payload: this part of what the drives can bear beyond the arm, or of its mass.
 _LOAD = 0.3
-
-_TEMPLATE = """\
-# Which controller is best on this arm, under which conditions?
-#   fpid-pin compare {file}
-# Written by `fpid-pin init {asked}`. Keys are the arguments of the package's classes.
-format = 1
-title = {title}
-
-{arm}
-
-[reference]                     # around home, within the joints' limits; out of phase
-kind = "sinusoid"
-amplitude = {amplitude}  # {units}
-frequency = {frequency:.1f}                 # [rad/s]
-phase = {phase}  # [rad]
-offset = {offset}  # {units}
-
-[simulation]
-duration = 10.0                 # [s]
-step = 1e-3                     # [s], one tick of the controller
-
-# Every controller knows the arm above, and none of what the conditions change.
-
-[[controller]]                  # gains from the arm's inertia, friction and limits
-name = "FPID"
-kind = "suggested_fpid"
-bandwidth = {bandwidth:.1f}                # [rad/s]: ten times the reference's frequency
-
-[[controller]]                  # the same with orders 1
-name = "integer PID"
-kind = "suggested_fpid"
-bandwidth = {bandwidth:.1f}
-integral_order = 1.0
-derivative_order = 1.0
-
-[[controller]]
-name = "PD + gravity"
-kind = "pd_gravity"
-kp = {square:.1f}                      # [1/s^2]: the scale is each joint's inertia at home
-kd = {double:.1f}                       # [1/s]
-scale = "inertia"
-
-[[controller]]                  # the whole model, eq. (8)
-name = "computed torque"
-kind = "computed_torque"
-k0 = {square:.1f}                      # [1/s^2]
-k1 = {double:.1f}                       # [1/s]
-
-[[condition]]
-name = "nominal"
-
-[[condition]]                   # held at the tool; nobody told the controllers
-name = "payload {payload:g} kg"
-plant = {{ payload = {{ mass = {payload!r} }} }}
-
-[[condition]]                   # on top of the file's
-name = "friction"
-plant = {{ viscous_friction = {viscous}, dry_friction = {dry} }}
-
-[[condition]]                   # encoders and the speeds that are made of them
-name = "noise"
-sensors = {{ position_resolution = 1e-4, velocity_noise = 0.01 }}  # {units}, {rates}
-
-[[condition]]
-name = "delay 2 ms"
-sensors = {{ delay = 2 }}           # samples of one step
-"""
 
 
 def run_init(text: str, table: dict[str, Any], out: Path) -> None:
@@ -103,10 +34,10 @@ def run_init(text: str, table: dict[str, Any], out: Path) -> None:
             f"{out}: expected a new file, got one that exists (--out names another)"
         )
     arm = arm_of_table(table)
-    for line in impossible_joints(arm):
-        say(line)
-    written = configuration(arm, _relative(table, out), asked=text, file=out)
-    put_text(out, written)
+    say(*impossible_joints(arm))
+    if "path" in table:  # starts where the configuration's do: at its folder
+        table = table | {"path": os.path.relpath(table["path"], out.parent)}
+    put_text(out, configuration(arm, table, asked=text, file=out))
     say(f"Written: {out} (fpid-pin compare {out})")
 
 
@@ -116,24 +47,22 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
 
     amplitude, offset = swing(arm)
     kinds = sorted(set(arm.units), reverse=True)
-    phase = np.round(np.linspace(0.0, np.pi, arm.n, endpoint=False), 2)
-    viscous, dry = (np.round(values, 9) for values in frictions(arm))
-    return _TEMPLATE.format(
-        asked=_comment(asked),
-        file=_comment(str(file)),
+    load = payload(arm)
+    viscous, dry = frictions(arm)
+    template = resources.files("fpid_pin.cli").joinpath("init.toml").read_text(encoding="utf-8")
+    return Template(template).substitute(
+        asked=visible(asked),
+        file=visible(str(file)),
         title=tomli_w.dumps({"t": f"{arm.name}: which controller?"}).partition("= ")[2].strip(),
         arm=tomli_w.dumps({"arm": table}).strip(),
         amplitude=amplitude.tolist(),
         offset=np.round(offset, 6).tolist(),
-        phase=phase.tolist(),
+        phase=np.round(np.linspace(0.0, np.pi, arm.n, endpoint=False), 2).tolist(),
         units=" and ".join(f"[{unit}]" for unit in kinds),
-        frequency=_FREQUENCY,
-        bandwidth=_BANDWIDTH,
-        square=_BANDWIDTH**2,
-        double=2.0 * _BANDWIDTH,
-        payload=payload(arm),
-        viscous=viscous.tolist(),
-        dry=dry.tolist(),
+        load=f"{load:g}",
+        payload=load,
+        viscous=np.round(viscous, 9).tolist(),
+        dry=np.round(dry, 9).tolist(),
         rates=" and ".join(f"[{unit}/s]" for unit in kinds),
     )
 
@@ -173,17 +102,3 @@ def rounded(values: FloatArray) -> FloatArray:
     """Return numbers cut to two digits, towards 0."""
     decade = 10.0 ** (np.floor(np.log10(np.maximum(values, 1e-12))) - 1.0)
     return np.array([float(f"{x:.2g}") for x in np.floor(values / decade + 1e-9) * decade])
-
-
-def _relative(table: dict[str, Any], out: Path) -> dict[str, Any]:
-    """Let paths start where the configuration's do: at its folder."""
-    moved = dict(table)
-    if "path" in moved:
-        moved["path"] = os.path.relpath(moved["path"], out.parent)
-    return moved
-
-
-def _comment(text: str) -> str:
-    from fpid_pin.text import visible
-
-    return visible(text)

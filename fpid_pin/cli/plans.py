@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
 
 from fpid_pin import checks, descriptions
-from fpid_pin.campaign import Distribution, Scenarios, Study
-from fpid_pin.campaign.uncertain import require_values
+from fpid_pin.campaign import Scenarios, Study
 from fpid_pin.checks import Check, OneOf, Plain, Text, Whole
 from fpid_pin.cli.configuration import Config, moved
 from fpid_pin.control import Controller
@@ -70,64 +69,50 @@ class TuneTable(Description):
     cost: Cost = field(default_factory=QuadraticCost)
     space: Annotated[Space, Check(_space)]
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.settings
+
+    @property
     def settings(self) -> SearchSettings:
-        """Return how to search."""
+        """How to search."""
         return SearchSettings(
             self.population, self.generations, self.crossover, self.mutation, self.seeds
         )
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self.settings()
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CampaignTable(Description):
-    """The table ``[campaign]``.
+class CampaignTable(Scenarios):
+    """The table ``[campaign]``: `Scenarios`, and of what.
 
     Parameters
     ----------
     runs
         Plants.
-    seed, sampling
-        See `Scenarios`.
     dynamics
         ``"compiled"``, or ``"pinocchio"``: slower, the same within rounding.
     controllers
         Some of the ``[[controller]]``; default: all.
-    uncertain
-        By quantity, kind and arguments of a distribution.
     """
 
     runs: Annotated[int, Whole(low=1)] = 1000
-    seed: Annotated[int, Whole(low=0)] = Scenarios.seed
-    sampling: str = Scenarios.sampling
     dynamics: Annotated[str, OneOf(*DYNAMICS)] = "compiled"
     controllers: Annotated[Sequence[str] | None, Plain(list, "a list of names")] = None
-    uncertain: Annotated[Mapping[str, Distribution], Check(require_values)]
-
-    def scenarios(self) -> Scenarios:
-        """Return what is uncertain."""
-        return Scenarios(self.uncertain, self.sampling, self.seed)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self.scenarios()
         if self.controllers is not None and not self.controllers:
             raise ArgumentError("controllers", "a list of names", "[]")
 
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What a ``[tune]`` table asks for: the arguments of `tune`, and what is drawn."""
+    """What a ``[tune]`` table asks for, with what it names."""
 
+    table: TuneTable
     controller: Controller  # where the search starts from
     experiments: Mapping[str, Experiment]  # by condition, with their dynamics written out
     cost: Cost
-    space: Space
-    settings: SearchSettings
-    map_points: int
-    profile_points: int
 
 
 def _read(config: Config, path: str, kind: type[T], names: Mapping[str, Any]) -> T:
@@ -160,15 +145,9 @@ def read_plan(config: Config) -> Plan:
         cost = table.cost if table.reduce is None else RobustCost(table.cost, table.reduce)
     except FpidError as error:
         raise ConfigError.of(config.path, [moved(error, "tune")]) from None
-    robust = isinstance(cost, RobustCost)
-    experiments = config.conditions if robust else {"nominal": config.experiment}
-    orders = hasattr(law, "integral_order") and hasattr(law, "derivative_order")
-    values = table.profile_points
-    return Plan(
-        law, {label: e.with_dynamics("compiled") for label, e in experiments.items()},
-        cost, table.space, table.settings(), table.map_points if orders else 0,
-        max(values, 2) if values else 0,
-    )  # fmt: skip
+    experiments = {"nominal": config.experiment} if table.reduce is None else config.conditions
+    compiled = {label: e.with_dynamics("compiled") for label, e in experiments.items()}
+    return Plan(table, law, compiled, cost)
 
 
 def read_campaign(config: Config) -> tuple[Study, int]:
@@ -185,7 +164,8 @@ def read_campaign(config: Config) -> tuple[Study, int]:
     table = _read(config, "campaign", CampaignTable, numbered)
     experiment = dataclasses.replace(config.experiment, dynamics=table.dynamics)
     laws = {name: config.controllers[name] for name in names}
+    scenarios = Scenarios(table.uncertain, table.sampling, table.seed, table.points)
     try:
-        return Study(experiment, laws, table.scenarios(), config.title), table.runs
+        return Study(experiment, laws, scenarios, config.title), table.runs
     except FpidError as error:
         raise ConfigError.of(config.path, [moved(error, "campaign")]) from None

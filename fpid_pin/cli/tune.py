@@ -68,13 +68,14 @@ def run_tuning(
             entry.executor_of(far, workers, experiments, [plan.controller]) as pool,
         ):
             settings = dataclasses.replace(
-                plan.settings, executor=pool, checkpoint=checkpoint, resume=resume
+                plan.table.settings, executor=pool, checkpoint=checkpoint, resume=resume
             )
             try:
                 with progress_bar("search") as bar:
                     result = tune(
-                        experiments, plan.controller, plan.space, plan.cost, settings, progress=bar
-                    )
+                        experiments, plan.controller, plan.table.space, plan.cost, settings,
+                        progress=bar,
+                    )  # fmt: skip
             except KeyboardInterrupt:
                 if checkpoint.exists():
                     say(f"{checkpoint}: --resume goes on from here", error=True)
@@ -83,8 +84,7 @@ def run_tuning(
                 # Refused before it went on, a search has not touched what it took up.
                 _drop_copy(checkpoint, out / KEPT)
                 raise
-            along = explore(plan, result, pool)
-            figures = search_figures(plan, result, along, pool)
+            along, figures = explore(plan, result, pool)
         comparison, files = simulate_all(plan.experiments, rivals(plan, result), None)
         figures |= figures_of(comparison)
         options = options or OutputOptions()
@@ -143,38 +143,33 @@ def rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
     return found
 
 
-def explore(plan: Plan, result: TuningResult, pool: Executor | None) -> Profile | None:
-    """Find the cost along each parameter; None where not wanted, or the best is out of range."""
-    if not (plan.profile_points and result.within):
-        return None
-    many = result.space.size * (plan.profile_points + 2)
-    with progress_bar(f"profile, {many} candidates") as progress:
-        return profile(
-            list(plan.experiments.values()), result.controller, plan.space, plan.cost,
-            points=plan.profile_points, executor=pool, progress=progress,
-        )  # fmt: skip
-
-
-def search_figures(
-    plan: Plan, result: TuningResult, along: Profile | None, pool: Executor | None
-) -> dict[str, Figure]:
-    """Draw convergence, the profile and, for a law with orders, the cost map."""
+def explore(
+    plan: Plan, result: TuningResult, pool: Executor | None
+) -> tuple[Profile | None, dict[str, Figure]]:
+    """Find and draw the cost around the best: along each parameter, and over a law's orders."""
     from fpid_pin.view import plots
 
-    figures = {"convergence": plots.convergence(result.history.curves())}
-    if along is not None:
+    table, experiments, best = plan.table, list(plan.experiments.values()), result.controller
+    figures, along = {"convergence": plots.convergence(result.history.curves())}, None
+    if table.profile_points and result.within:
+        points = max(table.profile_points, 2)
+        with progress_bar(f"profile, {result.space.size * (points + 2)} candidates") as bar:
+            along = profile(
+                experiments, best, table.space, plan.cost, points=points, executor=pool,
+                progress=bar,
+            )  # fmt: skip
         figures["profile"] = plots.profile(along.labels, along.values, along.costs, along.cost)
-    if plan.map_points:
-        grid = np.linspace(0.0, 1.0, plan.map_points) if plan.map_points > 1 else [1.0]
-        with progress_bar(f"cost map, {plan.map_points**2} candidates") as progress:
+    if table.map_points and all(hasattr(best, name) for name in _ORDERS):
+        grid = np.linspace(0.0, 1.0, table.map_points) if table.map_points > 1 else [1.0]
+        with progress_bar(f"cost map, {table.map_points**2} candidates") as bar:
             found = cost_map(
-                list(plan.experiments.values()), result.controller, plan.cost,
-                integral_orders=grid, derivative_orders=grid, executor=pool, progress=progress,
+                experiments, best, plan.cost, integral_orders=grid, derivative_orders=grid,
+                executor=pool, progress=bar,
             )  # fmt: skip
         figures["cost-map"] = plots.cost_map(
             found.integral_orders, found.derivative_orders, found.costs, _marks(plan, result)
         )
-    return figures
+    return along, figures
 
 
 def _marks(plan: Plan, result: TuningResult) -> dict[str, Sequence[float]]:

@@ -202,7 +202,7 @@ def test_every_controller_runs_under_every_condition(path):
 
 def test_the_search_s_example_is_the_paper_s():
     plan = read_plan(load(EXAMPLES / "tune_two_link.toml"))
-    settings = plan.settings
+    settings = plan.table.settings
     assert (settings.population, settings.generations) == (60, 80)
     assert (settings.crossover, settings.mutation) == (0.75, 0.03)
     assert (plan.cost.w1, plan.cost.w2) == (1.0, 0.0)
