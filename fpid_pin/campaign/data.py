@@ -117,6 +117,19 @@ class CampaignData:
         samples = zip(self.parameters, self.samples.T, strict=True)
         return table | {label: np.repeat(values, several) for label, values in samples}
 
+    def medians(self) -> list[dict[str, Any]]:
+        """Return a row for each controller: how its runs ended, and its successes' medians."""
+        rows = []
+        for k, name in enumerate(self.controllers):
+            row: dict[str, Any] = {"controller": name}
+            row |= {end: int(np.sum(self.outcome[:, k] == end)) for end in OUTCOMES}
+            well = self.success[:, k]
+            for figure, values in self.metrics.items():
+                middle = float(np.median(values[well, k])) if well.any() else math.nan
+                row[f"{figure} [{METRICS[figure].unit}]"] = middle
+            rows.append(row)
+        return rows
+
     def to_dataframe(self) -> Any:
         """Return the columns as a `pandas.DataFrame` (extra ``pandas``)."""
         return needed("pandas", "pandas").DataFrame(self.columns())

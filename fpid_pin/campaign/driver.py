@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.campaign.data import CampaignData, Ended
+from fpid_pin.campaign.data import METRICS, CampaignData, Ended
 from fpid_pin.campaign.ledger import Ledger, Row
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
@@ -188,6 +188,18 @@ class Replay:
         """
         # Python writes every digit of a number, and NaN is NaN.
         return repr(astuple(self.recorded)) == repr(astuple(self.again))
+
+    def __str__(self) -> str:
+        again, before = self.again, self.recorded.figures
+        figures = zip(METRICS, again.figures, before, strict=True)
+        told = "the same bits" if self.exact else "NOT the same bits: recorded by another machine?"
+        return "\n".join([
+            *(f"  {label}: {value:.6g}" for label, value in self.sample.items()),
+            f"run {self.number}, {self.controller}: {again.outcome} {again.cause}".rstrip(),
+            f"  dynamics: {self.run.meta['experiment']['dynamics']}",
+            *(f"  {name}: {now!r}, recorded {then!r}" for name, now, then in figures),
+            f"as the ledger has it: {told}",
+        ])  # fmt: skip
 
 
 def replay(ledger: str | Path, run: int, controller: str | None = None) -> Replay:

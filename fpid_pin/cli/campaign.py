@@ -11,8 +11,7 @@ import typer
 from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers, results_path
 
 if TYPE_CHECKING:
-    from fpid_pin.campaign import CampaignData, Replay, Study
-    from fpid_pin.cli.screen import Row
+    from fpid_pin.campaign import Replay, Study
 
 app = typer.Typer(
     help="The same controllers on thousands of other plants.",
@@ -82,7 +81,7 @@ def _carry_out(
     except KeyboardInterrupt:
         say(f"{ledger}: `fpid-pin campaign resume {ledger}` goes on from here", error=True)
         raise
-    print_table(median_rows(data), f"{data.runs} plants; medians of successes")
+    print_table(data.medians(), f"{data.runs} plants; medians of successes")
     say(f"{ledger}: campaign export, replay and report read it")
 
 
@@ -99,24 +98,6 @@ def executor_of(workers: int | None, dask: str | None) -> AbstractContextManager
     if workers is not None and dask is not None:
         raise ArgumentError("--dask", "--workers or --dask, not both", "both")
     return nullcontext() if dask is None else dask_executor(dask)
-
-
-def median_rows(data: CampaignData) -> list[Row]:
-    """Return a row a controller: how its runs ended, and the middle of its figures."""
-    import numpy as np
-
-    from fpid_pin.campaign.data import METRICS, OUTCOMES
-
-    rows = []
-    for k, name in enumerate(data.controllers):
-        row: Row = {"controller": name}
-        row |= {end: int(np.sum(data.outcome[:, k] == end)) for end in OUTCOMES}
-        well = data.success[:, k]
-        for (figure, metric), values in zip(METRICS.items(), data.metrics.values(), strict=True):
-            middle = float(np.median(values[well, k])) if well.any() else np.nan
-            row[f"{figure} [{metric.unit}]"] = middle
-        rows.append(row)
-    return rows
 
 
 @app.command()
@@ -141,19 +122,12 @@ def replay(
 ) -> None:
     """Simulate a run again, beside its nominal twin."""
     from fpid_pin import campaign
-    from fpid_pin.campaign.data import METRICS
     from fpid_pin.cli.screen import say, say_written
     from fpid_pin.files import require_file
 
     require_file(html)
     again = campaign.replay(ledger, run, controller)
-    say(*(f"  {label}: {value:.6g}" for label, value in again.sample.items()))
-    say(f"run {run}, {again.controller}: {again.again.outcome} {again.again.cause}".rstrip())
-    say(f"  dynamics: {again.run.meta['experiment']['dynamics']}")
-    for name, before, now in zip(METRICS, again.recorded.figures, again.again.figures, strict=True):
-        say(f"  {name}: {now!r}, recorded {before!r}")
-    told = "the same bits" if again.exact else "NOT the same bits: recorded by another machine?"
-    say(f"as the ledger has it: {told}")
+    say(*str(again).splitlines())
     say_written(_write_replay(again, html))
 
 

@@ -68,20 +68,16 @@ def run(
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate one controller of a configuration."""
-    import dataclasses
-
     from fpid_pin.cli.configuration import load
     from fpid_pin.cli.results import OutputOptions
     from fpid_pin.exceptions import ConfigError
 
     options = OutputOptions(not no_runs, not no_figures, every, png)
     found = load(config, allow_import)
-    name = found.chosen(controller)
-    found = found.under(condition)
-    if falling := found.experiment.joints_that_fall():
+    one = found.only(controller).under(condition)
+    if falling := one.experiment.joints_that_fall():
         lines = [f"{line}; it falls under any controller" for line in falling]
         raise ConfigError.of(config, lines)
-    one = dataclasses.replace(found, controllers={name: found.controllers[name]})
     _compare(one, out or results_path(config), "tail", options)
 
 
@@ -265,13 +261,13 @@ def playground(
 
     require_file(html)
     found = load(config, allow_import)
-    name = None if controller is None else found.chosen(controller)
-    for line in _playground(found.under(condition), html, name):
+    found = found if controller is None else found.only(controller)
+    for line in _playground(found.under(condition), html):
         say(f"fpid-pin: left out: {line}", error=True)
     say_written(html)
 
 
-def _playground(config: Config, html: Path, name: str | None = None) -> list[str]:
+def _playground(config: Config, html: Path) -> list[str]:
     """Write a page of the controllers that it can hold; return a line for each that it cannot."""
     from fpid_pin.exceptions import ConfigError, FpidError
     from fpid_pin.view.playground_law import Law
@@ -280,11 +276,10 @@ def _playground(config: Config, html: Path, name: str | None = None) -> list[str
     kept: list[Law] = []
     left: list[str] = []
     for label, controller in config.controllers.items():
-        if name in (None, label):
-            try:
-                kept.append(Law(controller, config.experiment, kept))
-            except FpidError as error:
-                left.append(f"{label}: {error}")
+        try:
+            kept.append(Law(controller, config.experiment, kept))
+        except FpidError as error:
+            left.append(f"{label}: {error}")
     if not kept:
         raise ConfigError.of(config.path, left)
     playground(config.experiment, [law.controller for law in kept], html, title=config.title)
@@ -306,8 +301,6 @@ def live(
     allow_import: AllowImport = False,
 ) -> None:
     """Run the control loop in real time; keys push a joint."""
-    import numpy as np
-
     from fpid_pin import checks
     from fpid_pin.cli.configuration import load
     from fpid_pin.cli.screen import say
@@ -315,8 +308,8 @@ def live(
     from fpid_pin.view.live_session import live as show
 
     found = load(config, allow_import)
-    name = found.chosen(controller or next(iter(found.controllers)))
-    experiment, law = found.under(condition).experiment, found.controllers[name]
+    found = found.only(controller or next(iter(found.controllers))).under(condition)
+    experiment, (law,) = found.experiment, found.controllers.values()
     if checks.number("--baseline", baseline, low=0.0):
         say(f"{baseline:g} s without the view, to compare ...")
         alone = show(experiment, law, duration=baseline, view=False)
@@ -326,13 +319,7 @@ def live(
         experiment, law, duration=duration, fps=fps, open_browser=browser, port=port,
         push_joint=joint or 0, push_torque=push, announce=say,
     )  # fmt: skip
-    say(f"with the view:    {told.timing}")
-    if told.send_times.size:
-        median = 1e3 * float(np.median(told.send_times))
-        sent = f"{told.send_times.size} frames sent, median {median:.3f} ms each"
-        say(f"{sent}, {told.dropped} dropped")
-    if told.fault:
-        say(told.fault)
+    say(*f"with the view:    {told}".splitlines())
 
 
 @app.command()
@@ -349,11 +336,11 @@ def export(
     from fpid_pin.cli.screen import say
     from fpid_pin.export import export_c
 
-    found = load(config, allow_import)
-    name, experiment = found.chosen(controller), found.experiment
+    found = load(config, allow_import).only(controller)
+    experiment, ((name, law),) = found.experiment, found.controllers.items()
     options = f"--horizon {horizon:g} --ticks {ticks}"
     folder = export_c(
-        found.controllers[name], experiment.arm, experiment.step, out, horizon=horizon,
+        law, experiment.arm, experiment.step, out, horizon=horizon,
         ticks=ticks, experiment=experiment,
         toml=f"# Exported: controller {name!r}, {options}.\n{found.text}",
     )  # fmt: skip

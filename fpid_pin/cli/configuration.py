@@ -94,8 +94,7 @@ class Simulation(Description):
 
     def given(self) -> dict[str, Any]:
         """Return those that are given, by name."""
-        every = {name: getattr(self, name) for name in descriptions.keys(Simulation)}
-        return {name: value for name, value in every.items() if value is not None}
+        return {name: value for name, value in vars(self).items() if value is not None}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -138,14 +137,14 @@ class Config:
         one = self.conditions[self._choice("--condition", name, self.conditions)]
         return replace(self, experiment=one, conditions={name: one})
 
-    def chosen(self, name: str | None) -> str:
-        """Return which controller ``--controller`` chose, by its name; None: the only one."""
+    def only(self, name: str | None) -> Config:
+        """Return the file with the controller that ``--controller`` chose; None: the only one."""
         if name is None and len(self.controllers) > 1:
             several = ", ".join(map(named, self.controllers))
             fault = f"expected one controller, or --controller NAME, got {several}"
             raise ConfigError.of(self.path, [fault])
-        found = name or next(iter(self.controllers))
-        return self._choice("--controller", found, self.controllers)
+        name = self._choice("--controller", name or next(iter(self.controllers)), self.controllers)
+        return replace(self, controllers={name: self.controllers[name]})
 
     def _choice(self, option: str, name: str, known: Mapping[str, object]) -> str:
         try:
@@ -190,14 +189,17 @@ def demo_config() -> Config:
 def parse(text: str, name: str, folder: Path) -> Config:
     """Check a configuration's text; `folder` is where its relative paths start."""
     faults: list[FpidError] = []
+    config = None
     try:
         try:
             table = tomllib.loads(text)
         except ValueError as error:
-            raise ConfigError.of(name, [f"not valid TOML: {error}"]) from None
+            raise FpidError(f"not valid TOML: {error}") from None
         config = _read(table, folder, name, text, faults)
     except RecursionError:
-        raise ConfigError.of(name, ["not valid TOML: nested too deeply"]) from None
+        faults = [FpidError("not valid TOML: nested too deeply")]
+    except FpidError as error:
+        faults = [error]
     if faults or config is None:
         # Conditions share what is wrong with the nominal experiment.
         told = list(dict.fromkeys(map(str, faults)))
@@ -209,15 +211,21 @@ def parse(text: str, name: str, folder: Path) -> Config:
 def _read(
     table: dict[str, Any], folder: Path, name: str, text: str, faults: list[FpidError]
 ) -> Config | None:
-    """Build what a table describes; every fault is appended to `faults`."""
-    number = table.pop("format", "none")
+    """Build what a table describes; every fault is appended to `faults`.
+
+    Raises
+    ------
+    FpidError
+        That without which all else is wrong, too: another format, kinds that are not known.
+    """
+    number, files = table.pop("format", "none"), table.pop("import", [])
     # Of "true" and 1.0 Python says that they are 1.
     if type(number) is not int or number != FORMAT:
-        faults.append(ArgumentError("format", f"{FORMAT}", shown(number)))
-        return None
-    if not _import(table.pop("import", []), folder, faults):
-        # Without them their kinds are unknown, which would be told over and over.
-        return None
+        raise ArgumentError("format", f"{FORMAT}", shown(number))
+    files = [files] if isinstance(files, str) else files
+    if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
+        raise ArgumentError("import", "a path, or a list of them", shown(files))
+    own_code.load([folder / file for file in files])
     reference = table.get("reference")
     if isinstance(reference, dict):
         cls = descriptions.kinds(Reference).get(str(reference.get("kind")))
@@ -257,19 +265,6 @@ def _read(
     )  # fmt: skip
 
 
-def _import(value: Any, folder: Path, faults: list[FpidError]) -> bool:
-    files = [value] if isinstance(value, str) else value
-    if not isinstance(files, list) or not all(isinstance(file, str) for file in files):
-        faults.append(ArgumentError("import", "a path, or a list of them", shown(value)))
-        return False
-    try:
-        own_code.load([folder / file for file in files])
-    except FpidError as error:
-        faults.append(error)
-        return False
-    return True
-
-
 def _rooted(value: Any, folder: Path) -> Any:
     """Let relative paths start at the configuration's folder."""
     if isinstance(value, list):
@@ -292,9 +287,8 @@ def _experiment(file: File, own: Surroundings, path: str, faults: list[FpidError
     if plant is not None:
         parts = {key: getattr(plant, key) for key in descriptions.keys(Plant)}
         if plant.payload is not None:
-            load = {key: getattr(plant.payload, key) for key in descriptions.keys(Payload)}
             try:
-                parts["arm"] = (plant.arm or file.arm).with_payload(**load)
+                parts["arm"] = (plant.arm or file.arm).with_payload(**vars(plant.payload))
             except FpidError as error:
                 faults.append(moved(error, f"{path}plant.payload"))
     pushes = [*(() if plant is None or plant.disturbance is None else (plant.disturbance,))]

@@ -212,6 +212,14 @@ class LiveReport:
     q_ref: FloatArray
     fault: str
 
+    def __str__(self) -> str:
+        lines = [str(self.timing)]
+        if frames := self.send_times.size:
+            median = 1e3 * float(np.median(self.send_times))
+            sent = f"{frames} frames sent, median {median:.3f} ms each"
+            lines.append(f"{sent}, {self.dropped} dropped")
+        return "\n".join([*lines, *([self.fault] if self.fault else [])])
+
 
 def push_torques(arm: Arm) -> FloatArray:
     """Return a push worth seeing [N m], (n,): a fifth of each joint's limit, or of gravity."""
