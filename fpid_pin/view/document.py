@@ -102,23 +102,16 @@ def document(
     title: str, *, style: str, body: str, scripts: Sequence[str] = (), comment: str = "",
     live: bool = False, embedded: str = "",
 ) -> str:  # fmt: skip
-    """Return a whole page.
+    """Return a whole page; its scripts run in their order, after the body.
 
-    Parameters
-    ----------
-    title
-        Plain text.
-    style, body, scripts
-        CSS; HTML; scripts in the order in which they run, after the body.
-    comment
-        For who reads the page's source.
-    live
-        Whether it may connect to this machine.
-    embedded
-        A page in a frame of this one, which this one's policy binds as well: it names its scripts.
+    `comment` is for who reads the page's source; `live`: it may connect to this machine. What is
+    `embedded`, a page in a frame of this one, is bound by this one's policy as well, which
+    therefore names its scripts.
     """
     codes = [closed(script) for script in scripts]
-    policy = _policy(codes, _hashes_of(embedded)) + _LIVE * live
+    inner = embedded.partition('http-equiv="Content-Security-Policy" content="')[2].partition('"')
+    hashes = [*map(_hash, codes), *re.findall(r"'sha256-[^']*'", inner[0])]
+    policy = _POLICY.format(scripts=" ".join(hashes) or "'none'") + _LIVE * live
     kept = comment.replace("--", "- -").replace(">", "")
     return _DOCUMENT.format(
         policy=policy,
@@ -135,17 +128,8 @@ def closed(script: str) -> str:
     return _ENDS.sub(r"<\\\1", script)
 
 
-def _policy(scripts: Sequence[str], others: Sequence[str] = ()) -> str:
-    hashes = [f"'sha256-{_digest(script)}'" for script in scripts]
-    return _POLICY.format(scripts=" ".join([*hashes, *others]) or "'none'")
-
-
-def _hashes_of(page: str) -> list[str]:
-    policy = page.partition('http-equiv="Content-Security-Policy" content="')[2].partition('"')[0]
-    return re.findall(r"'sha256-[^']*'", policy)
-
-
-def _digest(script: str) -> str:
+def _hash(script: str) -> str:
     # A browser makes all ends of lines alike before it looks.
     text = script.replace("\r\n", "\n").replace("\r", "\n")
-    return base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+    digest = base64.b64encode(hashlib.sha256(text.encode("utf-8")).digest()).decode("ascii")
+    return f"'sha256-{digest}'"

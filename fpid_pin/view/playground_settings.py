@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -89,6 +89,7 @@ def outside(e: Experiment) -> dict[str, Any]:
         "disturbance": {"phase": main.phase, "others": others},
         "v0": np.asarray(e.v0), "duration": e.duration, "runaway": e.runaway_speed,
         "joints": list(e.arm.joint_names),
+        "targets": [[x["key"], *x["memory"].rsplit(".", 1)] for x in _rows() if x["memory"]],
         "cutoff": 500.0 if e.sensors is None else e.sensors.velocity_cutoff,
     })  # fmt: skip
 
@@ -132,6 +133,10 @@ def _plain(value: Any) -> Any:
     return math.copysign(NONE, value) if value in (math.inf, -math.inf) else value
 
 
+def _rows() -> Iterator[dict[str, str]]:
+    return csv.DictReader(asset("playground_sliders.csv").splitlines())
+
+
 def rounded(x: float, digits: int = 3) -> float:
     """Return a number of so many digits."""
     return float(f"{x:.{digits}g}")
@@ -142,12 +147,13 @@ def _sliders(
 ) -> list[dict[str, Any]]:
     """Return the groups of sliders of these kinds, as `assets/playground_sliders.csv` has them.
 
-    Its columns: setting, words, bounds, and how a slider moves (`scale`): ``linear``, in steps of
-    `step`; ``log`` (from `low`); ``log0``: 0 at the left end, then from `least`; ``limit``: log,
-    and none at the right end; ``gain``: a tenth to ten times the described value; ``stops``: the
-    steps on offer; ``switch``. The slider above those of the joints sets all alike (``same``) or
-    multiplies what each has (``factor``). A bound is a number or one of `sizes`, ``most`` of it and
-    four times the described value.
+    Its columns: setting, words, bounds, where it goes (`memory`: array and field of each joint;
+    `toml`: a table of the configuration, which has it by this name), and how a slider moves
+    (`scale`): ``linear``, in steps of `step`; ``log`` (from `low`); ``log0``: 0 at the left end,
+    then from `least`; ``limit``: log, and none at the right end; ``gain``: a tenth to ten times the
+    described value; ``stops``: the steps on offer; ``switch``. The slider above those of the joints
+    sets all alike (``same``) or multiplies what each has (``factor``). A bound is a number or one
+    of `sizes`, ``most`` of it and four times the described value.
     """
 
     def bound(text: str, key: str) -> float:
@@ -157,7 +163,7 @@ def _sliders(
         return max([least, *(4.0 * float(x) for x in values if x < NONE)])
 
     groups: dict[str, list[dict[str, Any]]] = {}
-    for row in csv.DictReader(asset("playground_sliders.csv").splitlines()):
+    for row in _rows():
         if row.pop("of") in of:
             numbers = {name: bound(row[name], row["key"]) for name in ("low", "high")}
             numbers |= {name: float(row[name]) for name in ("least", "step")}
@@ -175,7 +181,7 @@ def law_groups(law: Law) -> list[dict[str, Any]]:
     for key, value in law.settings.items():
         slider: dict[str, Any] = {
             "key": key, "label": key.replace("_", " "), "low": 0, "high": 100, "unit": "",
-            "scale": "log0", "joints": "same", "least": 1e-3, "step": 0, "note": "",
+            "scale": "log0", "joints": "same", "least": 1e-3, "step": 0, "note": "", "toml": "law",
         }  # fmt: skip
         if key in law.orders:
             slider |= {"high": 1, "scale": "linear", "step": 0.001, "note": "order of an operator"}

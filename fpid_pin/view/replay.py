@@ -27,6 +27,8 @@ _BODY = """<div id="stage"></div>
 <output id="time">t = 0.00 s</output></div>
 <script type="application/json" id="scene">{scene}</script>"""
 
+_SCRIPTS = ("scene.js", "bodies.js", "stage.js", "replay.js")
+
 
 @cache
 def meshcat_file(name: str) -> str:
@@ -39,15 +41,11 @@ def meshcat_file(name: str) -> str:
 
 def licences(credits: Sequence[str]) -> str:
     """Return who made what is embedded in a page."""
-    return "\n".join(
-        [
-            "This page embeds MeshCat (github.com/meshcat-dev/meshcat):",
-            meshcat_file("LICENSE"),
-            "and, within it,",
-            meshcat_file("dist/main.min.js.LICENSE.txt"),
-            *(f"Robot description: {credit}" for credit in credits),
-        ]
-    )
+    return "\n".join([
+        "This page embeds MeshCat (github.com/meshcat-dev/meshcat):", meshcat_file("LICENSE"),
+        "and, within it,", meshcat_file("dist/main.min.js.LICENSE.txt"),
+        *(f"Robot description: {credit}" for credit in credits),
+    ])  # fmt: skip
 
 
 def render(scene: Mapping[str, Any], title: str) -> str:
@@ -56,10 +54,7 @@ def render(scene: Mapping[str, Any], title: str) -> str:
         title,
         style=asset("replay.css"),
         body=_BODY.format(title=as_text(cut(title)), scene=to_script_json(scene)),
-        scripts=[
-            meshcat_file("dist/main.min.js"),
-            *(asset(name) for name in ("scene.js", "bodies.js", "stage.js", "replay.js")),
-        ],
+        scripts=[meshcat_file("dist/main.min.js"), *map(asset, _SCRIPTS)],
         comment=licences(scene["credits"]),
         live=scene["live"],
     )

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -19,36 +18,22 @@ from fpid_pin.exceptions import FpidError, FpidWarning
 # Links take turns, so that the eye can tell one from the next where a file gives no colours.
 _LINK_COLOURS = ((0.80, 0.82, 0.85), (0.36, 0.43, 0.52))
 _JOINT_COLOUR = (0.25, 0.27, 0.30)
+_UP = np.array((0.0, 0.0, 1.0))
 #: Corners around a round solid.
 _AROUND = 28
 # The loader's own grey: the file gave no colour that it could read.
 _NO_COLOUR = (0.9, 0.9, 0.9)
 
 
-@dataclass(frozen=True, eq=False)
-class Shape:
-    """A solid fixed to a joint's frame.
+class Shape(NamedTuple):
+    """A solid fixed to a joint's frame."""
 
-    Attributes
-    ----------
-    joint
-        Index of the joint that carries it, -1 for the base.
-    placement
-        Pose in the joint's frame [m], (4, 4).
-    colour
-        Red, green, blue and opacity, in [0, 1].
-    vertices, triangles
-        Its surface: (V, 3) [m], and (T, 3).
-    convex
-        Whether it is, around the origin of its frame.
-    """
-
-    joint: int
-    placement: FloatArray
-    colour: tuple[float, float, float, float]
-    vertices: FloatArray
-    triangles: NDArray[np.uint32]
-    convex: bool = False
+    joint: int  # that carries it, -1 for the base
+    placement: FloatArray  # pose in the joint's frame [m], (4, 4)
+    colour: tuple[float, float, float, float]  # red, green, blue and opacity, in [0, 1]
+    vertices: FloatArray  # of its surface, (V, 3) [m]
+    triangles: NDArray[np.uint32]  # (T, 3)
+    convex: bool = False  # around the origin of its frame
 
 
 def shapes_of(arm: Arm) -> list[Shape]:
@@ -64,11 +49,8 @@ def shapes_of(arm: Arm) -> list[Shape]:
     except FpidError as error:
         warnings.warn(f"{error}; drawn from primitives instead", FpidWarning, stacklevel=2)
         geometry = None
-    shapes = []
-    for thing in [] if geometry is None else geometry.geometryObjects:
-        shape = _shape(thing)
-        if shape is not None:
-            shapes.append(shape)
+    found = [] if geometry is None else [_shape(x) for x in geometry.geometryObjects]
+    shapes = [shape for shape in found if shape is not None]
     drawn = {shape.joint for shape in shapes}
     return shapes + _primitives(arm, [j for j in range(arm.n) if j not in drawn])
 
@@ -80,7 +62,8 @@ def _shape(thing: Any) -> Shape | None:
     colour = np.clip(np.asarray(thing.meshColor, dtype=np.float64), 0.0, 1.0)
     if np.allclose(colour[:3], _NO_COLOUR, atol=1e-3):
         colour[:3] = _LINK_COLOURS[(joint + 1) % 2]
-    rgba = (float(colour[0]), float(colour[1]), float(colour[2]), float(colour[3]) or 1.0)
+    red, green, blue, opacity = colour.tolist()
+    rgba = (red, green, blue, opacity or 1.0)
     placement = np.array(thing.placement.homogeneous)
     solid = thing.geometry
     found = solid_of(solid)
@@ -101,26 +84,26 @@ def _primitives(arm: Arm, joints: list[int]) -> list[Shape]:
 
     A prismatic joint's hub is a box: it does not look as if it turned.
     """
-    model, shapes = arm.model, []
-    tips = _next_origins(arm)
+    model, shapes = arm.model, list[Shape]()
+    # Where, in each joint's frame, the next joint is; for the last one, the tool.
+    origins = [np.array(model.jointPlacements[j].translation) for j in range(2, model.njoints)]
+    tips = [*origins, tool_placement(arm)[1][:3, 3]]
     lengths = [float(np.linalg.norm(tip)) for tip in tips]
     thick = 0.04 * max(float(np.mean(lengths)), 1e-3)
+
+    def add(joint: int, along: FloatArray, at: FloatArray, colour: tuple[float, float, float],
+            kind: str, size: tuple[float, ...]) -> None:  # fmt: skip
+        place = pin.SE3(pin.Quaternion.FromTwoVectors(_UP, along), at).homogeneous
+        shapes.append(Shape(joint, place, (*colour, 1.0), *solid_surface(kind, size), convex=True))
+
     for joint in joints:
-        hub = np.eye(4)
-        hub[:3, :3] = _frame_along(joint_axis(model, joint))
-        kind, size = "cylinder", tuple[float, ...]((1.6 * thick, 4.0 * thick))
-        if arm.joint_kinds[joint] == PRISMATIC:
-            kind, size = "box", (2.4 * thick, 2.4 * thick, 4.0 * thick)
-        surface = solid_surface(kind, size)
-        shapes.append(Shape(joint, hub, (*_JOINT_COLOUR, 1.0), *surface, convex=True))
-        if lengths[joint] < 2.0 * thick:
-            continue
-        link = np.eye(4)
-        link[:3, :3] = _frame_along(tips[joint])
-        link[:3, 3] = tips[joint] / 2.0
-        colour = (*_LINK_COLOURS[(joint + 1) % 2], 1.0)
-        surface = solid_surface("cylinder", (thick, lengths[joint]))
-        shapes.append(Shape(joint, link, colour, *surface, convex=True))
+        slides = arm.joint_kinds[joint] == PRISMATIC
+        size = (2.4 * thick, 2.4 * thick, 4.0 * thick) if slides else (1.6 * thick, 4.0 * thick)
+        kind, axis = "box" if slides else "cylinder", joint_axis(model, joint)
+        add(joint, axis, np.zeros(3), _JOINT_COLOUR, kind, size)
+        if lengths[joint] >= 2.0 * thick:
+            tip, colour = tips[joint], _LINK_COLOURS[(joint + 1) % 2]
+            add(joint, tip, tip / 2.0, colour, "cylinder", (thick, lengths[joint]))
     return shapes
 
 
@@ -166,13 +149,6 @@ def _turned(outline: FloatArray) -> tuple[FloatArray, NDArray[np.uint32]]:
     return np.stack(rings, axis=-1).reshape(-1, 3), np.concatenate(triangles)
 
 
-def _next_origins(arm: Arm) -> list[FloatArray]:
-    """Return, in each joint's frame, where the next joint is; for the last one, the tool."""
-    model = arm.model
-    origins = [np.array(model.jointPlacements[j].translation) for j in range(2, model.njoints)]
-    return [*origins, tool_placement(arm)[1][:3, 3]]
-
-
 def joint_axis(model: Any, joint: int) -> FloatArray:
     """Return what a joint turns about or slides along in its own frame, (3,), a unit vector."""
     axis = axis_of(model.joints[joint + 1])
@@ -183,8 +159,3 @@ def tool_placement(arm: Arm) -> tuple[int, FloatArray]:
     """Return the joint that carries the tool frame, and the frame's pose on it, (4, 4)."""
     frame = arm.model.frames[arm.model.getFrameId(arm.tool)]
     return int(frame.parentJoint) - 1, np.array(frame.placement.homogeneous)
-
-
-def _frame_along(direction: FloatArray) -> FloatArray:
-    """Return a rotation whose z axis points along `direction`."""
-    return np.array(pin.Quaternion.FromTwoVectors(np.array((0.0, 0.0, 1.0)), direction).matrix())

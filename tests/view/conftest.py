@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 from bounded import until
 
-from fpid_pin import AdaptiveFpid, Arm, Experiment, Run, paper_controller
+from fpid_pin import (
+    AdaptiveFpid,
+    Arm,
+    Experiment,
+    Run,
+    paper_controller,
+    simulate,
+    suggest_gains,
+)
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation import Outcome
 from fpid_pin.simulation.recorded import describe_run
@@ -66,6 +74,32 @@ def two_link() -> Arm:
 @pytest.fixture(scope="session")
 def wave(make_run: MakeRun, two_link: Arm) -> Run:
     return make_run(two_link)
+
+
+#: A column that turns, a carriage that goes up it, a boom that comes out.
+JOINTS = (("revolute", "0 0 1", 0.0), ("prismatic", "0 0 1", 0.3), ("prismatic", "1 0 1", 0.2))
+
+
+@pytest.fixture(scope="session")
+def scara(tmp_path_factory: pytest.TempPathFactory) -> Arm:
+    text = '<robot name="column"><link name="l0"/>'
+    for k, (kind, axis, z) in enumerate(JOINTS, start=1):
+        text += (
+            f'<link name="l{k}"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" '
+            'izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+            f'<joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/><child link="l{k}"/>'
+            f'<origin xyz="0 0 {z}" rpy="0 0 {0.3 * k}"/><axis xyz="{axis}"/>'
+            '<limit lower="-0.4" upper="0.6" effort="90" velocity="2"/></joint>'
+        )
+    path = tmp_path_factory.mktemp("scara") / "column.urdf"
+    path.write_text(f"{text}</robot>", encoding="utf-8")
+    return Arm.from_urdf(path)
+
+
+@pytest.fixture(scope="session")
+def scara_run(scara: Arm) -> Run:
+    reference = Sinusoid(amplitude=[0.3, 0.2, 0.2], frequency=3.0, phase=[0, 1, 2])
+    return simulate(Experiment(scara, reference, duration=0.2), suggest_gains(scara))
 
 
 @pytest.fixture(scope="session")

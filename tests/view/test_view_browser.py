@@ -65,6 +65,19 @@ def test_an_exported_page_draws_the_arm_and_moves_it(visit, make_run, tmp_path, 
         assert seen == pytest.approx(arm.tool_pose(run.q[30 * 33])[:3, 3], abs=1e-6)
 
 
+def test_a_page_slides_and_turns_joints_as_pinocchio_does(visit, scara_run, tmp_path):
+    file = export_html(scara_run, tmp_path / "run.html")
+    with visit(f"{file.as_uri()}#t=0.1") as page:
+        page.evaluate("fpidPin.seek(0.1)")
+        page.evaluate(DRAWN)
+        view, q = "fpidPin.views[0].arm", scara_run.q[100]
+        at = page.evaluate(f"{view}.turns.map(([turn]) => turn.position.length())")
+        assert at == pytest.approx([0.0, abs(q[1]), abs(q[2])], abs=1e-4)
+        tool = page.evaluate(f"{view}.tool({q.tolist()}).toArray()")
+        assert tool == pytest.approx(scara_run.arm.tool_pose(q)[:3, 3], abs=1e-6)
+        assert page.evaluate("fpidPin.views[0].arcs.length") == 3
+
+
 def test_both_time_sliders_move_the_arms_that_stand_under_their_captions(
     visit, make_run, two_link, tmp_path
 ):

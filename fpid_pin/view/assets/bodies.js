@@ -59,6 +59,9 @@ class ArmBody {
       this.turns.push([turn, new THREE.Vector3(...joint.axis), joint.slides]);
       above = turn;
     }
+    const {joint, placement} = this.table.tool;
+    this.end = placed(new THREE.Group(), placement);
+    (joint < 0 ? this.root : this.turns[joint][0]).add(this.end);
     this.table.shapes.forEach((shape, i) => {
       // The base does not move: a ghost of it would only flicker.
       if (ghost && shape.joint < 0) return;
@@ -82,18 +85,10 @@ class ArmBody {
     });
   }
 
-  // Where the tool is at q, in the arm's own base frame.
+  // Moves the arm to q, and returns where its tool is, in its own base frame.
   tool(q) {
-    const place = new THREE.Matrix4(), turn = new THREE.Matrix4(), at = this.table.tool;
-    for (let j = 0; j <= at.joint; j++) {
-      place.multiply(turn.fromArray(this.table.joints[j].placement));
-      const [, axis, slides] = this.turns[j];
-      place.multiply(slides
-        ? turn.makeTranslation(axis.x * q[j], axis.y * q[j], axis.z * q[j])
-        : turn.makeRotationAxis(axis, q[j]));
-    }
-    place.multiply(turn.fromArray(at.placement));
-    return new THREE.Vector3().setFromMatrixPosition(place);
+    this.pose(q);
+    return this.root.worldToLocal(this.end.getWorldPosition(new THREE.Vector3()));
   }
 
   // The tool's path through rows of q, and the row of each point; what is nearer than a thousandth
@@ -116,20 +111,18 @@ const SIDES = 6;
 class Polyline extends THREE.Curve {
   constructor(points) {
     super();
-    this.points = points;
-  }
-
-  at(i) {
-    return this.points[Math.min(Math.max(i, 0), this.points.length - 1)];
+    this.at = (u, ahead) => {
+      const last = points.length - 1, i = Math.round(u * last) + ahead;
+      return points[Math.min(Math.max(i, 0), last)];
+    };
   }
 
   getPointAt(u, target = new THREE.Vector3()) {
-    return target.copy(this.at(Math.round(u * (this.points.length - 1))));
+    return target.copy(this.at(u, 0));
   }
 
   getTangentAt(u, target = new THREE.Vector3()) {
-    const i = Math.round(u * (this.points.length - 1));
-    return target.subVectors(this.at(i + 1), this.at(i - 1)).normalize();
+    return target.subVectors(this.at(u, 1), this.at(u, -1)).normalize();
   }
 }
 

@@ -101,16 +101,12 @@ function setAssistance(S, law, step) {
 }
 
 function setPlant(S) {
-  const fields = Object.keys(E.fields["plant.bodies"]).length, keep = Math.exp(-E.cutoff * S.step);
+  const keep = Math.exp(-E.cutoff * S.step);
   PAYLOAD.forEach((more, k) => { M[AT["plant.bodies"] + k] += S.payload * more; });
   for (let i = 0; i < N; i++) {
-    M[AT["plant.bodies"] + i * fields + E.fields["plant.bodies"].armature] +=
-      S.step * S.viscous_friction[i];
-    write("plant.joints", i, {limit: S.effort_limit[i], viscous: S.viscous_friction[i],
-      dry: S.dry_friction[i]});
-    write("sensing.joints", i, {noise_q: S.position_noise, noise_v: S.velocity_noise,
-      resolution: S.position_resolution, delay: S.delay, derived: S.differentiated, keep,
-      gain: (1 - keep) / S.step});
+    for (const [key, array, field] of E.targets) write(array, i, {[field]: own(S[key], i)});
+    M[place("plant.bodies", i, "armature")] += S.step * S.viscous_friction[i];
+    write("sensing.joints", i, {keep, gain: (1 - keep) / S.step});
     [M[AT["plant.q"] + i], M[AT["plant.v"] + i]] = [S.q0[i], E.v0[i]];
   }
 }

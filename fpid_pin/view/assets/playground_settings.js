@@ -103,14 +103,15 @@ function tomlValue(value) {
 function toToml(S) {
   const {arm, reference, plant, sensors, simulation, others, movable, controllers} = clone(PAGE.toml);
   const law = controllers[S.controller], start = settingsOf(PAGE.start, S.controller);
-  const {fpid} = PAGE.laws[S.controller], moved = (key) => !same(S[key], start[key]);
+  const {fpid, groups} = PAGE.laws[S.controller], moved = (key) => !same(S[key], start[key]);
   const scaled = (x, factor) => (Array.isArray(x) ? x.map((y) => scaled(y, factor)) : x * factor);
-  const rest = {...S};
-  const take = (...names) => names.forEach((name) => delete rest[name]);
-  take("controller", "beside", "payload", "knows_limit", "disturbance", "disturbance_frequency",
-    "reference_size", "reference_speed", "differentiated", "supervised", "m_x");
+  // What a setting is in a configuration its slider says; those that say nothing follow one by one.
+  const tables = {law, plant, sensors, simulation};
+  for (const {key, toml} of [...groups, ...PAGE.groups].flatMap(({controls}) => controls)) {
+    if (toml && moved(key)) tables[toml][key] = S[key];
+  }
+  if (moved("q0")) simulation.q0 = S.q0;
   if (fpid) {
-    take("learning_rate", "sigma", "dead_zone");
     law.learning_rate = scaled(law.learning_rate, S.learning_rate);
     if (moved("sigma") || moved("dead_zone")) {
       law.safeguards = {...law.safeguards, sigma: S.sigma, dead_zone: S.dead_zone};
@@ -135,10 +136,6 @@ function toToml(S) {
     others.unshift({kind: "cosine", amplitude: S.disturbance, frequency: S.disturbance_frequency,
       phase: ENGINE.disturbance.phase});
   }
-  const places = {viscous_friction: plant, dry_friction: plant, effort_limit: plant,
-    position_noise: sensors, velocity_noise: sensors, position_resolution: sensors, delay: sensors,
-    q0: simulation, step: simulation};
-  for (const key of Object.keys(rest).filter(moved)) (places[key] ?? law)[key] = S[key];
   const lines = ["# From a playground of fpid_pin. Run it:  fpid-pin run THIS_FILE.toml",
     "format = 1", `title = ${tomlValue(PAGE.title)}`];
   const section = (head, table) => lines.push("", head,
