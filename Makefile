@@ -1,6 +1,8 @@
 # `make demo` and `make test` each set up what they need in .venv, once, and then run it.
 # `make check` adds the linter and the type checker; `make clean` removes what these made.
 # `make coverage` runs the tests once more and prints which branches they take.
+# `make bench` runs every script of benchmarks/ and writes its RECORD.md; `make bench QUICK=--quick`
+# runs them in small, in three minutes, and writes into runs/bench.
 # `make torture` makes all attacks of which the tests make a few, and prints a table of them.
 
 PYTHON ?= python3
@@ -10,7 +12,7 @@ BIN := $(VENV)/bin
 RUN_STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 
-.PHONY: demo test lint check coverage torture clean
+.PHONY: demo test lint check coverage torture bench clean
 
 demo: $(RUN_STAMP)
 	$(BIN)/fpid-pin demo
@@ -31,6 +33,9 @@ coverage: $(TEST_STAMP)
 
 torture: $(TEST_STAMP)
 	FPID_TORTURE=full $(BIN)/python -m pytest -q --timeout 7200 tests/torture
+
+bench: $(TEST_STAMP)
+	$(BIN)/python benchmarks/record.py $(QUICK)
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \

@@ -1,8 +1,25 @@
-"""What the scripts of this folder share: tables, files of results, arms, motions."""
+"""What the scripts of this folder share: how they are run, print and store; arms and motions.
+
+A script answers the question that its docstring begins with, in parts. All take the same words:
+
+    python benchmarks/NAME.py [PART ...] [--quick] [--workers N] [--out FOLDER]
+
+A whole run writes NAME.md and its figures into benchmarks/results: the question, sentences that say
+the answer, the tables, and what they were measured with. `record.py` puts these together. With
+--quick, or with some parts only, nothing is written unless --out names a folder.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import argparse
+import importlib.metadata
+import os
+import platform
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,42 +29,100 @@ import fpid_pin as fp
 from fpid_pin.references import Sinusoid
 
 RESULTS = Path(__file__).parent / "results"
-#: The orders of the paper's law, for searches.
-ORDERS: dict[str, Any] = {"integral_order": (0, 1), "derivative_order": (0, 1)}
+VERSIONS = ("fpid_pin", "pin", "numpy", "numba", "scipy")
+#: What comes below this in a file of results is left out of the record.
+DETAILS = "### "
 
 
-def row(cells: Iterable[Any]) -> str:
-    """Return a line of a Markdown table."""
-    return f"| {' | '.join(map(str, cells))} |"
+@dataclass
+class Bench:
+    """A run of a script: how it was asked for, and what it has printed."""
 
+    quick: bool
+    workers: int
+    out: Path | None
+    lines: list[str] = field(default_factory=list)
 
-def head(heads: Sequence[str], text: int = 1) -> list[str]:
-    """Return the first two lines of a table whose first `text` columns are words."""
-    return [row(heads), row(["---"] * text + ["---:"] * (len(heads) - text))]
-
-
-def table(heads: Sequence[str], rows: Iterable[Sequence[Any]], text: int = 1) -> list[str]:
-    """Return a table, and an empty line."""
-    return [*head(heads, text), *map(row, rows), ""]
-
-
-class Report:
-    """Lines that are printed as they come, and kept."""
-
-    def __init__(self, *lines: str) -> None:
-        self.lines: list[str] = []
-        self.add(*lines)
-
-    def add(self, *lines: str) -> None:
-        for line in lines:
+    def say(self, *lines: str) -> None:
+        """Print a paragraph."""
+        for line in (*lines, ""):
             print(line, flush=True)
-        self.lines += lines
+            self.lines.append(line)
 
-    def write(self, name: str, title: str = "") -> None:
-        """Write what was printed as a file of `results`, under a title."""
-        RESULTS.mkdir(exist_ok=True)
-        text = "\n".join(self.lines).rstrip() + "\n"
-        (RESULTS / name).write_text(f"{title}\n\n{text}" if title else text, encoding="utf-8")
+    def table(self, heads: Sequence[str], rows: Iterable[Iterable[Any]], text: int = 1) -> None:
+        """Print a table, row by row as they come; its first `text` columns are words."""
+        rule = ["---"] * text + ["---:"] * (len(heads) - text)
+        for cells in (heads, rule):
+            self._row(cells)
+        for cells in rows:
+            self._row(cells)
+        self.say()
+
+    def _row(self, cells: Iterable[Any]) -> None:
+        self.lines.append(f"| {' | '.join(map(str, cells))} |")
+        print(self.lines[-1], flush=True)
+
+    def details(self, title: str) -> None:
+        """Begin a section that the record leaves to the file of results."""
+        self.say(f"{DETAILS}{title}")
+
+    def figure(self, figure: Any, name: str, caption: str) -> None:
+        """Keep a figure of matplotlib, if anything is kept."""
+        if self.out is not None:
+            figure.savefig(self.out / name, dpi=110)
+            self.say(f"![{caption}]({name})")
+
+
+Part = Callable[[Bench], None]
+
+
+def run(doc: str | None, parts: Mapping[str, Part]) -> None:
+    """Read the command line, run the parts that it asks for, and store what they print."""
+    path = Path(sys.argv[0])
+    question = str(doc).splitlines()[0]
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "parts", nargs="*", metavar="PART", help=f"of {', '.join(parts)}; all if none is given"
+    )
+    parser.add_argument("--quick", action="store_true", help="small sizes: does it still run?")
+    parser.add_argument("--workers", type=int, default=2, help="threads (2)")
+    parser.add_argument("--out", type=Path, help="where results are written")
+    given = parser.parse_args()
+    if unknown := set(given.parts) - set(parts):
+        parser.error(f"parts are {', '.join(parts)}; got {', '.join(sorted(unknown))}")
+    out = given.out or (None if given.quick or given.parts else RESULTS)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    # What the warnings are about is what the tables say.
+    warnings.simplefilter("ignore", fp.FpidWarning)
+    bench, began = Bench(given.quick, given.workers, out), time.monotonic()
+    bench.say(f"## {question} `{path.name}`")
+    for name in given.parts or parts:
+        parts[name](bench)
+    command = " ".join(["python", f"benchmarks/{path.name}", *sys.argv[1:]])
+    command, _, _ = command.partition(" --out")
+    made = f"Printed by `{command}` in {time.monotonic() - began:.0f} s on {machine()}."
+    print(made)
+    if out is not None:
+        at = next((k for k, x in enumerate(bench.lines) if x.startswith(DETAILS)), None)
+        head, rest = bench.lines[:at], bench.lines[at:] if at is not None else []
+        text = "\n".join([*head, made, "", *rest]).rstrip() + "\n"
+        (out / f"{path.stem}.md").write_text(text, encoding="utf-8")
+
+
+def machine() -> str:
+    """Return date, processor, load and versions."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    models = [line.partition(": ")[2] for line in lines if line.startswith("model name")]
+    kind = models[0] if models else platform.machine()
+    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in VERSIONS)
+    return (
+        f"{time.strftime('%d %B %Y')}, {os.cpu_count()} x {kind}, load {os.getloadavg()[0]:.1f}, "
+        f"Python {platform.python_version()}, {versions}"
+    )
 
 
 def arm_of(name: str) -> fp.Arm:
@@ -74,10 +149,42 @@ def parameters(law: fp.Controller, names: Iterable[str]) -> str:
 
 
 def tail(run: fp.Run) -> float:
-    """Return the RMS of the last half over all joints [mrad]."""
+    """Return the RMS of the last half over all joints [mrad]; inf where the run ended early."""
+    if not run.outcome.completed:
+        return np.inf
     return 1e3 * float(np.sqrt((run.metrics.rms_tail**2).mean()))
 
 
 def variation(run: fp.Run) -> float:
     """Return the total variation of all torques [N m]."""
     return float(run.metrics.total_variation.sum())
+
+
+def turn_by_turn(
+    works: list[Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
+) -> list[float]:
+    """Return the least time of each of some works [s].
+
+    They take turns, so that a machine that is slow for a while is slow for all of them.
+    """
+    times = [np.inf] * len(works)
+    for _ in range(repeats):
+        for k, work in enumerate(works):
+            began = clock()
+            work()
+            times[k] = min(times[k], clock() - began)
+    return times
+
+
+def aba_calls(arm: fp.Arm, count: int = 1000) -> Callable[[], None]:
+    """Return a work of so many `pin.aba` calls from Python: the unit of this machine."""
+    import pinocchio as pin
+
+    model, data = arm.model, arm.model.createData()
+    q, zero = np.array(arm.home), np.zeros(arm.n)
+
+    def many() -> None:
+        for _ in range(count):
+            pin.aba(model, data, q, zero, zero)
+
+    return many

@@ -1,17 +1,15 @@
-"""What the model's feedforward and a disturbance observer do for suggested gains.
+"""What do the model's feedforward and a disturbance observer do for suggested gains?
 
-    python benchmarks/observer.py    # prints the table of docs/observer.md, under a minute
-
-0.3 rad at 2 rad/s around home, from the reference, quiet sensors; tail RMS over all joints.
+0.3 rad at 2 rad/s around home, from the reference, quiet sensors; tail RMS over all joints. It is
+the table of docs/observer.md.
 """
 
 from __future__ import annotations
 
 import dataclasses
-import warnings
 
 import numpy as np
-from common import arm_of, around_home, on_reference, table, tail, variation
+from common import Bench, arm_of, around_home, on_reference, run, tail, variation
 
 import fpid_pin as fp
 from fpid_pin.control import stability_report
@@ -33,13 +31,14 @@ def conditions(arm: fp.Arm) -> dict[str, tuple[fp.Plant | None, fp.Sensors]]:
     }
 
 
-def main() -> None:
-    """Print the table."""
-    warnings.simplefilter("ignore")
-    for name in ("two_link", "ur5", "panda"):
+def observer(bench: Bench) -> None:
+    """Print a table an arm."""
+    for name in ("two_link",) if bench.quick else ("two_link", "ur5", "panda"):
         arm = arm_of(name)
         reference = around_home(arm, frequency=2.0)
-        base = fp.Experiment(arm, reference, **on_reference(reference), duration=4.0 * np.pi)
+        base = fp.Experiment(
+            arm, reference, **on_reference(reference), duration=4.0 * np.pi, dynamics="compiled"
+        )
         laws = {
             "FPID": fp.suggest_gains(arm),
             "+ feedforward": fp.suggest_gains(arm, feedforward=True),
@@ -48,22 +47,29 @@ def main() -> None:
             "computed torque": fp.ComputedTorque(k0=100.0, k1=20.0),
         }
         plants = conditions(arm)
-        print(f"\n{name}: observer {laws['+ both'].observer:.3g} rad/s")
         experiments = [
             dataclasses.replace(base, plant=plant, sensors=sensors)
             for plant, sensors in plants.values()
         ]
-        rows = []
+        rows, errors = [], {}
         for label, law in laws.items():
+            runs = fp.simulate(experiments, law)
+            errors[label] = [tail(seen) for seen in runs]
             cells = [
-                f"{tail(run):.2f} / {1e-3 * variation(run):.1f}"
-                if run.outcome.completed else "diverged"
-                for run in fp.simulate(experiments, law)
+                f"{tail(seen):.2f} / {1e-3 * variation(seen):.1f}"
+                if seen.outcome.completed else "diverged"
+                for seen in runs
             ]  # fmt: skip
             margin = 1e3 * stability_report(arm, law).common_delay_margin
             rows.append([label, f"{margin:.1f}", *cells])
-        print("\n".join(table(["law", "delay borne [ms]", *plants], rows)))
+        gains = [a / b for a, b in zip(errors["FPID"], errors["+ both"], strict=True)]
+        bench.say(
+            f"{name}, observer {laws['+ both'].observer:.3g} rad/s: with both the error is "
+            f"{min(gains):.2g} to {max(gains):.2g} times smaller; tail RMS [mrad] / variation of "
+            "the torques [kN m]:"
+        )
+        bench.table(["law", "delay borne [ms]", *plants], rows)
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, {"observer": observer})

@@ -1,82 +1,94 @@
-"""Time the engine: whole steps of every law, beside `pin.aba` and a plain loop.
+"""How fast is the engine?
 
-    python benchmarks/speed.py [--search] [--quick]
+Whole steps of every law beside one `pin.aba` call from Python on the same arm, which is the unit;
+beside a bare step of MuJoCo (extra `mujoco`), without control, contacts or limits, of the same
+bodies; and beside the loop that a good user of NumPy and Pinocchio would write. Then: a tick of
+`Loop`, threads, compiling, a campaign beside the engine alone, the paper's whole search.
 
-All figures are ratios in one process; times are processor time, the best of some turns. What a
-step costs is the difference between a longer and a shorter run, so that no start is counted. The
-unit is one `pin.aba` call from Python on the same arm. Writes benchmarks/results/speed.md.
+All figures are ratios in one process; times are processor time, the least of some turns. What a
+step costs is the difference between a longer and a shorter run, so that no start is counted.
 """
 
 from __future__ import annotations
 
-import argparse
 import os
+import resource
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
-from common import Report, arm_of, table
-from own_fractional_law import NormalisedMit
+from common import Bench, aba_calls, arm_of, run, turn_by_turn
+from numpy.typing import ArrayLike
 from plain_loop import plain_loop
 
 import fpid_pin as fp
+from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
+from fpid_pin.campaign.driver import CHUNK
+from fpid_pin.control import Derivative, Integral
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.references import Sinusoid
+from fpid_pin.simulation.batch import advance_all, start_robots
 from fpid_pin.tuning import SearchSettings, Space
 
 #: Steps of the shorter and the longer run, of one robot and of each of sixty.
 STEPS = {1: (500, 2500), 60: (100, 500)}
+ARMS = ("two_link", "ur5", "panda")
 
 
-def turn_by_turn(
-    works: list[Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
-) -> list[float]:
-    """Return the least time of each of some works [s].
+@dataclass(frozen=True, eq=False)
+class NormalisedMit(fp.Controller):
+    """A fractional law of one's own: gains by normalised gradients of e^2/2, the MIT rule.
 
-    They take turns, so that a machine that is slow for a while is slow for all of them.
+    ``u = s (Kp e + Ki I^lambda e + Kd D^mu e)``, ``K' = gamma e phi/(a + |phi|^2)`` (Åström and
+    Wittenmark, *Adaptive Control*, 2008, section 5.3).
     """
-    times = [np.inf] * len(works)
-    for _ in range(repeats):
-        for k, work in enumerate(works):
-            began = clock()
-            work()
-            times[k] = min(times[k], clock() - began)
-    return times
 
+    kp: ArrayLike
+    ki: ArrayLike
+    kd: ArrayLike
+    gamma: ArrayLike = 1.0
+    floor: ArrayLike = 1e-2
 
-def aba_calls(arm: fp.Arm, count: int = 1000) -> Callable[[], None]:
-    """Return a work of so many `pin.aba` calls from Python: the unit of this machine."""
-    model, data = arm.model, arm.model.createData()
-    q, zero = np.array(arm.home), np.zeros(arm.n)
+    operators: ClassVar = {"i_e": Integral(0.9), "d_e": Derivative(0.9)}
+    shown: ClassVar = {"kp": "kp", "ki": "ki", "kd": "kd"}
 
-    def many() -> None:
-        for _ in range(count):
-            pin.aba(model, data, q, zero, zero)
+    @staticmethod
+    def torque(c: Any) -> Any:
+        return c.kp * c.e + c.ki * c.i_e + c.kd * c.d_e
 
-    return many
+    @staticmethod
+    def adapt(c: Any) -> None:
+        size = c.floor + c.e * c.e + c.i_e * c.i_e + c.d_e * c.d_e
+        rate = c.h * c.gamma * c.e / size
+        c.kp += rate * c.e
+        c.ki += rate * c.i_e
+        c.kd += rate * c.d_e
 
 
 def laws() -> dict[str, fp.Controller]:
     """Return the laws that are timed, gains per unit of inertia."""
-    fpid = {"kp": 100, "ki": 100, "kd": 20, "integral_order": 0.9, "derivative_order": 0.9,
-            "learning_rate": 1.0, "scale": "inertia"}  # fmt: skip
+    gains = {"kp": 100.0, "ki": 100.0, "kd": 20.0, "scale": "inertia"}
+    fpid = {**gains, "integral_order": 0.9, "derivative_order": 0.9, "learning_rate": 1.0}
+    both = {**fpid, "feedforward": True, "observer": 40.0}
     guard = fp.Supervisor(m_x=9.0, reference_bound=4.0, observer=40.0)
     return {
         "adaptive FPID, 24 modes": fp.AdaptiveFpid(**fpid),
+        "a fractional law of one's own": NormalisedMit(**gains),
         "PID": fp.Pid(100, 50, 20, scale="inertia"),
         "PD + gravity": fp.PdGravity(kp=100, kd=20, scale="inertia"),
         "computed torque": fp.ComputedTorque(k0=64, k1=16),
         "sliding mode": fp.SlidingMode(slope=4, gain=5, scale="inertia"),
         "Slotine-Li": fp.SlotineLi(slope=4, damping=4, scale="inertia"),
-        "FPID + feedforward + observer": fp.AdaptiveFpid(**fpid, feedforward=True, observer=40.0),
-        "and the sampled supervisor": fp.AdaptiveFpid(
-            **fpid, feedforward=True, observer=40.0, supervisor=guard
-        ),
+        "FPID + feedforward + observer": fp.AdaptiveFpid(**both),
+        "and the sampled supervisor": fp.AdaptiveFpid(**both, supervisor=guard),
     }
 
 
@@ -96,63 +108,101 @@ def marginal(times: list[float], runs: int) -> float:
     return (times[1] - times[0]) / (long - short) / runs
 
 
-def whole_steps(repeats: int) -> list[str]:
-    """Return the table of all laws on three arms, in calls of `pin.aba`."""
-    arms = [arm_of(name) for name in ("two_link", "ur5", "panda")]
-    units = dict.fromkeys((arm.name for arm in arms), np.inf)
-    steps: dict[str, list[list[float]]] = {name: [] for name in laws()}
+def mujoco_model(arm: fp.Arm) -> Any:
+    """Return the arm in MuJoCo, written from Pinocchio's: bodies, joints, rotor inertias."""
+    import mujoco
+
+    model, spec = arm.model, mujoco.MjSpec()
+    spec.option.timestep, spec.option.gravity = 1e-3, model.gravity.linear
+    off = mujoco.mjtDisableBit
+    spec.option.disableflags = int(off.mjDSBL_CONTACT) | int(off.mjDSBL_LIMIT)
+    data, parent = model.createData(), spec.worldbody
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    for k in range(1, model.njoints):
+        place, body = model.jointPlacements[k], model.inertias[k]
+        turn = pin.Quaternion(place.rotation).coeffs()  # x, y, z, w
+        six = np.asarray(body.inertia)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        parent = parent.add_body(
+            pos=place.translation, quat=turn[[3, 0, 1, 2]], mass=body.mass, ipos=body.lever,
+            fullinertia=six, explicitinertial=True,
+        )  # fmt: skip
+        axis = np.reshape(pin.getJointJacobian(model, data, k, pin.LOCAL), (6, -1))[:, k - 1]
+        slides = bool(np.abs(axis[:3]).max() > 0.5)
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
+        parent.add_joint(
+            type=kind, axis=axis[:3] if slides else axis[3:], armature=model.armature[k - 1]
+        )
+    return spec.compile()
+
+
+def mujoco_steps(arm: fp.Arm) -> list[Callable[[], object]]:
+    """Return a shorter and a longer run of bare steps, semi-implicit Euler on one thread."""
+    import mujoco
+    from mujoco import rollout
+
+    model = mujoco_model(arm)
+    data = mujoco.MjData(model)
+    data.qpos[:] = arm.home
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((arm.n, arm.n))
+    mujoco.mj_fullM(model, data, mass)
+    assert np.allclose(mass, arm.mass_matrix(arm.home), rtol=1e-9, atol=1e-9)
+    kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+    state = np.zeros((1, mujoco.mj_stateSize(model, kind)))
+    mujoco.mj_getState(model, data, state[0], kind)
+    return [partial(rollout.rollout, model, data, state, nstep=steps) for steps in STEPS[1]]
+
+
+def steps(bench: Bench) -> None:
+    """Print the table: all laws, MuJoCo and the plain loop, in calls of `pin.aba`."""
+    repeats, arms = 3 if bench.quick else 25, [arm_of(name) for name in ARMS]
+    units = dict.fromkeys(ARMS, np.inf)
+    bare = "MuJoCo's bare step, no law"
+    found: dict[str, list[list[float]]] = {name: [] for name in laws()} | {bare: [[]]}
     for arm in arms:
-        for name, law in laws().items():
-            fp.evaluate(experiment_of(arm, 2), law)
-            works = [aba_calls(arm), *steps_of(arm, law, 1), *steps_of(arm, law, 60)]
-            unit, *times = turn_by_turn(works, repeats)
+        works = {name: [*steps_of(arm, law, 1), *steps_of(arm, law, 60)]
+                 for name, law in laws().items()}  # fmt: skip
+        if arm.name != "two_link":  # whose masses are points, which MuJoCo refuses
+            works[bare] = mujoco_steps(arm)
+        for name, each in works.items():
+            each[0]()
+            unit, *times = turn_by_turn([aba_calls(arm), *each], repeats)
             units[arm.name] = min(units[arm.name], unit / 1000)
-            steps[name].append([marginal(times[:2], 1), marginal(times[2:], 60)])
+            found[name].append([marginal(times[k : k + 2], runs)
+                                for k, runs in ((0, 1), (2, 60)) if times[k:]])  # fmt: skip
+    paper, law = fp.paper_experiment(duration=4.0), fp.paper_controller(supervised=False)
+    apart = np.abs(plain_loop(paper, law, 4001) - fp.simulate(paper, law).q).max()
+    ours = [partial(fp.evaluate, fp.paper_experiment(duration=1e-3 * n), [law] * runs)
+             for runs, counts in STEPS.items() for n in counts]  # fmt: skip
+    plain, *times = turn_by_turn([partial(plain_loop, paper, law, 501), *ours], repeats)
+    plain /= 501
+    ratios = [plain / marginal(times[:2], 1), plain / marginal(times[2:], 60)]
     rows = [
-        [name, *(f"{one / unit:.2f} / {sixty / unit:.2f}"
-                 for (one, sixty), unit in zip(each, units.values(), strict=True))]
-        for name, each in steps.items()
+        [name, *(" / ".join(f"{x / unit:.2f}" for x in times)
+                 for times, unit in zip(each, units.values(), strict=True))]
+        for name, each in found.items()
     ]  # fmt: skip
-    told = ", ".join(f"{name} {1e6 * unit:.2f}" for name, unit in units.items())
-    heads = ["law", *(f"{name}, one / sixty" for name in units)]
-    return [*table(heads, rows), f"one pin.aba call [us]: {told}"]
+    rows.append(["the plain loop, FPID", f"{plain / units['two_link']:.1f}", "", ""])
+    told = ", ".join(f"{1e6 * unit:.2f}" for unit in units.values())
+    fpid = found["adaptive FPID, 24 modes"]
+    beside = [f"{ours[0] / m[0]:.2f}" for ours, m in zip(fpid[1:], found[bare][1:], strict=True)]
+    bench.say(
+        f"A whole step of the adaptive FPID takes {fpid[0][0] / units['two_link']:.2f} to "
+        f"{max(f[0] / u for f, u in zip(fpid, units.values(), strict=True)):.2f} calls of "
+        f"`pin.aba` from Python, {ratios[0]:.0f} times less than the plain loop "
+        f"({1e6 * plain:.1f} us; {ratios[1]:.0f} times where sixty run), which gives the same "
+        f"angles within {apart:.0e} rad"
+        f"; of MuJoCo's bare step of the same arm it takes {' and '.join(beside)}."
+    )
+    bench.say(f"A step of one robot / of each of sixty, in calls of `pin.aba` ({told} us):")
+    bench.table(["law", *ARMS], rows)
 
 
-def own_law(repeats: int) -> str:
-    """Return what a fractional law of one's own costs beside the built-in one."""
-    arm = fp.Arm.from_example("ur5")
-    own = NormalisedMit(kp=100.0, ki=100.0, kd=20.0, scale="inertia")
-    ours = laws()["adaptive FPID, 24 modes"]
-    fp.evaluate([experiment_of(arm, 2)] * 2, [own, ours])
-    times = turn_by_turn([*steps_of(arm, own, 1), *steps_of(arm, ours, 1)], repeats)
-    ratio = marginal(times[:2], 1) / marginal(times[2:], 1)
-    return f"a fractional law of one's own takes {ratio:.2f} of ours (ur5)"
-
-
-def against_plain_loop(repeats: int) -> list[str]:
-    """Return the ratio to the plain loop, for one robot and sixty."""
-    experiment, law = fp.paper_experiment(duration=4.0), fp.paper_controller(supervised=False)
-    apart = np.abs(plain_loop(experiment, law, 4001) - fp.simulate(experiment, law).q).max()
-    arm = experiment.arm
-    works = [aba_calls(arm), partial(plain_loop, experiment, law, 501)]
-    for runs, steps in STEPS.items():
-        es = [fp.paper_experiment(duration=1e-3 * count) for count in steps]
-        works += [partial(fp.evaluate, e, [law] * runs) for e in es]
-    unit, plain, *times = turn_by_turn(works, repeats)
-    unit, plain = unit / 1000, plain / 501
-    one, sixty = plain / marginal(times[:2], 1), plain / marginal(times[2:], 60)
-    return [
-        f"the plain loop takes {1e6 * plain:.1f} us a step ({plain / unit:.1f} pin.aba), and "
-        f"agrees within {apart:.0e} rad",
-        f"ours is {one:.0f} times as fast for one robot, {sixty:.0f} times for sixty",
-    ]
-
-
-def loop_ticks(repeats: int) -> list[str]:
-    """Return what a tick of `Loop` costs on the Panda, in calls of `pin.aba`."""
+def ticks(bench: Bench) -> None:
+    """Print what a tick of `Loop` costs on the Panda, in calls of `pin.aba`."""
     arm = fp.Arm.from_example("panda")
     q, zero = np.array(arm.home), np.zeros(arm.n)
-    lines = []
+    told = []
     for name in ("adaptive FPID, 24 modes", "and the sampled supervisor"):
         loop = laws()[name].start(arm, step=1e-3)
 
@@ -160,23 +210,23 @@ def loop_ticks(repeats: int) -> list[str]:
             for _ in range(1000):
                 loop.torque(q, zero, q, zero, zero)
 
-        unit, taken = turn_by_turn([aba_calls(arm), many], repeats)
-        lines.append(f"a tick of Loop, Panda, {name}: {taken / unit:.2f} pin.aba")
-    return lines
+        unit, taken = turn_by_turn([aba_calls(arm), many], 3 if bench.quick else 25)
+        told.append(f"{taken / unit:.2f} ({name})")
+    bench.say(f"A tick of `Loop` on the Panda takes {', '.join(told)} calls of `pin.aba`.")
 
 
-def threads(repeats: int) -> str:
-    """Return how much faster two threads are than one, by the clock."""
-    arm = fp.Arm.from_example("ur5")
+def threads(bench: Bench) -> None:
+    """Print how much faster two threads are than one, by the clock."""
     # As long as a candidate of the paper's search: the start of a run, in Python, is not shared.
-    law, e = laws()["adaptive FPID, 24 modes"], experiment_of(arm, 20_000)
+    e = experiment_of(fp.Arm.from_example("ur5"), 2_000 if bench.quick else 20_000)
+    law = laws()["adaptive FPID, 24 modes"]
     works = [partial(fp.evaluate, e, [law] * 60, workers=workers) for workers in (1, 2)]
-    one, two = turn_by_turn(works, repeats, time.perf_counter)
-    return f"two threads over sixty UR5s: {one / two:.2f} times one"
+    one, two = turn_by_turn(works, 2 if bench.quick else 5, time.perf_counter)
+    bench.say(f"Two threads do sixty UR5s {one / two:.2f} times as fast as one.")
 
 
-def compiling() -> list[str]:
-    """Return how long it takes to compile, in an empty cache and a full one."""
+def compiling(bench: Bench) -> None:
+    """Print how long it takes to compile, in an empty cache and a full one."""
     code = (
         "import time, fpid_pin as fp\n"
         "def timed(c):\n"
@@ -187,51 +237,78 @@ def compiling() -> list[str]:
         " fp.SlidingMode(1, 1), fp.SlotineLi(1, 1)]\n"
         "print(*[f'{timed(c):.2f}' for c in laws])"
     )
+    caches = {"from the cache": os.environ}
     with tempfile.TemporaryDirectory() as folder:
+        if not bench.quick:
+            caches = {"anew": {**os.environ, "NUMBA_CACHE_DIR": folder}} | caches
         told = [
-            subprocess.run(
-                [sys.executable, "-c", code], capture_output=True, check=True, text=True,
-                env={**os.environ, "NUMBA_CACHE_DIR": folder},
-            ).stdout.strip()
-            for _ in range(2)
-        ]  # fmt: skip
-    names = "engine with PID, then FPID, computed torque, sliding mode, Slotine-Li"
-    return [f"compiling [s], {names}: {told[0]}", f"the same from the cache: {told[1]}"]
+            f"{name} {subprocess.check_output([sys.executable, '-c', code], env=env, text=True)}"
+            for name, env in caches.items()
+        ]
+    bench.say(
+        "Compiling the engine with PID, then FPID, computed torque, sliding mode, Slotine-Li [s]: "
+        + "; ".join(line.strip() for line in told)
+    )
 
 
-def search(generations: int) -> list[str]:
-    """Time the paper's whole search, 60 candidates a generation, 20 s at 1 ms each."""
+def campaign(bench: Bench) -> None:
+    """Print what recording thousands of plants costs beside the engine alone."""
+    plants, duration = (64, 1.0) if bench.quick else (10_000, 10.0)
+    law, experiment = fp.paper_controller(supervised=False), fp.paper_experiment(duration=duration)
+    uncertain = {
+        "mass": Uniform(low=0.8, high=1.2), "inertia": Uniform(low=0.8, high=1.2),
+        "payload": Uniform(low=0.0, high=1.0), "viscous_friction": Uniform(low=0.0, high=0.2),
+        "disturbance_amplitude": LogUniform(low=0.1, high=2.0),
+        "disturbance_frequency": Uniform(low=1.0, high=20.0, shared=True),
+    }  # fmt: skip
+    study = Study(experiment, {"FPID": law}, Scenarios(uncertain), "two_link")
+
+    def engine(batch: int) -> float:
+        """Return the engine's time of one run: plants that are there already, nothing recorded."""
+        samples = enumerate(study.samples(CHUNK * batch, CHUNK * (batch + 1)), CHUNK * batch)
+        experiments = [study.experiment_of(k, sample) for k, sample in samples]
+        robots = start_robots(experiments, [law] * CHUNK, dynamics="compiled")
+        began = time.process_time()
+        advance_all(robots)
+        return (time.process_time() - began) / CHUNK
+
+    alone, rows = float(np.median([engine(k) for k in range(1 if bench.quick else 8)])), []
+    clocks = []
+    for workers in (1, 2):
+        with tempfile.TemporaryDirectory() as folder:
+            clock, spent = time.perf_counter(), time.process_time()
+            fp.campaign.run(study, Path(folder, "ledger"), plants, workers=workers)
+            clocks.append(time.perf_counter() - clock)
+            spent = time.process_time() - spent
+        rows.append([workers, f"{clocks[-1]:.1f}", f"{clocks[-1] * workers / alone / plants:.2f}",
+                     f"{spent:.1f}"])  # fmt: skip
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    bench.say(
+        f"A campaign of {plants} two-link plants x {duration:g} s takes {rows[1][2]} times what "
+        f"the engine alone takes ({1e9 * alone / (experiment.rows - 1):.0f} ns a run-step), with "
+        f"an efficiency of {clocks[0] / 2 / clocks[1]:.2f} from 1 to 2 workers and {most:.0f} MB."
+    )
+    bench.table(["workers", "clock [s]", "over the engine's own", "processors [s]"], rows)
+
+
+def search(bench: Bench) -> None:
+    """Print what the paper's whole search takes: 60 x 80 candidates, 20 s at 1 ms each."""
+    generations = 1 if bench.quick else 80
     law, e = fp.paper_controller(supervised=False), fp.paper_experiment()
-    fp.evaluate(fp.paper_experiment(duration=0.01), law)
     began = time.perf_counter()
     result = fp.tune(
         e, law, Space(integral_order=(0, 1), derivative_order=(0, 1)), QuadraticCost(1.0, 0.0),
         SearchSettings(generations=generations, workers=2),
     )  # fmt: skip
     seconds = time.perf_counter() - began
-    steps = result.simulations * (e.rows - 1)
-    unit = turn_by_turn([aba_calls(e.arm)], 25)[0] / 1000
-    return [
-        f"60 x {generations} candidates of 20 s, {result.simulations} simulated, two threads: "
-        f"{seconds:.1f} s, "
-        f"{1e9 * seconds / steps:.0f} ns a step by the clock, {seconds / steps / unit:.3f} "
-        f"pin.aba; cost {result.cost:.5f}"
-    ]
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--search", action="store_true", help="also the paper's whole search")
-    parser.add_argument("--quick", action="store_true", help="fewer turns")
-    options = parser.parse_args()
-    repeats = 5 if options.quick else 25
-    report = Report(*whole_steps(repeats))
-    report.add("", own_law(repeats), *against_plain_loop(repeats), *loop_ticks(repeats))
-    report.add(threads(max(repeats // 5, 2)), *compiling())
-    if options.search:
-        report.add(*search(80))
-    report.write("speed.md")
+    bench.say(
+        f"The paper's search, 60 x {generations} candidates of 20 s, {result.simulations} of them "
+        f"simulated, takes {seconds:.1f} s with two threads, "
+        f"{1e9 * seconds / result.simulations / (e.rows - 1):.0f} ns a step by the clock, and ends "
+        f"at a cost of {result.cost:.5f}."
+    )
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, {"steps": steps, "ticks": ticks, "threads": threads, "compiling": compiling,
+                  "campaign": campaign, "search": search})  # fmt: skip

@@ -1,80 +1,130 @@
-"""What the views cost: exporting a run as one page, and sending frames to a live one.
+"""What do the views cost?
 
-    python benchmarks/views.py
-
-Export: 20 s of a run from its file to a page, processor time and size; wanted at most 1.5 s and
-1.5 MB for the two-link arm, 3 s and 6 MB for a UR5 with its meshes. Frames: the time by the clock
+export: 20 s of a run from its file to a page, processor time and size; wanted at most 1.5 s and
+1.5 MB for the two-link arm, 3 s and 6 MB for a UR5 with its meshes. frames: the time by the clock
 that `LiveLink.send` keeps the control loop waiting, to a server that reads and to one that is
-stopped; wanted a median under 3 ms, in practice some 10 us.
+stopped; wanted a median under 3 ms, in practice some 10 us. slider: from a slider of the playground
+to new curves in a real browser (wants playwright and chromium), wanted 60 and 150 ms.
 """
 
 from __future__ import annotations
 
 import os
 import signal
+import statistics
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
-from common import head, row
+from common import Bench, run
 
 import fpid_pin as fp
 from fpid_pin.view import export_html
 from fpid_pin.view.link import LiveLink
 
-# (joints, whether the server is stopped)
-FRAMES = ((2, False), (7, False), (300, False), (7, True), (300, True))
-COUNT = 2000
+# As in tests/view/conftest.py.
+FLAGS = ["--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+         "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader"]  # fmt: skip
+# A move as a hand makes it; the end is the first frame after everything has been drawn.
+MEASURE = """
+async (moves) => {
+  const slider = document.getElementById("integral_order"), found = [], runs = [];
+  const frame = () => new Promise((done) => requestAnimationFrame(() => setTimeout(done)));
+  for (let k = 0; k < moves; k++) {
+    const before = playground.state.got, start = performance.now();
+    slider.value = 0.5 + 0.4 * (k / moves);
+    slider.dispatchEvent(new Event("input"));
+    while (playground.state.got === before) await new Promise((done) => setTimeout(done, 1));
+    await frame();
+    found.push(performance.now() - start);
+    runs.push(playground.state.runs[0].milliseconds);
+    await new Promise((done) => setTimeout(done, 50));
+  }
+  return [found.slice(5), runs.slice(5)];
+}
+"""
 
 
-def exported(arm: fp.Arm) -> tuple[float, float]:
-    """Return the processor time [s] and the page's size [MB] of 20 s of an arm's run."""
-    law = fp.suggest_gains(arm)
-    reference = fp.references.Sinusoid(0.3, offset=arm.home)
-    run = fp.simulate(fp.Experiment(arm, reference, q0=arm.home, duration=20.0), law)
-    with tempfile.TemporaryDirectory() as folder:
-        file, page = Path(folder) / "run.npz", Path(folder) / "run.html"
-        run.save(file)
-        run = fp.Run.load(file)
-        begin = time.process_time()
-        export_html(run, page)
-        return time.process_time() - begin, page.stat().st_size / 1e6
-
-
-def sent(joints: int, stopped: bool) -> tuple[np.ndarray, int]:
-    """Return the seconds of each send and how many frames were dropped."""
-    frame = [(np.zeros(joints), np.zeros(joints), np.zeros(joints))]
-    taken = np.empty(COUNT)
-    with LiveLink("page", announce=lambda text: None) as link:
-        if stopped:
-            os.kill(link.pid, signal.SIGSTOP)
-        for k in range(COUNT):
-            begin = time.perf_counter()
-            link.send(0.01 * k, frame)
-            taken[k] = time.perf_counter() - begin
-            # As a loop would: a server that reads gets its turn.
-            time.sleep(1e-4)
-        dropped = link.dropped
-        if stopped:
-            os.kill(link.pid, signal.SIGCONT)
-    return taken, dropped
-
-
-def main() -> None:
-    print("\n".join(head(["page of 20 s", "processor time [s]", "size [MB]"])))
+def export(bench: Bench) -> None:
+    """Print what a page of a run takes."""
+    rows = []
     for arm in (fp.Arm.two_link(), fp.Arm.from_example("ur5")):
-        seconds, size = exported(arm)
-        print(row([arm.name, f"{seconds:.2f}", f"{size:.2f}"]))
-    heads = ["frame", "median [us]", "99th percentile [us]", "worst [us]", "dropped"]
-    print("", *head(heads), sep="\n")
-    for joints, stopped in FRAMES:
-        taken, dropped = sent(joints, stopped)
-        median, high = 1e6 * np.percentile(taken, [50.0, 99.0])
+        reference = fp.references.Sinusoid(0.3, offset=arm.home)
+        experiment = fp.Experiment(arm, reference, q0=arm.home, duration=20.0)
+        with tempfile.TemporaryDirectory() as folder:
+            page = Path(folder) / "run.html"
+            file = fp.simulate(experiment, fp.suggest_gains(arm)).save(Path(folder) / "run.npz")
+            loaded = fp.Run.load(file)
+            began = time.process_time()
+            export_html(loaded, page)
+            seconds = time.process_time() - began
+            rows.append([arm.name, f"{seconds:.2f}", f"{page.stat().st_size / 1e6:.2f}"])
+    bench.say(f"A page of 20 s of a run takes {rows[0][1]} to {rows[1][1]} s.")
+    bench.table(["page of 20 s", "processor time [s]", "size [MB]"], rows)
+
+
+def frames(bench: Bench) -> None:
+    """Print how long the control loop waits for a frame to be sent."""
+    count, rows = 200 if bench.quick else 2000, []
+    for joints, stopped in ((2, False), (7, False), (300, False), (7, True), (300, True)):
+        frame = [(np.zeros(joints), np.zeros(joints), np.zeros(joints))]
+        taken = np.empty(count)
+        with LiveLink("page", announce=lambda text: None) as link:
+            if stopped:
+                os.kill(link.pid, signal.SIGSTOP)
+            for k in range(count):
+                began = time.perf_counter()
+                link.send(0.01 * k, frame)
+                taken[k] = time.perf_counter() - began
+                # As a loop would: a server that reads gets its turn.
+                time.sleep(1e-4)
+            dropped = link.dropped
+            if stopped:
+                os.kill(link.pid, signal.SIGCONT)
+        figures = 1e6 * np.percentile(taken, [50.0, 99.0, 100.0])
         name = f"{joints} joints, server {'stopped' if stopped else 'reading'}"
-        times = (median, high, 1e6 * taken.max())
-        print(row([name, *(f"{x:.0f}" for x in times), f"{dropped} of {COUNT}"]))
+        rows.append([name, *(f"{x:.0f}" for x in figures), f"{dropped} of {count}"])
+    bench.say(f"A frame keeps the control loop waiting for {rows[1][1]} us (median).")
+    heads = ["frame", "median [us]", "99th percentile [us]", "worst [us]", "dropped"]
+    bench.table(heads, rows)
+
+
+def slider(bench: Bench) -> None:
+    """Print what a slider of the playground takes, in a browser without a graphics card."""
+    try:
+        from playwright.sync_api import sync_playwright
+    except ImportError:
+        bench.say("playwright is not installed.")
+        return
+    arm, rows = fp.Arm.from_example("ur5"), []
+    phase = (0.0, 0.52, 1.05, 1.57, 2.09, 2.62)
+    job = fp.Experiment(arm, fp.references.Sinusoid(0.3, phase=phase))
+    paper = fp.paper_controller(supervised=False)
+    cases = [("two_link", fp.paper_experiment(), paper, 60.0),
+             ("ur5", job, fp.suggest_gains(arm, bandwidth=10.0), 150.0)]  # fmt: skip
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path="/usr/bin/chromium", args=FLAGS)
+        for name, experiment, law, most in cases[: 1 if bench.quick else 2]:
+            path = Path(folder) / f"{name}.html"
+            fp.view.playground(experiment, law, path)
+            page = browser.new_page(
+                viewport={"width": 1200, "height": 800}, reduced_motion="reduce"
+            )
+            page.goto(path.as_uri())
+            page.locator("#outcome", has_text="Ran all").wait_for()
+            found, runs = page.evaluate(MEASURE, 8 if bench.quick else 25)
+            rows.append([
+                name, f"{statistics.median(found):.0f} ({min(found):.0f})",
+                f"{statistics.median(runs):.0f}", f"{most:.0f}",
+                f"{path.stat().st_size / 1e6:.2f}",
+            ])  # fmt: skip
+            page.close()
+        browser.close()
+    bench.say(f"From a slider to new curves: {rows[0][1]} ms, median (fastest), on the two-link.")
+    heads = ["page", "slider to curves [ms]", "of which the run [ms]", "wanted [ms]", "size [MB]"]
+    bench.table(heads, rows)
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, {"export": export, "frames": frames, "slider": slider})
