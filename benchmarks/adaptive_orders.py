@@ -1,8 +1,7 @@
 """Do orders that adapt beat the best that stay?
 
 paper: the cost (33) with w2 = 1e-4 on the paper's experiment, by start and rate of the orders;
-noise: the same under noise and delay; arms: on arms with suggested gains; long: for five minutes;
-fast: at rates too high.
+noise: the same under noise and delay; arms: on arms with suggested gains; long: for five minutes.
 """
 
 from __future__ import annotations
@@ -254,18 +253,5 @@ def long(bench: Bench) -> None:
     bench.table(heads, rows, 2)
 
 
-def fast(bench: Bench) -> None:
-    """Print what rates that are too high do."""
-    bench.details("Rates that are too high")
-    speeds = (1.0, 3.0, 10.0, 30.0, 100.0, 1000.0)
-    laws = [adapt_orders(PAPER, TWO_LINK, speed=speed) for speed in speeds]
-    rows = [
-        [f"{speed:g}", f"{COST.of(seen.metrics):.3f}", f"{tail(seen):.1f}",
-         f"{variation(seen):.0f}", f"{seen.metrics.peak_torque.max():.1f}"]
-        for speed, seen in zip(speeds, fp.simulate(paper_experiment(bench), laws), strict=True)
-    ]  # fmt: skip
-    bench.table(["speed", "cost", "tail RMS [mrad]", "variation [N m]", "peak [N m]"], rows)
-
-
 if __name__ == "__main__":
-    run(__doc__, {"paper": paper, "noise": noise, "arms": arms, "long": long, "fast": fast})
+    run(__doc__, {"paper": paper, "noise": noise, "arms": arms, "long": long})

@@ -2,7 +2,7 @@
 
 A script answers the question that its docstring begins with, in parts. All take the same words:
 
-    python benchmarks/NAME.py [PART ...] [--quick] [--workers N] [--out FOLDER]
+    python benchmarks/NAME.py [PART ...] [--quick] [--workers N] [--data FOLDER] [--out FOLDER]
 
 A whole run writes NAME.md and its figures into benchmarks/results: the question, sentences that say
 the answer, the tables, and what they were measured with. `record.py` puts these together. With
@@ -30,18 +30,23 @@ from fpid_pin.references import Sinusoid
 
 RESULTS = Path(__file__).parent / "results"
 VERSIONS = ("fpid_pin", "pin", "numpy", "numba", "scipy")
-#: What comes below this in a file of results is left out of the record.
+#: What comes below such a line in a file of results is left out of the record.
 DETAILS = "### "
 
 
 @dataclass
 class Bench:
-    """A run of a script: how it was asked for, and what it has printed."""
+    """A run of a script: how it was asked for, and what it has printed for the record and below."""
 
     quick: bool
     workers: int
+    data: Path | None
     out: Path | None
-    lines: list[str] = field(default_factory=list)
+    head: list[str] = field(default_factory=list)
+    below: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.lines = self.head
 
     def say(self, *lines: str) -> None:
         """Print a paragraph."""
@@ -63,7 +68,8 @@ class Bench:
         print(self.lines[-1], flush=True)
 
     def details(self, title: str) -> None:
-        """Begin a section that the record leaves to the file of results."""
+        """Begin a section that the record leaves to the file of results; it ends with its part."""
+        self.lines = self.below
         self.say(f"{DETAILS}{title}")
 
     def figure(self, figure: Any, name: str, caption: str) -> None:
@@ -88,6 +94,7 @@ def run(doc: str | None, parts: Mapping[str, Part]) -> None:
     )
     parser.add_argument("--quick", action="store_true", help="small sizes: does it still run?")
     parser.add_argument("--workers", type=int, default=2, help="threads (2)")
+    parser.add_argument("--data", type=Path, help="folder of measured data, where wanted")
     parser.add_argument("--out", type=Path, help="where results are written")
     given = parser.parse_args()
     if unknown := set(given.parts) - set(parts):
@@ -97,18 +104,18 @@ def run(doc: str | None, parts: Mapping[str, Part]) -> None:
         out.mkdir(parents=True, exist_ok=True)
     # What the warnings are about is what the tables say.
     warnings.simplefilter("ignore", fp.FpidWarning)
-    bench, began = Bench(given.quick, given.workers, out), time.monotonic()
+    bench, began = Bench(given.quick, given.workers, given.data, out), time.monotonic()
     bench.say(f"## {question} `{path.name}`")
     for name in given.parts or parts:
+        bench.lines = bench.head
         parts[name](bench)
-    command = " ".join(["python", f"benchmarks/{path.name}", *sys.argv[1:]])
-    command, _, _ = command.partition(" --out")
+    words = {"--quick": given.quick, "--data FOLDER": given.data}
+    options = [word for word, said in words.items() if said]
+    command = " ".join(["python", f"benchmarks/{path.name}", *given.parts, *options])
     made = f"Printed by `{command}` in {time.monotonic() - began:.0f} s on {machine()}."
     print(made)
     if out is not None:
-        at = next((k for k, x in enumerate(bench.lines) if x.startswith(DETAILS)), None)
-        head, rest = bench.lines[:at], bench.lines[at:] if at is not None else []
-        text = "\n".join([*head, made, "", *rest]).rstrip() + "\n"
+        text = "\n".join([*bench.head, made, "", *bench.below]).rstrip() + "\n"
         (out / f"{path.stem}.md").write_text(text, encoding="utf-8")
 
 

@@ -15,10 +15,10 @@ does: it sees the error jump to e(0).
 from __future__ import annotations
 
 import dataclasses
-import importlib.util
 import time
 from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -44,7 +44,7 @@ SAMPLES = round(HORIZON / STEP) + 1
 #: Where results are compared.
 CHECKED = np.unique(np.geomspace(1, SAMPLES - 2, 60).astype(int))
 Result = tuple[np.ndarray, float]
-PEERS = ("pycaputo", "differint", "numfracpy")
+PEERS = ("pycaputo", "differint")
 
 
 class Signal(NamedTuple):
@@ -132,7 +132,7 @@ def peers(quick: bool) -> dict[str, Method]:
     Grünwald-Letnikov's are given f - f(0).
     """
     methods: dict[str, Method] = {}
-    if installed("pycaputo") and not quick:
+    if find_spec("pycaputo") and not quick:
         from pycaputo.differentiation import caputo, diff
         from pycaputo.differentiation import grunwald_letnikov as pycaputo_gl
         from pycaputo.grid import make_uniform_points
@@ -147,7 +147,7 @@ def peers(quick: bool) -> dict[str, Method]:
                 return whole(lambda: diff(kind(s.order), given, points), s.f.size)
 
             methods[name] = by_pycaputo
-    if installed("differint"):
+    if find_spec("differint"):
         from differint import differint
 
         def by_differint(s: Signal) -> Result:
@@ -158,31 +158,7 @@ def peers(quick: bool) -> dict[str, Method]:
             return np.append(result, np.nan), cost
 
         methods["differint GL"] = by_differint
-    if installed("numfracpy"):
-        import numfracpy
-
-        # One point a call, each a loop over the past: a few points are enough to see.
-        few = CHECKED[CHECKED < 2000][::6]
-        for name, method, shifted in (
-            ("numfracpy L1 (first 2 s)", numfracpy.Caputo_der1, False),
-            ("numfracpy GL (first 2 s)", numfracpy.GLDer1, True),
-        ):
-
-            def by_numfracpy(s: Signal, method: Any = method, shifted: bool = shifted) -> Result:
-                out, given = np.full(s.f.size, np.nan), s.at(shifted)
-
-                def run() -> np.ndarray:
-                    out[few] = [method(given, (k + 0.5) * STEP, STEP, s.order) for k in few]
-                    return out
-
-                return whole(run, few.size)
-
-            methods[name] = by_numfracpy
     return methods
-
-
-def installed(name: str) -> bool:
-    return importlib.util.find_spec(name) is not None
 
 
 def accuracy(bench: Bench) -> None:
@@ -213,7 +189,7 @@ def accuracy(bench: Bench) -> None:
         f"other packages, {best}, within {points[best][1]:.1e} at {1e6 * points[best][0]:.0f} us."
     )
     bench.table(["method", *SIGNALS, "us a sample"], rows)
-    if absent := [name for name in PEERS if not installed(name)]:
+    if absent := [name for name in PEERS if not find_spec(name)]:
         bench.say("Not installed, not compared: " + ", ".join(absent))
     bench.figure(drawn(points), "operators.png", "Error against cost of the operators")
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -144,11 +145,13 @@ def published(bench: Bench) -> None:
                 bench, **kept, initial=[named["tuned integer PID"]] if "from" in title else []
             )
             law = fp.paper_controller(orders, supervised=False)
+            began = time.perf_counter()
             result = tune(experiment, law, Space(**genes), cost, settings)
+            took = f"{result.simulations} simulated in {time.perf_counter() - began:.0f} s"
             named[title] = result.controller
             costs = ", ".join(f"{c:.5g}" for c in result.costs)
-            told.append(f"- {title}: {result.cost:.5g} (seeds: {costs}), {result.evaluations} "
-                        f"evaluations: {parameters(result.controller, genes)}")  # fmt: skip
+            told.append(f"- {title}: {result.cost:.5g} (seeds: {costs}), {took}: "
+                f"{parameters(result.controller, genes)}")  # fmt: skip
         other = "orders by differential evolution"
         named[other], least = differential(bench, cost)
         told.append(f"- {other}: {least:.5g}: {parameters(named[other], ORDERS)}")

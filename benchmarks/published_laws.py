@@ -1,26 +1,24 @@
-"""Published fractional laws run again: what was published, what comes out, what it rests on.
+"""What do published fractional laws come to when they are run again?
 
-    python benchmarks/published_laws.py [--quick]
+pelican: fractional PD on the Pelican arm, DOI 10.1007/s10846-019-01121-y, with its code in
+github.com/phelipe/jirs-paper-code: against its PDs, and PDs tuned equally.
 
-The paper   Delavari et al.: its orders against integer ones, with its gains and with tuned ones.
-Pelican     Fractional PD on the Pelican arm, DOI 10.1007/s10846-019-01121-y, with its code in
-            github.com/phelipe/jirs-paper-code: against its PDs, and PDs tuned equally.
-Sliding     Data-driven fractional-order terminal sliding mode with prescribed performance, DOI
-            10.1016/j.isatra.2022.05.036, github.com/Babak-Esmaeili/PP-MFA-FO-FTSM-Control: its
-            two-link example, the fractional sum as its code has it, and as its definition has it.
+sliding: data-driven fractional-order terminal sliding mode with prescribed performance, DOI
+10.1016/j.isatra.2022.05.036, github.com/Babak-Esmaeili/PP-MFA-FO-FTSM-Control: its two-link
+example, the fractional sum as its code has it, and as its definition has it.
 
-Parameters are the authors'; laws are written anew from their equations.
+Parameters are the authors'; laws are written anew from their equations. The paper itself is run
+again by orders.py: its orders against integer ones, with its gains and with tuned ones.
 """
 
 from __future__ import annotations
 
 import math
-import sys
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from common import Report, table
+from common import Bench, run
 from numpy.typing import ArrayLike
 from validation import both, pendulum, rms
 
@@ -28,58 +26,6 @@ import fpid_pin as fp
 from fpid_pin.control.law import Derivative
 from fpid_pin.references import Quintic
 from fpid_pin.tuning import SearchSettings, Space
-
-# ------------------------------------------------------------------ the paper
-
-
-def paper(report: Report, quick: bool) -> None:
-    """Print the paper's law with its orders, with integer orders, and both tuned equally."""
-    experiment = fp.paper_experiment(**({"duration": 4.0} if quick else {}))
-    noisy = replace(experiment, sensors=fp.Sensors(velocity_noise=0.05), seed=1)
-    cost = fp.costs.QuadraticCost(1.0, 1e-4)
-    settings = SearchSettings(
-        population=12 if quick else 60, generations=4 if quick else 60, seeds=(0, 1, 2)
-    )
-    orders: dict[str, Any] = {"integral_order": (0, 1), "derivative_order": (0, 1)}
-    gains: dict[str, Any] = dict.fromkeys(("kp", "ki", "kd"), (1, 200, "log"))
-    gains["learning_rate"] = (1, 250, "log")
-    published, whole = (
-        fp.paper_controller(orders, supervised=False) for orders in ("symbol", "integer")
-    )
-    laws = {
-        "published orders": published,
-        "integer orders, the same gains": whole,
-        "orders tuned, the same gains": fp.tune(
-            experiment, published, Space(**orders), cost, settings
-        ).controller,
-        "integer orders, gains tuned": fp.tune(
-            experiment, whole, Space(**gains), cost, settings
-        ).controller,
-    }  # fmt: skip
-    laws["orders and gains tuned"] = fp.tune(
-        experiment, published, Space(**gains, **orders), cost,
-        replace(settings, initial=[laws["integer orders, gains tuned"]]),
-    ).controller  # fmt: skip
-    rows = []
-    for name, law in laws.items():
-        run, shaken = (fp.simulate(e, law) for e in (experiment, noisy))
-        noise = float(np.sqrt(np.mean((shaken.torque - run.torque) ** 2)))
-        rows.append((
-            name, f"{cost.of(run.metrics):.4f}", both(1e3 * run.metrics.rms_tail),
-            f"{run.metrics.total_variation.sum():.0f}", f"{noise:.2f}",
-        ))  # fmt: skip
-    report.add("## The paper's own experiment", "")
-    heads = [
-        "law", "cost (33)", "RMS of the last half, joints 1 / 2 [mrad]", "torque's variation [N m]",
-        "torque that 0.05 rad/s of noise causes, RMS [N m]",
-    ]  # fmt: skip
-    report.add(*table(heads, rows))
-    report.add(
-        f"w1 = 1, w2 = 1e-4. Searches: {settings.population} x {settings.generations}, three "
-        "seeds; the last one starts from the integer law that was tuned.",
-        "",
-    )
-
 
 # ------------------------------------------------------------------ the Pelican arm
 
@@ -142,7 +88,7 @@ PELICAN = {
 }
 
 
-def pelican(disturbed: bool) -> fp.Experiment:
+def pelican_arm(disturbed: bool) -> fp.Experiment:
     """Return the published experiment: 0 to 0.8 rad in 3 s, a torque every 5 ms."""
     model = pendulum(
         (23.902, 1.285), (0.45, 0.0), (0.091, 0.048), (1.266, 0.093), from_x=True
@@ -154,11 +100,11 @@ def pelican(disturbed: bool) -> fp.Experiment:
     )  # fmt: skip
 
 
-def fractional_pd(report: Report, quick: bool) -> None:
+def pelican(bench: Bench) -> None:
     """Print the published gains' figures, and those of equally tuned ones."""
-    calm, rough = pelican(False), pelican(True)
+    calm, rough = pelican_arm(False), pelican_arm(True)
     settings = SearchSettings(
-        population=12 if quick else 60, generations=4 if quick else 60, seeds=(0, 1, 2)
+        population=12 if bench.quick else 60, generations=2 if bench.quick else 60, seeds=(0, 1, 2)
     )
     gains = {"kp": (10.0, 1e4, "log"), "kd": (1.0, 3e3, "log")}
     cost = fp.costs.MetricCost("iae")
@@ -174,24 +120,22 @@ def fractional_pd(report: Report, quick: bool) -> None:
     laws |= {name: result.controller for name, result in tuned.items()}
     rows = []
     for name, law in laws.items():
-        run, shaken = (fp.simulate(e, law) for e in (calm, rough))
-        m = run.metrics
+        m, shaken = (fp.simulate(e, law).metrics for e in (calm, rough))
         rows.append((
             name, both(1e3 * m.iae, 2), both(1e3 * m.rms, 2), both(1e3 * m.peak_error),
-            both(m.peak_torque), both(1e3 * shaken.metrics.iae, 2),
+            both(m.peak_torque), both(1e3 * shaken.iae, 2),
         ))  # fmt: skip
-    report.add("## Fractional PD on the Pelican arm", "")
+    bench.say("Fractional PD on the Pelican arm:")
     heads = [
         "law, joints 1 / 2", "IAE [mrad s]", "RMS [mrad]", "largest [mrad]", "peak torque [N m]",
         "IAE, disturbed [mrad s]",
     ]  # fmt: skip
-    report.add(*table(heads, rows))
+    bench.table(heads, rows)
     orders = np.broadcast_to(laws["fractional PD, tuned here"].mu, 2)
-    report.add(
+    bench.say(
         "Tuned here: gains within the same bounds, the sum of the joints' IAE under the "
         f"disturbance, {settings.population} x {settings.generations}, three seeds; the best "
-        f"orders are {', '.join(f'{mu:.3f}' for mu in orders)}.",
-        "",
+        f"orders are {', '.join(f'{mu:.3f}' for mu in orders)}."
     )
 
 
@@ -342,7 +286,7 @@ def sliding_run(law: fp.Controller) -> tuple[np.ndarray, np.ndarray]:
     return np.array(errors), np.array(bounds)
 
 
-def sliding(report: Report) -> None:
+def sliding(bench: Bench) -> None:
     """Print the law's figures as it is published, and with its fractional sum put right."""
     rows = []
     for name, whole in (("as published", 0.0), ("newest sample weighed too", 1.0)):
@@ -352,24 +296,13 @@ def sliding(report: Report) -> None:
             name, both(1e3 * rms(errors), 3), both(1e3 * rms(errors[2000:]), 3),
             f"{outside[0]:.0%} / {outside[1]:.0%}",
         ))  # fmt: skip
-    report.add("## Fractional terminal sliding mode with prescribed performance", "")
+    bench.say("Fractional terminal sliding mode with prescribed performance:")
     heads = [
         "fractional sum, joints 1 / 2", "RMS [mrad/s]", "after 2 s [mrad/s]",
         "samples beyond the promised bound",
     ]  # fmt: skip
-    report.add(*table(heads, rows))
-
-
-def main() -> None:
-    """Run all, print, and keep in `results`."""
-    quick = "--quick" in sys.argv
-    report = Report()
-    paper(report, quick)
-    fractional_pd(report, quick)
-    sliding(report)
-    if not quick:
-        report.write("published_laws.md", "# Published fractional laws, run again")
+    bench.table(heads, rows)
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, {"pelican": pelican, "sliding": sliding})

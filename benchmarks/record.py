@@ -1,6 +1,6 @@
 """Run every script of this folder, and write the record of what they printed.
 
-    python benchmarks/record.py [--quick | --gather] [NAME ...]
+    python benchmarks/record.py [--quick | --gather] [--data FOLDER] [NAME ...]
 
 In full size the record is benchmarks/RECORD.md, put together from benchmarks/results; with --quick
 all is small, and goes into runs/bench. NAMEs: run these only; the others are as they last were, and
@@ -21,8 +21,8 @@ from common import DETAILS, RESULTS
 HERE = Path(__file__).parent
 #: In the order of the record.
 SCRIPTS = (
-    "speed", "operators", "orders", "adaptive_orders", "referee", "arms", "gains", "observer",
-    "supervisor", "views", "exported_float",
+    "speed", "operators", "orders", "adaptive_orders", "referee", "gains",
+    "supervisor", "validation", "published_laws", "views", "exported_float",
 )  # fmt: skip
 HEAD = """# Record
 
@@ -45,11 +45,13 @@ def main() -> int:
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(SCRIPTS))
     parser.add_argument("--quick", action="store_true", help="small sizes, into runs/bench")
     parser.add_argument("--gather", action="store_true", help="run none, only write the record")
+    parser.add_argument("--data", type=Path, help="of validation.py")
     given = parser.parse_args()
     if unknown := set(given.names) - set(SCRIPTS):
         parser.error(f"names are {', '.join(SCRIPTS)}; got {', '.join(sorted(unknown))}")
     out = Path("runs/bench/results") if given.quick else RESULTS
     words = ["--quick", "--out", str(out)] if given.quick else []
+    words += ["--data", str(given.data)] if given.data else []
     failed = []
     for name in () if given.gather else given.names or SCRIPTS:
         began = time.monotonic()

@@ -3,7 +3,7 @@
 Whole steps of every law beside one `pin.aba` call from Python on the same arm, which is the unit;
 beside a bare step of MuJoCo (extra `mujoco`), without control, contacts or limits, of the same
 bodies; and beside the loop that a good user of NumPy and Pinocchio would write. Then: a tick of
-`Loop`, threads, compiling, a campaign beside the engine alone, the paper's whole search.
+`Loop`, threads, compiling, a campaign beside the engine alone.
 
 All figures are ratios in one process; times are processor time, the least of some turns. What a
 step costs is the difference between a longer and a shorter run, so that no start is counted.
@@ -33,10 +33,8 @@ import fpid_pin as fp
 from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
 from fpid_pin.campaign.driver import CHUNK
 from fpid_pin.control import Derivative, Integral
-from fpid_pin.costs import QuadraticCost
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.batch import advance_all, start_robots
-from fpid_pin.tuning import SearchSettings, Space
 
 #: Steps of the shorter and the longer run, of one robot and of each of sixty.
 STEPS = {1: (500, 2500), 60: (100, 500)}
@@ -122,6 +120,7 @@ def mujoco_model(arm: fp.Arm) -> Any:
         place, body = model.jointPlacements[k], model.inertias[k]
         turn = pin.Quaternion(place.rotation).coeffs()  # x, y, z, w
         six = np.asarray(body.inertia)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        six[:3] += 0.0 if six[:3].all() else 1e-12  # MuJoCo has no point masses
         parent = parent.add_body(
             pos=place.translation, quat=turn[[3, 0, 1, 2]], mass=body.mass, ipos=body.lever,
             fullinertia=six, explicitinertial=True,
@@ -158,12 +157,11 @@ def steps(bench: Bench) -> None:
     repeats, arms = 3 if bench.quick else 25, [arm_of(name) for name in ARMS]
     units = dict.fromkeys(ARMS, np.inf)
     bare = "MuJoCo's bare step, no law"
-    found: dict[str, list[list[float]]] = {name: [] for name in laws()} | {bare: [[]]}
+    found: dict[str, list[list[float]]] = {name: [] for name in laws()} | {bare: []}
     for arm in arms:
         works = {name: [*steps_of(arm, law, 1), *steps_of(arm, law, 60)]
                  for name, law in laws().items()}  # fmt: skip
-        if arm.name != "two_link":  # whose masses are points, which MuJoCo refuses
-            works[bare] = mujoco_steps(arm)
+        works[bare] = mujoco_steps(arm)
         for name, each in works.items():
             each[0]()
             unit, *times = turn_by_turn([aba_calls(arm), *each], repeats)
@@ -185,14 +183,14 @@ def steps(bench: Bench) -> None:
     rows.append(["the plain loop, FPID", f"{plain / units['two_link']:.1f}", "", ""])
     told = ", ".join(f"{1e6 * unit:.2f}" for unit in units.values())
     fpid = found["adaptive FPID, 24 modes"]
-    beside = [f"{ours[0] / m[0]:.2f}" for ours, m in zip(fpid[1:], found[bare][1:], strict=True)]
+    beside = [f"{ours[0] / m[0]:.2f}" for ours, m in zip(fpid, found[bare], strict=True)]
     bench.say(
         f"A whole step of the adaptive FPID takes {fpid[0][0] / units['two_link']:.2f} to "
         f"{max(f[0] / u for f, u in zip(fpid, units.values(), strict=True)):.2f} calls of "
         f"`pin.aba` from Python, {ratios[0]:.0f} times less than the plain loop "
         f"({1e6 * plain:.1f} us; {ratios[1]:.0f} times where sixty run), which gives the same "
         f"angles within {apart:.0e} rad"
-        f"; of MuJoCo's bare step of the same arm it takes {' and '.join(beside)}."
+        f"; of MuJoCo's bare step of the same arm it takes {', '.join(beside)}."
     )
     bench.say(f"A step of one robot / of each of sixty, in calls of `pin.aba` ({told} us):")
     bench.table(["law", *ARMS], rows)
@@ -291,24 +289,6 @@ def campaign(bench: Bench) -> None:
     bench.table(["workers", "clock [s]", "over the engine's own", "processors [s]"], rows)
 
 
-def search(bench: Bench) -> None:
-    """Print what the paper's whole search takes: 60 x 80 candidates, 20 s at 1 ms each."""
-    generations = 1 if bench.quick else 80
-    law, e = fp.paper_controller(supervised=False), fp.paper_experiment()
-    began = time.perf_counter()
-    result = fp.tune(
-        e, law, Space(integral_order=(0, 1), derivative_order=(0, 1)), QuadraticCost(1.0, 0.0),
-        SearchSettings(generations=generations, workers=2),
-    )  # fmt: skip
-    seconds = time.perf_counter() - began
-    bench.say(
-        f"The paper's search, 60 x {generations} candidates of 20 s, {result.simulations} of them "
-        f"simulated, takes {seconds:.1f} s with two threads, "
-        f"{1e9 * seconds / result.simulations / (e.rows - 1):.0f} ns a step by the clock, and ends "
-        f"at a cost of {result.cost:.5f}."
-    )
-
-
 if __name__ == "__main__":
     run(__doc__, {"steps": steps, "ticks": ticks, "threads": threads, "compiling": compiling,
-                  "campaign": campaign, "search": search})  # fmt: skip
+                  "campaign": campaign})  # fmt: skip

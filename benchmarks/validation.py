@@ -1,29 +1,27 @@
-"""Our simulation beside a real machine, a published study, and MuJoCo.
+"""Is the simulation right: beside a real machine, a study of others, and MuJoCo?
 
-    python benchmarks/validation.py [FOLDER]
-
-FOLDER holds ``reference.csv`` and ``measured.csv`` (or ``.csv.gz``) of a real double pendulum, A.0:
+machine: our closed loop against the encoder log of a real double pendulum under PD, 75 s, and by
+how much other laws would have followed better, with the machine's encoders, in the same simulation.
+``--data FOLDER`` holds ``reference.csv`` and ``measured.csv`` (or ``.csv.gz``) of the pendulum A.0:
 ``trajectory-pos-20`` and the log ``20220812-061157-PM`` of its PD experiment, both from
 github.com/dfki-ric-underactuated-lab/double_pendulum (BSD-3): time, pos1, pos2, vel1, vel2 and, in
-the log, tau1, tau2. The package ships no data. Without FOLDER the first part is left out.
+the log, tau1, tau2. The package ships no data. Without it this part is left out.
 
-1  Our closed loop against the machine's encoder log, 75 s, and by how much other laws would have
-   followed better than its PD, with the machine's encoders, in the same simulation.
-2  Thirteen scenarios of a planar two-link with PID: github.com/yzh423/PID-MATLAB, August 2026.
-3  Our laws, tick by tick, in MuJoCo's own simulation of three arms.
+study: thirteen scenarios of a planar two-link with PID: github.com/yzh423/PID-MATLAB, August 2026.
+
+in_mujoco: our laws, tick by tick, in MuJoCo's own simulation of three arms.
 """
 
 from __future__ import annotations
 
 import math
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from common import RESULTS, Report, arm_of, around_home, on_reference, table
+from common import Bench, arm_of, around_home, on_reference, run
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
@@ -95,9 +93,12 @@ def both(values: np.ndarray, digits: int = 1) -> str:
     return " / ".join(f"{v:.{digits}f}" for v in values)
 
 
-def machine(report: Report, folder: Path) -> None:
+def machine(bench: Bench) -> None:
     """Run the machine's experiment again, then with other laws."""
-    reference, measured = columns(folder, "reference"), columns(folder, "measured")
+    if bench.data is None:
+        bench.say("The real double pendulum was left out: no --data.")
+        return
+    reference, measured = columns(bench.data, "reference"), columns(bench.data, "measured")
     t, q, tau = measured[:, 0], measured[:, 1:3], measured[:, 5:7]
     inertias = tuple(i - m * c**2 for i, m, c in zip(INERTIAS, MASSES, CENTRES, strict=True))
     model = pendulum(MASSES, (LENGTH, 0.2), CENTRES, inertias, rotors=ROTORS)
@@ -105,23 +106,25 @@ def machine(report: Report, folder: Path) -> None:
     motion = RecordedMotion(reference[:, 0], reference[:, 1:3])
     seconds = float(np.floor(t[-1]))
     pd = fp.Pid(kp=20.0, ki=0.0, kd=0.6, name="PD, as on the machine")
-    ours = fp.simulate(fp.Experiment(arm, motion, duration=seconds), pd)
+    ours = fp.simulate(fp.Experiment(arm, motion, duration=seconds, dynamics="compiled"), pd)
 
     def at(values: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(t, ours.t, values[:, k]) for k in range(2)], axis=1)
 
     angles, torques = at(ours.q), at(ours.torque)
     wanted = motion.sample(t)[0]
-    report.add("## A real double pendulum, 75 s, tracked by PD", "")
+    bench.say("A real double pendulum, 75 s, tracked by PD:")
     heads = ["joints 1 / 2", "angles, RMS [mrad]", "torque, RMS [N m]"]
     rows = [
         ("error on the machine, by its encoders", wanted - q, tau),
         ("error in our simulation", wanted - angles, torques),
         ("simulation - machine", angles - q, torques - tau),
     ]
-    report.add(*table(heads, [(n, both(1e3 * rms(a)), both(rms(u), 3)) for n, a, u in rows]))
+    bench.table(heads, [(n, both(1e3 * rms(a)), both(rms(u), 3)) for n, a, u in rows])
     # Laws at the rate, and with the sensors, that the machine had.
-    real = fp.Experiment(arm, motion, duration=seconds, step=RATE, sensors=SENSORS)
+    real = fp.Experiment(
+        arm, motion, duration=seconds, step=RATE, sensors=SENSORS, dynamics="compiled"
+    )
     best: dict[str, Any] = {"feedforward": True, "observer": "suggested", "step": RATE}
     laws = [
         pd,
@@ -133,25 +136,24 @@ def machine(report: Report, folder: Path) -> None:
         ),
     ]  # fmt: skip
     runs = fp.simulate(real, laws)
-    report.add("What other laws would have done there, by simulation with its encoders:", "")
+    bench.say("What other laws would have done there, by simulation with its encoders:")
     heads = ["law", "error, RMS [mrad]", "torque, RMS [N m]", "variation of the torque [N m]"]
-    report.add(*table(heads, [
+    bench.table(heads, [
         (law.name, both(1e3 * run.metrics.rms), both(rms(run.torque), 3),
          both(run.metrics.total_variation, 0))
         for law, run in zip(laws, runs, strict=True)
-    ]))  # fmt: skip
+    ])  # fmt: skip
     apart, ratio = both(1e3 * rms(angles - q)), runs[0].metrics.rms / runs[2].metrics.rms
     noise = runs[2].metrics.total_variation.sum() / runs[0].metrics.total_variation.sum()
-    report.add(
+    bench.say(
         f"The simulated angles are within {apart} mrad RMS of the machine's. With the sensors that "
         f"it had, FPID with feedforward and observer would have had {1 / ratio[0]:.0%} and "
-        f"{1 / ratio[1]:.0%} of the PD's error, while its torque varies {noise:.1f} times as much.",
-        "",
-    )  # fmt: skip
-    draw(t, q, angles, wanted)
+        f"{1 / ratio[1]:.0%} of the PD's error, while its torque varies {noise:.1f} times as much."
+    )
+    bench.figure(drawn(t, q, angles, wanted), "validation.png", "The machine and our simulation")
 
 
-def draw(t: np.ndarray, q: np.ndarray, ours: np.ndarray, wanted: np.ndarray) -> None:
+def drawn(t: np.ndarray, q: np.ndarray, ours: np.ndarray, wanted: np.ndarray) -> Any:
     """Draw what was measured, what is simulated, and their difference."""
     from matplotlib.figure import Figure
 
@@ -170,8 +172,7 @@ def draw(t: np.ndarray, q: np.ndarray, ours: np.ndarray, wanted: np.ndarray) -> 
     axes[0, 0].set_ylabel("angle [rad]")
     axes[1, 0].set_ylabel("simulation - machine\n[mrad]")
     axes[0, 0].legend()
-    RESULTS.mkdir(exist_ok=True)
-    figure.savefig(RESULTS / "validation.png", dpi=110)
+    return figure
 
 
 # The study: a planar two-link, q from the x axis, SI units.
@@ -235,7 +236,8 @@ def study_case(
     nominal = arm if (lengths, tip, factor) == NOMINAL else study_case().arm
     return fp.Experiment(
         nominal.with_limits(effort=limits), Quintic((0.0, 0.0), np.deg2rad([45.0, 60.0]), 3.0),
-        duration=5.0, integrator="rk4", plant=fp.Plant(arm=arm, disturbance=push),
+        duration=5.0, integrator="rk4", dynamics="compiled",
+        plant=fp.Plant(arm=arm, disturbance=push),
     )  # fmt: skip
 
 
@@ -249,7 +251,7 @@ def tool_error(run: fp.Run, lengths: tuple[float, float]) -> float:
     return float(np.linalg.norm(place(run.q) - place(run.q_ref), axis=1).max())
 
 
-def study(report: Report) -> None:
+def study(bench: Bench) -> None:
     """Run the scenarios with both of its PIDs, and with FPID + feedforward + observer."""
     laws = {
         "manual": StudyPid(kp=(120.0, 100.0), ki=(40.0, 30.0), kd=(25.0, 18.0)),
@@ -263,23 +265,19 @@ def study(report: Report) -> None:
     for case, changes in CASES.items():
         experiment = study_case(**changes)
         for name, law in laws.items():
-            run = fp.simulate(experiment, law)
-            last = run.error[run.t >= run.t[-1] - 0.5 - 1e-9]
+            seen = fp.simulate(experiment, law)
+            last = seen.error[seen.t >= seen.t[-1] - 0.5 - 1e-9]
             steady = rms(last)
             lengths = changes.get("lengths", (0.45, 0.35))
             good = (
-                run.outcome.completed
+                seen.outcome.completed
                 and (steady <= STEADY_RMS).all()
                 and (np.abs(last).max(axis=0) <= STEADY_ERROR).all()
-                and tool_error(run, lengths) <= TOOL_ERROR
+                and tool_error(seen, lengths) <= TOOL_ERROR
             )
             passed[name] += good
-            errors[name].append(rms(run.error).mean())
+            errors[name].append(rms(seen.error).mean())
             cells[case] += [both(1e3 * steady, 3), "yes" if good else "no"]
-    report.add("## Thirteen scenarios of a planar two-link", "")
-    heads = ["error of the last .5 s, RMS [mrad]"]
-    report.add(*table([*heads, *(h for name in laws for h in (name, "passed"))],
-                      [(case, *row) for case, row in cells.items()]))  # fmt: skip
     rows = []
     for name in laws:
         found = (passed[name], float(np.mean(errors[name])), float(np.max(errors[name])))
@@ -288,51 +286,53 @@ def study(report: Report) -> None:
             name, f"{found[0]} of {len(CASES)}", f"{found[1]:.5f}", f"{found[2]:.5f}",
             "-" if printed is None else f"{printed[0]}, {printed[1]:.5f}, {printed[2]:.5f}",
         ))  # fmt: skip
+    bench.say(
+        "Of the thirteen scenarios of a planar two-link "
+        + ", ".join(f"{name} passes {passed[name]}" for name in laws)
+        + "; the study printed 8 for its manual PID and 10 for its optimised one."
+    )
     heads = ["law", "passed", "both joints' RMS error, mean [rad]", "largest [rad]", "printed"]
-    report.add(*table(heads, rows))
+    bench.table(heads, rows)
+    bench.details("Thirteen scenarios: error of the last .5 s, RMS [mrad]")
+    heads = ["scenario", *(head for name in laws for head in (name, "passed"))]
+    bench.table(heads, ([case, *row] for case, row in cells.items()))
 
 
-def in_mujoco(report: Report) -> None:
+def in_mujoco(bench: Bench) -> None:
     """Run laws in MuJoCo, a tick at a time, and here; its step is semi-implicit Euler, too."""
     import mujoco
-    from against_mujoco import mujoco_model
+    from speed import mujoco_model
 
-    rows = []
+    rows, seconds = [], 1.0 if bench.quick else 4.0
     for name in ("two_link", "ur5", "panda"):
         arm = arm_of(name).with_friction(viscous=0.0, dry=0.0)  # MuJoCo treats it otherwise
         model = mujoco_model(arm)
         motion = around_home(arm)
-        experiment = fp.Experiment(arm, motion, duration=4.0, **on_reference(motion))
+        experiment = fp.Experiment(arm, motion, duration=seconds, **on_reference(motion))
         for law in (
             fp.suggest_gains(arm, name="FPID"),
             fp.suggest_gains(arm, feedforward=True, observer="suggested", name="FPID + f. + o."),
             fp.ComputedTorque(k0=100.0, k1=20.0, name="computed torque"),
         ):
-            run, data = fp.simulate(experiment, law), mujoco.MjData(model)
-            data.qpos[:], data.qvel[:] = run.q[0], run.v[0]
-            loop, apart = law.start(arm, step=1e-3, horizon=4.0), 0.0
-            references = motion.sample(run.t)
-            for k in range(len(run.t) - 1):
+            seen, data = fp.simulate(experiment, law), mujoco.MjData(model)
+            data.qpos[:], data.qvel[:] = seen.q[0], seen.v[0]
+            loop, apart = law.start(arm, step=1e-3, horizon=seconds), 0.0
+            references = motion.sample(seen.t)
+            for k in range(len(seen.t) - 1):
                 data.qfrc_applied[:] = loop.torque(
                     data.qpos, data.qvel, *(part[k] for part in references)
                 )
                 mujoco.mj_step(model, data)
-                apart = max(apart, float(np.abs(data.qpos - run.q[k + 1]).max()))
-            rows.append((name, law.name, f"{apart:.1e}", f"{1e3 * run.metrics.rms_tail.max():.3f}"))
-    report.add("## In MuJoCo, tick by tick, 4 s", "")
+                apart = max(apart, float(np.abs(data.qpos - seen.q[k + 1]).max()))
+            error = 1e3 * seen.metrics.rms_tail.max()
+            rows.append((name, law.name, f"{apart:.1e}", f"{error:.3f}"))
+    bench.say(
+        f"Laws that run tick by tick in MuJoCo for {seconds:g} s come within "
+        f"{max(float(row[2]) for row in rows):.0e} rad of our own simulation."
+    )
     heads = ["arm", "law", "largest difference of the angles [rad]", "our tracking error [mrad]"]
-    report.add(*table(heads, rows, text=2))
-
-
-def main() -> None:
-    """Print, and keep in `results`, what is asked for."""
-    report = Report()
-    if len(sys.argv) > 1:
-        machine(report, Path(sys.argv[1]))
-    study(report)
-    in_mujoco(report)
-    report.write("validation.md", "# Checked against a machine, a study of others, and MuJoCo")
+    bench.table(heads, rows, text=2)
 
 
 if __name__ == "__main__":
-    main()
+    run(__doc__, {"machine": machine, "study": study, "in_mujoco": in_mujoco})

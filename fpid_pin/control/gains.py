@@ -37,7 +37,7 @@ HOME_DAMPING, POSE_DAMPING = 0.4, 0.2
 INTEGRAL_PART = 0.3
 #: Errors that dry friction and the largest weight torque may cost before the integral answers, at
 #: which the proportional term may ask for the whole effort limit [rad]. Chosen so that all arms of
-#: the catalogue follow (`benchmarks/results/arms.md`).
+#: the catalogue follow (`benchmarks/results/gains.md`).
 FRICTION_ERROR, WEIGHT_ERROR, EFFORT_ERROR = 0.09, 0.5, 0.05
 #: Error that adaptation takes for large [rad], and the time in which it then doubles a gain [s]:
 #: slow beside any loop of a few rad/s.

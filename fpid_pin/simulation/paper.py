@@ -19,8 +19,8 @@ PUBLISHED_ORDERS = {
     "sign": ((0.921, 0.932), (0.901, 0.931)),
     "integer": ((1.0, 1.0), (1.0, 1.0)),
 }
-# Those with the least int |e|^2 among fixed orders, the paper's gains given: the search of
-# benchmarks/speed.py finds them, benchmarks/orders.py says what else they do.
+# Those with the least int |e|^2 among fixed orders, the paper's gains given: benchmarks/orders.py
+# finds them, with w2 = 0, and says what else they do.
 TUNED_ORDERS = ((0.353, 0.0), (0.564, 0.723))
 _NAMES = {
     "symbol": "FPID, published orders",
