@@ -45,10 +45,9 @@ from fpid_pin.control import (
     gain_ceilings,
     stability_report,
 )
-from fpid_pin.control.damping import GainBox, damping_ratios
+from fpid_pin.control.damping import FrozenLoops, between
 from fpid_pin.control.gains import impossible_joints
-from fpid_pin.control.linear import seeded_poses
-from fpid_pin.control.linear_law import feedback, terms_of
+from fpid_pin.control.poses import seeded_poses
 from fpid_pin.simulation.limits import limit_report
 
 WANTED = 0.05  # [rad]
@@ -203,15 +202,11 @@ def box_of(name: str, step: float, draws: int) -> tuple[int, list[Any]]:
     low, high = (scale * side for side in Safeguards.bounds_of(law.safeguards, arm.n))
     parts = np.random.default_rng(SEED).random((draws, *low.shape))
     parts[1::2] = parts[1::2] < 0.5
-    gains = [GainBox(low, low, high).at(part) for part in parts]
+    gains = [between(low, high, part) for part in parts]
     poses = seeded_poses(arm, draws, SEED)
     poses[::10] = gain_ceilings(arm, law, step=step, poses=1000, seed=SEED).pose
-    twelve = fp.fractional.ExponentialSum(modes=12)
-    loops = terms_of(law, arm, poses, step=step, horizon=200.0, design=twelve)
-    ratios = np.array([
-        damping_ratios(np.linalg.eigvals(loop.closed(feedback(k))) + 0j, step).min()
-        for loop, k in zip(loops, gains, strict=True)
-    ])  # fmt: skip
+    loops = FrozenLoops(arm, law, poses, step=step, horizon=200.0, modes=12)
+    ratios = np.array([loops.damping(k, pose) for pose, k in enumerate(gains)])
     # Dry friction would only help, and torque limits have no place in a kick of 1e-6 rad/s.
     free = arm.with_friction(dry=0.0).with_limits(effort=0.0)
     fixed = dataclasses.replace(law, learning_rate=0.0, safeguards=None)

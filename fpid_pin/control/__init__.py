@@ -4,20 +4,22 @@ from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
 from fpid_pin.control.certificate import GainCertificate, certify_gains
 from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.encoder import EncoderRate
-from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.gains import GainSuggestion, explain_gains, suggest_gains
-from fpid_pin.control.law import Controller
+from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
+from fpid_pin.control.gains import (
+    GainSuggestion,
+    SuggestedFpid,
+    adapt_orders,
+    explain_gains,
+    suggest_gains,
+)
+from fpid_pin.control.law import Controller, Derivative, Integral, Operator
 from fpid_pin.control.loop import Loop, Record
 from fpid_pin.control.observer_bandwidth import suggest_observer
-from fpid_pin.control.operators import Derivative, Integral, Operator
-from fpid_pin.control.pd_gravity import GravityOnly, PdGravity
-from fpid_pin.control.pid import Pid
+from fpid_pin.control.pid import GravityOnly, PdGravity, Pid
 from fpid_pin.control.robot_loop import JointOrder, RobotLoop, Ticks
-from fpid_pin.control.safeguards import Safeguards
 from fpid_pin.control.sliding_mode import SlidingMode
 from fpid_pin.control.slotine_li import SlotineLi
 from fpid_pin.control.stability import StabilityReport, stability_report
-from fpid_pin.control.suggested import SuggestedFpid, adapt_orders
 from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
 
 __all__ = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,15 +9,9 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.linear import (
-    critical_gain,
-    frequencies,
-    gravity_stiffness,
-    pose_limits,
-    seeded_poses,
-)
-from fpid_pin.control.safeguards import Safeguards
+from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
+from fpid_pin.control.poses import gravity_stiffness, seeded_poses, worst_pose
+from fpid_pin.control.stability import critical_gain, frequencies
 from fpid_pin.fractional import Design
 from fpid_pin.fractional.design import modes_of
 
@@ -197,29 +190,3 @@ def gain_ceilings(
 def gain_table(controller: AdaptiveFpid, n: int) -> FloatArray:
     """Return Kp, Ki and Kd of a controller on n joints, (3, n), its scale left out."""
     return np.stack([checks.per_joint(k, getattr(controller, k), n) for k in ("kp", "ki", "kd")])
-
-
-def worst_pose(
-    arm: Arm, measure: Callable[[FloatArray], float], poses: FloatArray
-) -> tuple[float, FloatArray]:
-    """Return the largest value of a positive measure of poses that is found, and where.
-
-    Searched from the two worst of `poses`, (poses, n), by L-BFGS-B within the joints' limits: where
-    an arm is nearly singular samples miss the worst by far.
-    """
-    from scipy.optimize import minimize
-
-    values = np.array([measure(q) for q in poses])
-    order = np.argsort(-values)
-    most, where = float(values[order[0]]), poses[order[0]]
-    low, high = pose_limits(arm)
-    bounds = list(zip(low, np.maximum(low, high), strict=True))
-    for k in order[:2]:
-        found = minimize(
-            lambda q: -np.log(measure(q)), poses[k], method="L-BFGS-B", bounds=bounds,
-            options={"maxiter": 30},
-        )  # fmt: skip
-        value = measure(found.x)
-        if value > most:
-            most, where = value, found.x
-    return most, where

@@ -18,15 +18,20 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.ceilings import DerivativeBound, gain_table
-from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.linear import ComplexArray, LinearSystem, linear_arm
-from fpid_pin.control.linear_law import LinearLaw, feedback, linear_terms
-from fpid_pin.control.safeguards import Safeguards
+from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
+from fpid_pin.control.linear import (
+    ComplexArray,
+    LinearLaw,
+    LinearSystem,
+    feedback,
+    linear_arm,
+    linear_terms,
+)
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -100,19 +105,14 @@ def certify_gains(
     GainCertificate
         Proved, for each pose and to rounding: the sampled loop of the arm linearised at rest there
         and of the law with all its modes is exponentially stable for every sequence of gains in the
-        box, however fast. So it is whatever the learning rates. An observer changes nothing: on the
-        exact model no torque excites it, and what it is wrong by at first dies away by itself. Not
+        box, however fast, and so whatever the learning rates. The condition is sufficient, not
+        necessary. An observer changes nothing: on the exact model no torque excites it. Not
         covered: motion between poses, torque limits, dry friction, a wrong model.
 
     Raises
     ------
     ArgumentError
         A fractional design without modes, orders that adapt, or no gain that may move.
-
-    Notes
-    -----
-    Scaled small gain with a constant D, its norm bounded at all frequencies (`norm_bound`).
-    Sufficient, not necessary: a wider box may be stable, too.
     """
     checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
     if np.any(controller.order_learning_rate):
@@ -131,32 +131,23 @@ def certify_gains(
         if where.shape[1:] != (n,):
             raise checks.ArgumentError("poses", f"shape (poses, {n})", f"shape {where.shape}")
     table = initial * scale
-    law, terms = linear_terms(controller, arm, step=step, horizon=horizon, used=np.sign(table))
+    terms = linear_terms(controller, arm, step=step, horizon=horizon, used=np.sign(table))
     reaches = np.array([
-        _proved_reach(law, terms, linear_arm(arm, q, step=step), table, width * scale)
-        for q in where
+        _proved_reach(terms, linear_arm(arm, q, step=step), table, width * scale) for q in where
     ])  # fmt: skip
     reach = float(reaches.min())
     low, high = np.maximum(initial - reach * width, 0.0), initial + reach * width
-    guards = controller.safeguards or Safeguards()
-    guards = dataclasses.replace(guards, minimum=low, maximum=high)
-    return GainCertificate(
-        controller=dataclasses.replace(controller, safeguards=guards),
-        reach=reach,
-        low=checks.read_only(low),
-        high=checks.read_only(high),
-        poses=checks.read_only(where),
-        reaches=checks.read_only(reaches),
-    )
+    guards = dataclasses.replace(controller.safeguards or Safeguards(), minimum=low, maximum=high)
+    law = dataclasses.replace(controller, safeguards=guards)
+    return GainCertificate(law, reach, *map(checks.read_only, (low, high, where, reaches)))
 
 
 def _proved_reach(
-    law: LinearLaw, terms: FloatArray, plant: LinearSystem, gains: FloatArray, radius: FloatArray
+    terms: LinearLaw, plant: LinearSystem, gains: FloatArray, radius: FloatArray
 ) -> float:
     """Return the part of `radius`, (3, n), by which gains may move at a pose; 0: none is proved."""
-    torque, r, eye = feedback(gains), radius.reshape(-1), np.eye(gains.shape[1])
-    whole = law.open_loop(plant)
-    system = LinearSystem(whole.a, whole.b, terms @ whole.c)
+    torque, r = feedback(gains), radius.reshape(-1)
+    system = terms.open_loop(plant)
     closed = system.closed(torque)
     if np.abs(np.linalg.eigvals(closed)).max() >= 1.0:
         return 0.0
@@ -164,15 +155,15 @@ def _proved_reach(
     def response(angle: FloatArray) -> ComplexArray:
         """Return T (I - K0 T)^-1 at angles of z, (K,) [rad], as (K, 3 n, n)."""
         z = np.exp(1j * angle)
-        t = terms @ law.response(z) @ plant.response(z)
-        return np.asarray(t @ np.linalg.inv(eye - torque @ t))
+        t = terms.response(z) @ plant.response(z)
+        return np.asarray(t @ np.linalg.inv(np.eye(len(torque)) - torque @ t))
 
-    lowest = min(0.1 * float((1.0 - law.decay).min(initial=1.0)), 1e-6)
+    lowest = min(0.1 * float((1.0 - terms.decay).min(initial=1.0)), 1e-6)
     found = response(np.geomspace(lowest, np.pi, FREQUENCIES))
     d = best_scaling(r[:, np.newaxis] * found[::3], r > 0.0)
     left, right = (d * r)[:, np.newaxis], joint_factors(d, r > 0.0)
     scaled = LinearSystem(closed, system.b * right, left * system.c)
-    most = float(_norms(left * found * right).max())
+    most = float(np.linalg.norm(left * found * right, 2, axis=(1, 2)).max())
     return PART / norm_bound(scaled, lambda angle: left * response(angle) * right, most)
 
 
@@ -181,9 +172,8 @@ def norm_bound(
 ) -> float:
     """Return a bound on the norm of a stable system's response over the unit circle.
 
-    It is at most `EXCESS` times the largest norm that is met, and inf where none is found.
-
-    A singular value of the response is gamma at the frequency w only where a Hamiltonian matrix of
+    It is at most `EXCESS` times the largest norm that is met, and inf where none is found. A
+    singular value of the response is gamma at the frequency w only where a Hamiltonian matrix of
     gamma has the eigenvalue j w (Boyd, Balakrishnan and Kabamba, Mathematics of Control, Signals,
     and Systems 2, 1989), in the variable s of z = (1 + s)/(1 - s), which takes the unit circle to
     the imaginary axis. Where eigenvalues that are near it show larger norms, gamma rises (Bruinsma
@@ -200,20 +190,17 @@ def norm_bound(
         gamma = EXCESS * most
         r = np.linalg.inv(gamma**2 * np.eye(d.shape[1]) - d.T @ d)
         own = a + b @ r @ d.T @ c
-        hamiltonian = np.block([
-            [own, b @ r @ b.T], [-c.T @ (np.eye(len(d)) + d @ r @ d.T) @ c, -own.T]
-        ])  # fmt: skip
-        s = np.linalg.eigvals(hamiltonian)
+        lower = -c.T @ (np.eye(len(d)) + d @ r @ d.T) @ c
+        s = np.linalg.eigvals(np.block([[own, b @ r @ b.T], [lower, -own.T]]))
         near = np.unique(np.abs(s.imag[np.abs(s.real) < NEAR * np.abs(s)]))
         angle = 2.0 * np.arctan(np.append(near, np.sqrt(near[1:] * near[:-1])))
-        largest = _norms(response(angle)).max(initial=0.0)
-        if largest < (1.0 - 1e-6) * gamma:
+        most = np.linalg.norm(response(angle), 2, axis=(1, 2)).max(initial=0.0)
+        if most < (1.0 - 1e-6) * gamma:
             return gamma
-        most = largest
     return np.inf
 
 
-def best_scaling(response: ComplexArray, used: NDArray[np.bool_]) -> FloatArray:
+def best_scaling(response: ComplexArray, used: BoolArray) -> FloatArray:
     """Return D, (3 n), that makes the largest scaled norm of responses, (K, 3 n, n), about least.
 
     The logarithm of the norm is convex in ln D (Sezginer and Overton, IEEE Transactions on
@@ -225,17 +212,15 @@ def best_scaling(response: ComplexArray, used: NDArray[np.bool_]) -> FloatArray:
     def merit(log_d: FloatArray, power: float) -> tuple[float, FloatArray]:
         d = np.exp(log_d)
         right = joint_factors(d, used)
-        scaled = d[:, np.newaxis] * response * right
-        square, v = np.linalg.eigh(np.conj(np.swapaxes(scaled, 1, 2)) @ scaled)
-        square, v = square[:, -1], v[:, :, -1]
-        u = np.abs((scaled @ v[:, :, np.newaxis])[:, :, 0]) ** 2 / (square[:, np.newaxis] + 1e-300)
-        log_size = 0.5 * np.log(square + 1e-300)
+        u, sizes, v = np.linalg.svd(d[:, np.newaxis] * response * right, full_matrices=False)
+        log_size = np.log(sizes[:, 0] + 1e-150)
         weights = np.exp(power * (log_size - log_size.max()))
-        total = weights.sum()
-        # Which part of a joint's factor is each term's.
+        # The norm's derivative by the left factors, less that by the right ones: which part of a
+        # joint's factor is each term's.
         part = np.where(used, d**-2.0, 0.0) / np.maximum(np.tile(right**2, 3), 1e-300)
-        slope = weights @ (u - np.tile(np.abs(v) ** 2, 3) * part) / total
-        return float(log_size.max() + np.log(total) / power), slope
+        by_d = np.abs(u[:, :, 0]) ** 2 - np.tile(np.abs(v[:, 0]) ** 2, 3) * part
+        value = log_size.max() + np.log(weights.sum()) / power
+        return float(value), weights @ by_d / weights.sum()
 
     log_d = np.zeros(response.shape[1])
     for power in POWERS:
@@ -243,11 +228,6 @@ def best_scaling(response: ComplexArray, used: NDArray[np.bool_]) -> FloatArray:
     return np.asarray(np.exp(log_d))
 
 
-def joint_factors(d: FloatArray, used: NDArray[np.bool_]) -> FloatArray:
+def joint_factors(d: FloatArray, used: BoolArray) -> FloatArray:
     """Return one factor a joint, (n,), for E D^-1: the root of E D^-2 E^T, which is diagonal."""
     return np.asarray(np.sqrt(np.where(used, d**-2.0, 0.0).reshape(3, -1).sum(axis=0)))
-
-
-def _norms(matrices: ComplexArray) -> FloatArray:
-    """Return the spectral norm of each matrix, (K,)."""
-    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
 from typing import TYPE_CHECKING, Any
@@ -12,8 +11,7 @@ import numpy as np
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.ceilings import DerivativeBound
 from fpid_pin.control.fpid import AdaptiveFpid
-from fpid_pin.control.linear import ComplexArray
-from fpid_pin.control.linear_law import feedback, terms_of
+from fpid_pin.control.linear import feedback, linear_arm, linear_terms
 from fpid_pin.fractional import ExponentialSum
 
 if TYPE_CHECKING:
@@ -49,20 +47,34 @@ class FrozenLoops:
     """
 
     def __init__(
-        self, arm: Arm, law: AdaptiveFpid, poses: FloatArray, *, step: float, horizon: float
-    ) -> None:
-        self.step, self.poses = step, poses
-        design = ExponentialSum(modes=MODES)
-        self._loops = terms_of(law, arm, poses, step=step, horizon=horizon, design=design)
+        self, arm: Arm, law: AdaptiveFpid, poses: FloatArray, *, step: float, horizon: float,
+        modes: int = MODES,
+    ) -> None:  # fmt: skip
+        self.step, self.poses, design = step, poses, ExponentialSum(modes=modes)
+        terms = linear_terms(law, arm, step=step, horizon=horizon, design=design)
+        self._loops = [terms.open_loop(linear_arm(arm, q, step=step)) for q in poses]
 
     def damping(self, gains: FloatArray, pose: int) -> float:
         """Return the least damping ratio with Kp, Ki, Kd, (3, n), scale included, at a pose."""
         poles = np.linalg.eigvals(self._loops[pose].closed(feedback(gains)))
-        return float(damping_ratios(np.asarray(poles, np.complex128), self.step).min())
+        return float(self._ratios(poles).min())
 
     def ratios(self, gains: FloatArray) -> FloatArray:
         """Return the least damping ratio at every pose, (poses,)."""
         return np.array([self.damping(gains, pose) for pose in range(len(self.poses))])
+
+    def _ratios(self, poles: Any) -> FloatArray:
+        """Return the damping ratio -Re(s)/|s| of each pole z = exp(s h).
+
+        Poles that hardly oscillate, |Im s| < `SLOW`, have 1, or -1 outside the unit circle. So have
+        those beyond a quarter of the Nyquist frequency: they are the derivative's own, and the
+        sampled-data bound sees to them.
+        """
+        s = np.log(poles + (0j + 1e-300)) / self.step
+        size = np.abs(s)
+        motion = (np.abs(s.imag) > SLOW) & (size < 0.25 * np.pi / self.step)
+        rest = np.where(np.abs(poles) < 1.0, 1.0, -1.0)
+        return np.where(motion, -s.real / np.maximum(size, 1e-300), rest)
 
     def slopes(self, gains: FloatArray, pose: int, count: int = 1) -> tuple[FloatArray, FloatArray]:
         """Return the least damping ratios, (count,), and their derivatives by ln K, (count, 3, n).
@@ -72,11 +84,10 @@ class FrozenLoops:
         """
         loop = self._loops[pose]
         values, right = np.linalg.eig(loop.closed(feedback(gains)))
-        poles = np.asarray(values, np.complex128)
-        ratios = damping_ratios(poles, self.step)
-        least = np.argsort(np.where(poles.imag >= 0.0, ratios, 2.0))[:count]
-        left = np.linalg.solve(right.T, np.eye(len(poles))[:, least])
-        z = poles[least]
+        ratios = self._ratios(values)
+        least = np.argsort(np.where(values.imag >= 0.0, ratios, 2.0))[:count]
+        left = np.linalg.solve(right.T, np.eye(len(values))[:, least])
+        z = values[least] + 0j
         terms = (loop.c @ right[:, least]).reshape(*gains.shape, count)
         by_torque = loop.b.T @ left / (z * self.step)
         rate = np.moveaxis(gains[:, :, np.newaxis] * terms * by_torque, -1, 0)  # ds/d ln K
@@ -87,83 +98,59 @@ class FrozenLoops:
         return ratios[least], np.asarray(slopes)
 
 
-def damping_ratios(poles: ComplexArray, step: float) -> FloatArray:
-    """Return the damping ratio -Re(s)/|s| of each pole z = exp(s h).
+def between(low: FloatArray, high: FloatArray, part: FloatArray) -> FloatArray:
+    """Return the gains between low (part 0) and high (1), in ratio."""
+    return np.asarray(low ** (1.0 - part) * high**part)
 
-    Poles that hardly oscillate, |Im s| < `SLOW`, have 1, or -1 outside the unit circle. So have
-    those beyond a quarter of the Nyquist frequency: they are the derivative's own, and the
-    sampled-data bound sees to them.
+
+def is_damped(loops: FrozenLoops, low: FloatArray, high: FloatArray) -> bool:
+    """Return whether all that is tried in a box of gains keeps `BOX_DAMPING` at every pose.
+
+    Tried are the eight corners at which all joints are alike; from the worst of them, corners
+    that the derivative of the damping ratio points to, until it points nowhere new; and
+    seeded points inside.
     """
-    s = np.log(poles + 1e-300) / step
-    size = np.abs(s)
-    motion = (np.abs(s.imag) > SLOW) & (size < 0.25 * np.pi / step)
-    rest = np.where(np.abs(poles) < 1.0, 1.0, -1.0)
-    return np.where(motion, -s.real / np.maximum(size, 1e-300), rest)
-
-
-@dataclass(frozen=True, eq=False)
-class GainBox:
-    """Least and largest Kp, Ki, Kd, (3, n), scale included, around `initial` ones.
-
-    That each of its points is stable while it stands still says nothing about gains that move: see
-    `certificate`.
-    """
-
-    low: FloatArray
-    initial: FloatArray
-    high: FloatArray
-
-    def shrunk(self, part: float) -> GainBox:
-        """Return the box whose sides are nearer, in ratio: at part 0 it is `initial` alone.
-
-        The low side comes nearer with the square of `part`: it is of less use to adaptation, and
-        where gravity is unstable, low Kp is what breaks the loop.
-        """
-        low = self.initial * (self.low / self.initial) ** part**2
-        return GainBox(low, self.initial, self.initial * (self.high / self.initial) ** part)
-
-    def at(self, part: FloatArray) -> FloatArray:
-        """Return the gains between low (0) and high (1), in ratio."""
-        return np.asarray(self.low ** (1.0 - part) * self.high**part)
-
-    def is_damped(self, loops: FrozenLoops) -> bool:
-        """Return whether all that is tried keeps `BOX_DAMPING` at every pose.
-
-        Tried are the eight corners at which all joints are alike; from the worst of them, corners
-        that the derivative of the damping ratio points to, until it points nowhere new; and
-        seeded points inside.
-        """
-        shape = self.low.shape
-        corners = [np.outer(ends, np.ones(shape[1])) for ends in product((0.0, 1.0), repeat=3)]
-        for pose in range(len(loops.poses)):
-            found = [loops.damping(self.at(corner), pose) for corner in corners]
-            if min(found) < BOX_DAMPING:
-                return False
-            corner = corners[int(np.argmin(found))]
-            for _ in range(TURNS):
-                ratio, slope = loops.slopes(self.at(corner), pose)
-                if ratio[0] < BOX_DAMPING:
-                    return False
-                worse = np.where(slope[0] > 0.0, 0.0, 1.0)
-                if np.array_equal(worse, corner):
-                    break
-                corner = worse
-        rng = np.random.default_rng(0)
-        inside = (
-            loops.damping(self.at(rng.random(shape)), int(rng.integers(len(loops.poses))))
-            for _ in range(INSIDE)
-        )
-        return all(ratio >= BOX_DAMPING for ratio in inside)
-
-    def certified(self, loops: FrozenLoops) -> tuple[GainBox, float]:
-        """Return the largest part of the box that is found damped, and that part, by bisection."""
-        if self.is_damped(loops):
-            return self, 1.0
-        low, high = 0.0, 1.0
+    corners = [np.outer(ends, np.ones(low.shape[1])) for ends in product((0.0, 1.0), repeat=3)]
+    for pose in range(len(loops.poses)):
+        found = [loops.damping(between(low, high, corner), pose) for corner in corners]
+        if min(found) < BOX_DAMPING:
+            return False
+        corner = corners[int(np.argmin(found))]
         for _ in range(TURNS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if self.shrunk(middle).is_damped(loops) else (low, middle)
-        return self.shrunk(low), low
+            ratio, slope = loops.slopes(between(low, high, corner), pose)
+            if ratio[0] < BOX_DAMPING:
+                return False
+            worse = np.where(slope[0] > 0.0, 0.0, 1.0)
+            if np.array_equal(worse, corner):
+                break
+            corner = worse
+    rng = np.random.default_rng(0)
+    parts = [(rng.random(low.shape), int(rng.integers(len(loops.poses)))) for _ in range(INSIDE)]
+    inside = (loops.damping(between(low, high, part), pose) for part, pose in parts)
+    return all(ratio >= BOX_DAMPING for ratio in inside)
+
+
+def damped_box(
+    loops: FrozenLoops, low: FloatArray, initial: FloatArray, high: FloatArray
+) -> tuple[FloatArray, FloatArray, float]:
+    """Return the largest part of a box around gains that is found damped, and that part.
+
+    All gains are Kp, Ki, Kd, (3, n), scale included. At a part below 1 the box's sides are nearer
+    to the gains, in ratio; the low one with the square of the part: it is of less use to
+    adaptation, and where gravity is unstable, low Kp is what breaks the loop. That each point of a
+    box is stable while it stands still says nothing about gains that move: see `certificate`.
+    """
+
+    def sides(part: float) -> tuple[FloatArray, FloatArray]:
+        return initial * (low / initial) ** part**2, initial * (high / initial) ** part
+
+    if is_damped(loops, low, high):
+        return low, high, 1.0
+    most, beyond = 0.0, 1.0
+    for _ in range(TURNS):
+        middle = 0.5 * (most + beyond)
+        most, beyond = (middle, beyond) if is_damped(loops, *sides(middle)) else (most, middle)
+    return *sides(most), most
 
 
 def nearest_gains(
@@ -186,8 +173,8 @@ def nearest_gains(
     slower = np.array([2.0, 3.0, 1.0])  # Kp, Ki, Kd go with these powers of the bandwidth
     merit = np.append(-np.ones(3 * n), PENALTY)
     limits = [(-8.0, 0.0)] * (3 * n) + [(0.0, 2.0)]
-    active_bound: list[FloatArray] = []
-    active_damping: list[int] = []
+    heavy_poses: list[FloatArray] = []
+    undamped_poses: list[int] = []
 
     def gains(y: FloatArray) -> FloatArray:
         return np.asarray(wanted * np.exp(y[:-1].reshape(3, n)))
@@ -198,11 +185,11 @@ def nearest_gains(
         y = np.frombuffer(key)
         table = gains(y)
         values, rows = [], []
-        for pose in active_bound:
+        for pose in heavy_poses:
             load, parts = bound.load_at(table[2], pose)
             values.append(np.log(part / load))
             rows.append([*np.zeros(2 * n), *-parts, 0.0])
-        for k in active_damping:
+        for k in undamped_poses:
             for ratio, slope in zip(*loops.slopes(table, k, count=PAIRS), strict=True):
                 values.append(ratio - damping[k] + y[-1])
                 rows.append([*slope.reshape(-1), 1.0])
@@ -217,14 +204,14 @@ def nearest_gains(
     def searched(y: FloatArray) -> FloatArray:
         for turn in range(ROUNDS):
             short = damping - loops.ratios(gains(y)) - y[-1]
-            new = [k for k in np.flatnonzero(short > SLACK).tolist() if k not in active_damping]
+            new = [k for k in np.flatnonzero(short > SLACK).tolist() if k not in undamped_poses]
             load, pose = bound.worst(gains(y)[2])
             heavy = load > (1.0 + SLACK) * part
             # A lowered start may be damped where the first was not, and lower than it need be.
-            if not new and not heavy and (turn or not active_damping):
+            if not new and not heavy and (turn or not undamped_poses):
                 break
-            active_damping.extend(new)
-            active_bound.extend([pose] * heavy)
+            undamped_poses.extend(new)
+            heavy_poses.extend([pose] * heavy)
             constraints.cache_clear()
             y = minimize(
                 lambda y: merit @ y, y, jac=lambda _: merit, method="SLSQP", bounds=limits,

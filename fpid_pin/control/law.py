@@ -2,19 +2,71 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
+from abc import ABC
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from fpid_pin.control.base import Law
-from fpid_pin.control.operators import Derivative, Integral, Operator
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fpid_pin import checks
+from fpid_pin.checks import Flag, FloatArray, Number, OneOf, PerJoint
+from fpid_pin.control.supervisor import Supervisor
+from fpid_pin.descriptions import Description
+from fpid_pin.fractional import Design, ExponentialSum
+from fpid_pin.kernels.records import GIVEN
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
     from fpid_pin.control.loop import Loop
 
+#: What a law may take its signals to have been before t = 0: see `fpid_pin.fractional.Bank`.
+INITIALISATIONS = ("caputo", "grunwald_letnikov")
+#: Largest bandwidth of an observer, times the step. There what it estimates, once cancelled, still
+#: bears two samples of delay that nobody told it of, or a model 5.7 times too heavy; from 1.4 on
+#: two samples make it unstable. The noise of xi is 0.44 sigma/step there where that of speeds is
+#: sigma, and 0.016 at 0.1.
+FASTEST = 1.0
+
+
+@dataclass(frozen=True)
+class Operator:
+    """A fractional operator of one signal of a law, one for each joint.
+
+    Parameters
+    ----------
+    order
+        The law's field that holds the order, in [0, 1], or the order itself.
+    of
+        The signal: ``e``, another given number, or a number that the law remembers.
+    sign
+        1 or -1: whether the signal pushes the torque upwards or downwards where it is positive.
+        An integral is held while the torque is cut and it would push further.
+    adapts
+        Whether the law changes the order while it runs, by its field's name; next to the output
+        ``name`` it then has ``name_by_order``, the derivative of the output by the order, one
+        sample old.
+    """
+
+    order: str | float
+    of: str = "e"
+    sign: int = 1
+    adapts: bool = False
+
+
+class Derivative(Operator):
+    """D^mu of a signal, eq. (4) with a measured rate where the signal has one."""
+
+
+class Integral(Operator):
+    """I^lambda of a signal, that is D^(1 - lambda) of its integral."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Controller(Law):
+class Controller(Description, ABC):
     """A control law and its parameters for one robot: a frozen dataclass (``eq=False``).
 
     A law of one's own has fields, and functions in one of three forms. CONTRIBUTING.md has an
@@ -80,6 +132,87 @@ class Controller(Law):
         finds the derivatives of S . tau by them in ``c.by_m`` and so on.
     """
 
+    memory: ClassVar[tuple[str, ...]] = ()
+    uses_model: ClassVar[bool] = False
+    estimates_model: ClassVar[bool] = False
+    surface: ClassVar[Any] = None
+    torque: ClassVar[Any] = None
+    adapt: ClassVar[Any] = None
+    torques: ClassVar[Any] = None
+    adapts: ClassVar[Any] = None
+    control: ClassVar[Any] = None
+
+    scale: Annotated[str | ArrayLike, OneOf("none", "inertia"), PerJoint(above=0.0)] = "none"
+    feedforward: Annotated[bool, Flag] = False
+    observer: Annotated[float, Number("rad/s", low=0.0)] = 0.0
+    supervisor: Supervisor | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.feedforward and self.uses_model:
+            kind = type(self).__name__
+            raise checks.ArgumentError("feedforward", f"none: {kind} has the model itself", True)
+        _ = self.bandwidth  # refuses two observers that differ
+
+    @property
+    def bandwidth(self) -> float:
+        """Of the one observer of law and supervisor [rad/s]; 0: none.
+
+        Raises
+        ------
+        ArgumentError
+            The two ask for different ones.
+        """
+        other = 0.0 if self.supervisor is None else self.supervisor.observer
+        if self.observer and other and self.observer != other:
+            raise checks.ArgumentError(
+                "observer", f"the supervisor's bandwidth ({other:g} rad/s)", self.observer
+            )
+        return self.observer or other
+
+    # ------------------------------------------------------------- what the engine asks
+
+    @property
+    def operators(self) -> Mapping[str, Operator]:
+        """Fractional operators, by the name of their output."""
+        return {}
+
+    @property
+    def shown(self) -> Mapping[str, str]:
+        """Numbers for the record, by the name that a run has for them."""
+        return {name: name for name in self.memory}
+
+    @property
+    def fractional_design(self) -> Design:
+        """How the operators are realised."""
+        design = getattr(self, "design", None)
+        return design if isinstance(design, Design) else ExponentialSum(modes=24)
+
+    def numbers(self, arm: Arm, step: float, horizon: float) -> Mapping[str, ArrayLike]:
+        """Return the law's numbers on an arm at the start, by name, each a scalar or (n,).
+
+        By default all fields that are numbers. `scale` is the engine's.
+        """
+        return {
+            field.name: getattr(self, field.name)
+            for field in dataclasses.fields(self)
+            if field.name not in _OPTIONS and is_number(getattr(self, field.name))
+        }
+
+    def arrays(self, arm: Arm, step: float, horizon: float) -> FloatArray:
+        """Return the arrays of a law of the whole robot at the start, (rows, columns)."""
+        return np.zeros((0, 0))
+
+    def scale_on(self, arm: Arm) -> FloatArray:
+        """Return the factor of the law's own torque on each joint of an arm, (n,)."""
+        if isinstance(self.scale, str):
+            return np.ones(arm.n) if self.scale == "none" else np.diag(arm.mass_matrix(arm.home))
+        return checks.per_joint("scale", self.scale, arm.n)
+
+    def begin(self, state: Any) -> None:
+        """Prepare what a law in plain Python remembers; see `control.state.State`."""
+
     def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> Controller:
         """Return the law that this is on an arm: itself, unless its gains depend on the arm."""
         return self
@@ -100,11 +233,60 @@ class Controller(Law):
         -------
         Loop
         """
-        # Imported late: it loads numba.
+        # Imported late: they load numba.
         from fpid_pin.control.loop import Loop
-        from fpid_pin.control.start import start_all
+        from fpid_pin.control.state import start_all
 
         return Loop(lambda: start_all([self], arm, step=step, horizon=horizon)[0], self)
 
 
-__all__ = ["Controller", "Derivative", "Integral", "Operator"]
+_OPTIONS = {field.name for field in dataclasses.fields(Controller)}
+
+
+def is_number(value: Any) -> bool:
+    """Return whether a field holds numbers: a scalar or an array of them (truth is none)."""
+    if isinstance(value, (tuple, list)):
+        return len(value) > 0 and all(map(is_number, value))
+    return isinstance(value, (int, float, np.ndarray, np.number)) and not isinstance(value, bool)
+
+
+def check_declared(law: Controller, numbers: Sequence[str]) -> None:
+    """Check what a law declares, `numbers` being the names of its numbers.
+
+    Refused are names that are taken (a field ``bandwidth`` would be taken for the observer's),
+    operators that are none, a memory that is one name, and an order that is to adapt and is in no
+    field.
+    """
+    for field in dataclasses.fields(law):
+        if field.name not in _OPTIONS and hasattr(Controller, field.name):
+            raise checks.ArgumentError(field.name, "another name", "one that all laws have")
+    checks.instance("memory", law.memory, (tuple, list), "a tuple of names")
+    for name in numbers:
+        if name in GIVEN.names:  # type: ignore[operator]
+            raise checks.ArgumentError(name, "another name", f"{name}, which every law is given")
+    given = {*GIVEN.names, *numbers, *law.memory}  # type: ignore[misc]
+    checks.instance("operators", law.operators, Mapping, "a dictionary of operators")
+    for output, operator in law.operators.items():
+        name = f"operators.{output}"
+        checks.instance(name, operator, Operator, "a Derivative or an Integral")
+        if output in given:
+            raise checks.ArgumentError(name, "a name of its own", f"{output}, which is taken")
+        if operator.sign not in (1, -1):
+            raise checks.ArgumentError(f"{name}.sign", "1 or -1", operator.sign)
+        if operator.adapts and not isinstance(operator.order, str):
+            raise checks.ArgumentError(name, "an order in a field, to adapt it", operator.order)
+
+
+def observer_gains(bandwidth: float, step: float) -> tuple[float, float]:
+    """Return the gains of `kernels.observer`, 1 - p^2 and (1 - p)^2/h; 0 for no bandwidth.
+
+    Raises
+    ------
+    ArgumentError
+        An observer faster than the sampling allows.
+    """
+    if bandwidth * step > FASTEST + 1e-9:
+        expected = f"at most {FASTEST:g}/step ({FASTEST / step:g} rad/s)"
+        raise checks.ArgumentError("observer", expected, f"{bandwidth:g} rad/s")
+    pole = math.exp(-bandwidth * step)
+    return 1.0 - pole**2, (1.0 - pole) ** 2 / step

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+from bisect import bisect_left
 from functools import cache
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.control.law import Controller
-from fpid_pin.control.linear import linear_arm, seeded_poses
-from fpid_pin.control.linear_law import LinearLaw, linearised
-from fpid_pin.control.parameters import FASTEST, observer_gains
+from fpid_pin.control.law import FASTEST, Controller, observer_gains
+from fpid_pin.control.linear import LinearLaw, linear_arm, linearised
+from fpid_pin.control.poses import seeded_poses
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.fractional import ExponentialSum
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
-SUGGESTED = "suggested"
 #: Part of the delay that the law alone bears which the loop with an observer must still bear.
 DELAY_PART = 0.5
 #: Inertia of the true arm over the model's: a load that nobody told of, and one that is not there.
@@ -93,7 +93,7 @@ def suggest_observer(
 
     def stable(pose: int, ratio: float, samples: int, omega: float = 0.0) -> bool:
         plant = linear_arm(arm, poses[pose], step=step, inertia=ratio, late=samples)
-        poles = np.linalg.eigvals(law(pose, omega).closed_loop(plant))
+        poles = np.linalg.eigvals(law(pose, omega).open_loop(plant).closed(np.eye(arm.n)))
         return bool(np.abs(poles).max() < 1.0 + ROUNDING)
 
     if not stable(0, 1.0, late):
@@ -105,44 +105,34 @@ def suggest_observer(
         )
         return 0.0
     omega = min(_quiet(arm, law(0, 0.0), step, noise), FASTEST / step)
-    for pose in range(POSES):
-        for ratio in INERTIA_RATIOS:
-            # What the law alone bears, from -1 samples, at which everything is stable.
-            low, high = -1, max(late, LATEST) + 1
-            while high - low > 1:
-                middle = (low + high) // 2
-                low, high = (middle, high) if stable(pose, ratio, middle) else (low, middle)
-            asked = max(late, int(DELAY_PART * low))
-            if low >= late and not stable(pose, ratio, asked, omega):
-                slow, fast = 0.0, omega
-                for _ in range(HALVINGS):
-                    half = 0.5 * (slow + fast)
-                    slow, fast = (half, fast) if stable(pose, ratio, asked, half) else (slow, half)
-                omega = slow
+    for pose, ratio in product(range(POSES), INERTIA_RATIOS):
+        # What the law alone bears, from -1 samples, at which everything is stable.
+        samples = range(max(late, LATEST) + 1)
+        borne = bisect_left(samples, True, key=lambda k: not stable(pose, ratio, k)) - 1
+        asked = max(late, int(DELAY_PART * borne))
+        if borne >= late and not stable(pose, ratio, asked, omega):
+            slow, fast = 0.0, omega
+            for _ in range(HALVINGS):
+                half = 0.5 * (slow + fast)
+                slow, fast = (half, fast) if stable(pose, ratio, asked, half) else (slow, half)
+            omega = slow
     return omega
-
-
-def check_observer(observer: float | str) -> float | str:
-    """Check a bandwidth that may be ``"suggested"``."""
-    if isinstance(observer, str):
-        return checks.choice("observer", observer, (SUGGESTED,))
-    return checks.number("observer", observer, low=0.0)
 
 
 def _quiet(arm: Arm, law: LinearLaw, step: float, noise: float) -> float:
     """Return the bandwidth at which the torque varies by 1 + `noise` times as much."""
+    from scipy.optimize import brentq
+
     # What is answered at once is what q' adds to the torque directly.
     whole = law.open_loop(linear_arm(arm, arm.home, step=step))
-    answer = (law.torque @ whole.c)[:, arm.n : 2 * arm.n]
+    answer = whole.c[:, arm.n : 2 * arm.n]
     inertia = arm.mass_matrix(arm.home) + step * np.diag(arm.viscous_friction)
 
     def size(omega: float) -> float:
         both = observer_gains(omega, step)[1] * inertia - answer
         return float(np.sqrt((both**2 + answer**2).sum(axis=1)).sum())
 
-    low, high = 0.0, FASTEST / step
-    allowed = (1.0 + noise) * size(0.0)
-    for _ in range(50):
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if size(middle) > allowed else (middle, high)
-    return low
+    allowed, fastest = (1.0 + noise) * size(0.0), FASTEST / step
+    if size(fastest) <= allowed:
+        return fastest
+    return float(brentq(lambda omega: size(omega) - allowed, 0.0, fastest, xtol=1e-12 * fastest))

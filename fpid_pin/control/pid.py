@@ -1,4 +1,4 @@
-"""The classical PID of each joint by itself, gains fixed."""
+"""PID control of each joint by itself, PD control beside the weight, and the weight alone."""
 
 from __future__ import annotations
 
@@ -37,3 +37,58 @@ class Pid(Controller):
     def torque(c: Any) -> Any:
         """Return u over the scale."""
         return c.kp * c.e + c.ki * c.int_e + c.kd * c.e_dot
+
+
+@described("pd_gravity")
+@dataclass(frozen=True, eq=False)
+class PdGravity(Controller):
+    """``u = s (Kp e + Kd e' + Ki int e) + G(q)``, G of the nominal model at the measured pose.
+
+    Globally asymptotically stable for set points on the exact model (Takegaki and Arimoto, ASME
+    Journal of Dynamic Systems, Measurement, and Control 103, 1981; Siciliano et al., *Robotics*,
+    2009, section 8.5.1). A wrong model leaves an offset, unless the integral removes it or an
+    observer does.
+
+    Parameters
+    ----------
+    kp, kd
+        Scalar or (n,) [N m/rad], [N m s/rad], over the scale's unit if any.
+    ki
+        Of the integral [N m/(rad s)], likewise, held where the torque is cut; 0: none.
+    scale, observer, supervisor, name
+        See `Controller`.
+    """
+
+    kp: Annotated[ArrayLike, PerJoint("N m/rad", low=0.0)]
+    kd: Annotated[ArrayLike, PerJoint("N m s/rad", low=0.0)]
+    ki: Annotated[ArrayLike, PerJoint("N m/(rad s)", low=0.0)] = 0.0
+    name: str = field(default="PD + gravity", kw_only=True)
+
+    # At rest, w = 0 and a = 0, the model's part is G alone.
+    uses_model = True
+
+    @staticmethod
+    def torque(c: Any) -> Any:
+        """Return the torque beside gravity's, over the scale."""
+        return c.kp * c.e + c.kd * c.e_dot + c.ki * c.int_e
+
+
+@described("none")
+@dataclass(frozen=True, eq=False)
+class GravityOnly(Controller):
+    """``u = G(q)`` of the nominal model: no control but the weight, "none" in tables.
+
+    Parameters
+    ----------
+    name
+        What tables and figures call it.
+    """
+
+    name: str = field(default="none (gravity only)", kw_only=True)
+
+    uses_model = True
+
+    @staticmethod
+    def torque(c: Any) -> Any:
+        """Return nothing beside gravity."""
+        return 0.0

@@ -13,8 +13,13 @@ from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
-from fpid_pin.control.operators import Integral, check_declared
-from fpid_pin.control.parameters import observer_gains
+from fpid_pin.control.law import (
+    INITIALISATIONS,
+    Controller,
+    Integral,
+    check_declared,
+    observer_gains,
+)
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
@@ -26,12 +31,9 @@ from fpid_pin.kernels.rollout import step_tick
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
-    from fpid_pin.control.base import Law
 
 #: Rates of given signals.
 RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
-#: Parts of a tick, for `kernels.rollout.step_tick`.
-SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 
 
 #: Orders at which the table is laid out that orders which vary are interpolated in: a cubic on this
@@ -70,13 +72,15 @@ class State:
         For laws in plain Python: what they remember; signals for the record, (n,) arrays.
     """
 
-    def __init__(self, controller: Law, arm: Arm, *, step: float, horizon: float) -> None:
+    #: Parts of a tick, for `kernels.rollout.step_tick`.
+    SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
+
+    def __init__(self, controller: Controller, arm: Arm, *, step: float, horizon: float) -> None:
         self.controller, self.arm, self.n = controller, arm, arm.n
         self.step = checks.number("step", step, above=0.0)
         self.horizon, n = horizon, arm.n
-        controller.check_fields()
         given = controller.numbers(arm, step, horizon)
-        check_declared(controller.operators, controller.memory, list(given))
+        check_declared(controller, list(given))
         # Operators of given signals come first; the others follow the law's surface.
         self._operators = sorted(controller.operators.items(), key=lambda x: x[1].of not in EARLY)
         names = [*ESTIMATES, *SLOPES] if controller.estimates_model else []
@@ -90,7 +94,7 @@ class State:
         except ValueError as error:
             raise ArgumentError("fields and memory", "other names", str(error)) from None
         self._columns = {name: k for k, name in enumerate(self.record.names)}
-        for name, field in self.shown_names().items():
+        for name, field in controller.shown.items():
             if field not in self._columns:
                 raise ArgumentError(f"shown.{name}", "a number of the law", field)
         numbers = np.zeros((n, len(self.record.names)))
@@ -243,7 +247,7 @@ class State:
         self._step = entry_point(step_tick, *self.c, self.inputs, self.torque, 0)
 
     def make(self, parts: int) -> None:
-        """Make parts of a tick: a sum of `SIGNALS`, `MODEL`, `TORQUES` and `ADAPT`."""
+        """Make parts of a tick: a sum of `SIGNALS`, `MODEL`, `TORQUES`, `ADAPT`."""
         if self._step is None:
             self.prepare()
         self._step(*self.c, self.inputs, self.torque, parts)
@@ -256,19 +260,20 @@ class State:
         """
         # Gains move by the signals of the last tick, so that until then they are those that made
         # its torque.
-        first = (ADAPT if self._ticked else 0) | SIGNALS
+        first = (self.ADAPT if self._ticked else 0) | self.SIGNALS
         self._ticked = True
         if model is None and not self.in_python:
-            self.make(first | MODEL | TORQUES)
+            self.make(first | self.MODEL | self.TORQUES)
             return
-        self.make(first if model is not None else first | MODEL)
+        self.make(first if model is not None else first | self.MODEL)
         if model is not None:
             model(self)
         if self.in_python:
-            self._control()
-        self.make(TORQUES)
+            self.ask_python()
+        self.make(self.TORQUES)
 
-    def _control(self) -> None:
+    def ask_python(self) -> None:
+        """Have a law in plain Python say its torques."""
         law = self.controller
         try:
             asked = np.asarray(law.control(self, *self.inputs.copy()), dtype=np.float64)
@@ -284,19 +289,15 @@ class State:
     def signals(self) -> Mapping[str, Any]:
         """Return live views of what a record should hold beside the torque, (n,) or scalars."""
         found: dict[str, Any] = {}
-        for name, field in self.shown_names().items():
+        for name, field in self.controller.shown.items():
             found[name] = self.joints[field]
             if field == "lyapunov":
                 found[name] = found[name][:1].reshape(())
         return found | self.shown
 
-    def shown_names(self) -> Mapping[str, str]:
-        """Return the names of signals for the record, and the numbers that they are."""
-        return self.controller.shown
-
     def columns(self, names: Sequence[str]) -> Any:
         """Return which columns of the numbers hold some signals, (names,)."""
-        shown = self.shown_names()
+        shown = self.controller.shown
         return np.array([self._columns[shown[name]] for name in names], dtype=np.int64)
 
     # ----------------------------------------------------------- for laws in plain Python
@@ -321,3 +322,38 @@ class State:
     def ticks_within_horizon(self) -> int:
         """How many ticks the fractional memories are fitted for; 0: there are none."""
         return round(self.horizon / self.step) + 1 if self.orders.size else 0
+
+
+def start_all(
+    controllers: Sequence[Controller], arm: Arm, *, step: float, horizon: float
+) -> list[State]:
+    """Start laws on robots of one arm, each in a state of its own.
+
+    The modes of laws with the same operators are fitted together, which costs hardly more than
+    one.
+    """
+    # A suggestion takes a second, and most populations have one description many times. It is not
+    # fitted to a horizon: a run's gains must not depend on how long it lasts.
+    known = {id(c): c for c in controllers}
+    laws = {key: law.on(arm, step=step) for key, law in known.items()}
+    each = [laws[id(c)] for c in controllers]
+    states = [State(law, arm, step=step, horizon=horizon) for law in each]
+    groups: dict[Any, list[State]] = {}
+    for state in states:
+        if state.orders.size:
+            law = state.controller
+            key = (law.fractional_design, getattr(law, "initialisation", "caputo"))
+            groups.setdefault((*key, state.orders.shape), []).append(state)
+    for (design, initialisation, _), members in groups.items():
+        checks.choice("initialisation", initialisation, INITIALISATIONS)
+        grid = {"step": step, "horizon": horizon}
+        modes = modes_of(design, np.array([state.orders for state in members]), **grid)
+        if modes.shared_poles:
+            ops, poles, values = modes.records(initialisation)
+            for state, own, value in zip(members, ops, values, strict=True):
+                state.use_modes(own, poles, value)
+        else:
+            for state in members:
+                alone = modes_of(design, state.orders, **grid)
+                state.use_modes(*alone.records(initialisation))
+    return states

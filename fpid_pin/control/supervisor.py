@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint
-from fpid_pin.control.linear import seeded_poses
+from fpid_pin.control.poses import seeded_poses
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import FpidWarning
 

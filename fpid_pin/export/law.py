@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 from fpid_pin import checks
 from fpid_pin.control import Controller
-from fpid_pin.control.base import Law
 from fpid_pin.exceptions import ExportError
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ def start(controller: Controller, arm: Arm, step: float, horizon: float) -> Stat
     ExportError
         More joints than `MOST_JOINTS`, or a law in plain Python.
     """
-    from fpid_pin.control.start import start_all
+    from fpid_pin.control.state import start_all
 
     checks.instance("controller", controller, Controller, "a controller")
     if arm.n > MOST_JOINTS:
@@ -46,7 +45,7 @@ def start(controller: Controller, arm: Arm, step: float, horizon: float) -> Stat
     return state
 
 
-def stand_ins(controller: Law, joints: str = "joints") -> Mapping[Any, Any]:
+def stand_ins(controller: Controller, joints: str = "joints") -> Mapping[Any, Any]:
     """Return what stands in the place of calls of a law's functions by address, for `Program`.
 
     `joints` is the array of the controller that has the joints' whole records.

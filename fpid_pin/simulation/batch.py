@@ -9,7 +9,7 @@ import numpy as np
 
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.control.start import start_all
+from fpid_pin.control.state import start_all
 from fpid_pin.costs import Cost, Metrics, Rows
 from fpid_pin.costs.cost import BLOCK_ROWS, MOTION, RowCosts
 from fpid_pin.costs.metrics import metrics_from
@@ -43,7 +43,7 @@ def start_robots(
     robots = []
     for i, e in enumerate(experiments):
         state = states[i]
-        names = [*state.shown_names(), *state.shown] if keep is None else keep
+        names = [*state.controller.shown, *state.shown] if keep is None else keep
         limit = e.torque_limit if measures else None
         robots.append(Robot(e, state, dynamics=e.dynamics or dynamics, keep=names, limit=limit))
     return robots

@@ -14,8 +14,7 @@ from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.control.start import start_all
-from fpid_pin.control.state import State
+from fpid_pin.control.state import State, start_all
 from fpid_pin.costs import SETTLING_BAND, Rows
 from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.exceptions import SimulationError
@@ -106,7 +105,7 @@ class Block:
 class Robot:
     """One experiment under one controller, advanced a block of rows at a time.
 
-    `state` is the controller's (`control.start.start_all`), `keep` names its signals to record,
+    `state` is the controller's (`control.state.start_all`), `keep` names its signals to record,
     and `limit` is that of the torque [N m], (n,), which figures of merit are measured against;
     None: they are not wanted.
 
@@ -154,7 +153,7 @@ class Robot:
         self.q, self.v, self.torque = self.arrays.q, self.arrays.v, state.torque
         self._rubs = bool(plant.dry_friction.any())
         self._sensors = SensorState(experiment.sensors, experiment.seed, n, h)
-        self.keep = [name for name in keep if name in state.shown_names()]
+        self.keep = [name for name in keep if name in state.controller.shown]
         self._own = [name for name in keep if name in state.shown]
         self._columns = state.columns(self.keep)
         self.sums = np.zeros(n if limit is not None else 0, MEASURE)

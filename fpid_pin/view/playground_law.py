@@ -15,11 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.control.fpid import AdaptiveFpid
+from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
 from fpid_pin.control.functions import plain_function
-from fpid_pin.control.law import Controller, Integral
-from fpid_pin.control.parameters import is_number
-from fpid_pin.control.safeguards import Safeguards
+from fpid_pin.control.law import Controller, Integral, is_number
 from fpid_pin.control.state import State
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.exceptions import ArgumentError, DesignError, FpidError, FpidWarning

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.suggested import SuggestedFpid
+from fpid_pin.control.gains import SuggestedFpid
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.maps import convergence, cost_map, heat_map, profile

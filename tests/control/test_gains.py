@@ -13,8 +13,7 @@ import pytest
 import fpid_pin as fp
 from fpid_pin.control import Safeguards, explain_gains, gain_ceilings, suggest_gains
 from fpid_pin.control.ceilings import critical_derivative
-from fpid_pin.control.gains import impossible_joints
-from fpid_pin.control.suggested import SuggestedFpid
+from fpid_pin.control.gains import SuggestedFpid, impossible_joints
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional import Crone, ExponentialSum
 from fpid_pin.references import Hold

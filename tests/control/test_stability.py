@@ -8,8 +8,8 @@ from own_laws import PythonPid
 
 import fpid_pin as fp
 from fpid_pin.control import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
-from fpid_pin.control.linear import gravity_stiffness, linear_arm
-from fpid_pin.control.linear_law import linearised
+from fpid_pin.control.linear import linear_arm, linearised
+from fpid_pin.control.poses import gravity_stiffness
 from fpid_pin.control.stability import stability_report
 from fpid_pin.references import Hold
 
@@ -144,7 +144,7 @@ def test_on_the_exact_model_an_observer_adds_two_poles_p_and_moves_none(bandwidt
     plant, found = linear_arm(arm, arm.home, step=STEP), []
     for one in (law, dataclasses.replace(law, observer=bandwidth)):
         linear = linearised(one, arm, arm.home, step=STEP, horizon=1.0)
-        found.append(np.linalg.eigvals(linear.closed_loop(plant)))
+        found.append(np.linalg.eigvals(linear.open_loop(plant).closed(np.eye(arm.n))))
     p = np.exp(-bandwidth * STEP)
     alone = np.sort_complex(np.concatenate([found[0], [p, p, p, p]]))
     # A pole that is double comes out at the root of the rounding.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.control.start import start_all
+from fpid_pin.control.state import start_all
 from fpid_pin.kernels import supervisor, tick
 from fpid_pin.kernels.records import GIVEN, ROBOT
 
