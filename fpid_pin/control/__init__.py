@@ -3,7 +3,6 @@
 from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
 from fpid_pin.control.certificate import GainCertificate, certify_gains
 from fpid_pin.control.computed_torque import ComputedTorque
-from fpid_pin.control.encoder import EncoderRate
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
 from fpid_pin.control.gains import (
     GainSuggestion,
@@ -16,7 +15,7 @@ from fpid_pin.control.law import Controller, Derivative, Integral, Operator
 from fpid_pin.control.loop import Loop, Record
 from fpid_pin.control.observer_bandwidth import suggest_observer
 from fpid_pin.control.pid import GravityOnly, PdGravity, Pid
-from fpid_pin.control.robot_loop import JointOrder, RobotLoop, Ticks
+from fpid_pin.control.robot_loop import EncoderRate, RobotLoop, Ticks
 from fpid_pin.control.sliding_mode import SlidingMode
 from fpid_pin.control.slotine_li import SlotineLi
 from fpid_pin.control.stability import StabilityReport, stability_report
@@ -33,7 +32,6 @@ __all__ = [
     "GainSuggestion",
     "GravityOnly",
     "Integral",
-    "JointOrder",
     "Loop",
     "Operator",
     "PdGravity",

@@ -54,12 +54,11 @@ def address_of(function: Any, record: Any, role: str, *, columns: int = 0) -> in
     """
     function = plain_function(function)
     stamp = _stamp(function)
-    key = (stamp, record.names, role, columns)
-    if stamp is None or key not in _KNOWN:
-        found = _bind(function, record, role, columns, key)
-        if stamp is None:
-            key = (str(next(_COUNT)), *key[1:])
-        _KNOWN[key] = found
+    # What is not known by all that it uses is compiled each time, and not kept on disk.
+    key = (stamp or str(next(_COUNT)), record.names, role, columns)
+    if key not in _KNOWN:
+        digest = hashlib.sha256(repr(key).encode()).hexdigest() if stamp else None
+        _KNOWN[key] = _bind(function, record, role, columns, digest)
     return _KNOWN[key][0]
 
 
@@ -74,7 +73,9 @@ def plain_function(function: Any) -> Any:
     return getattr(function, "py_func", function)
 
 
-def _bind(function: Any, record: Any, role: str, columns: int, key: Any) -> tuple[int, Any]:
+def _bind(
+    function: Any, record: Any, role: str, columns: int, digest: str | None
+) -> tuple[int, Any]:
     if _numba.config.DISABLE_JIT:
         address = next(_COUNT)
         plain = _over_arrays(function, role, columns, lambda array, _: array)
@@ -84,7 +85,7 @@ def _bind(function: Any, record: Any, role: str, columns: int, key: Any) -> tupl
         return address, None
     try:
         called = _over_arrays(compile_plain(function, cache=False), role, columns, _numba.carray)
-        return _compiled(called, _signature(record), key)
+        return _compiled(called, record, role, digest)
     except FpidError:
         raise
     except Exception as error:
@@ -125,14 +126,6 @@ def _place_of_attribute(function: Any, name: str) -> str | None:
 
 def _short(path: str) -> str:
     return path.replace("\\", "/").rpartition("/")[2]
-
-
-def _signature(record: Any) -> Any:
-    types = _numba.types
-    pointers = [types.CPointer(_numba.from_dtype(d)) for d in (record, BODY, LINK)]
-    reals = types.CPointer(types.float64)
-    joints, bodies, links = pointers
-    return types.void(joints, reals, bodies, links, reals, reals, types.int64, types.int64)
 
 
 def _over_arrays(inner: Any, role: str, columns: int, carray: Any) -> Callable[..., None]:
@@ -181,15 +174,20 @@ class _Cache(FunctionCache):
         return (sig, codegen.magic_tuple(), self._own_key)
 
 
-def _compiled(called: Any, signature: Any, key: Any) -> tuple[int, Any]:
-    result: Any = _CFunc(called, _normalized(signature), {}, {"error_model": "numpy"})
-    if key[0] is not None and compiled.CACHE is not None:
-        digest = hashlib.sha256(repr(key).encode()).hexdigest()
+def _compiled(called: Any, record: Any, role: str, digest: str | None) -> tuple[int, Any]:
+    """Return the address of a function with the arguments of `call_law`, and what keeps it."""
+    types = _numba.types
+    pointers = [types.CPointer(_numba.from_dtype(d)) for d in (record, BODY, LINK)]
+    reals = types.CPointer(types.float64)
+    arguments = (pointers[0], reals, *pointers[1:], reals, reals, types.int64, types.int64)
+    signature = _normalized(types.void(*arguments))
+    result: Any = _CFunc(called, signature, {}, {"error_model": "numpy"})
+    if digest is not None and compiled.CACHE is not None:
         before = _numba.config.CACHE_DIR
         _numba.config.CACHE_DIR = str(compiled.CACHE)
         try:
             # An index of its own for each function: what breaks one leaves the others alone.
-            called.__qualname__ = f"law_{key[2]}_{digest[:16]}"
+            called.__qualname__ = f"law_{role}_{digest[:16]}"
             result._cache = _Cache(called, digest)
             compiled._forgive(result._cache)
         except RuntimeError:

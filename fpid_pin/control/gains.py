@@ -160,8 +160,8 @@ def explain_gains(
         (`DerivativeBound`) at the worst pose, and damping ratios are at least 0.4 at home and
         0.2 at the heaviest pose, the lightest, the most unstable and some random ones. Projection
         keeps adapted gains within 0.7 and four times these, under the ceilings of `gain_ceilings`,
-        in a `GainBox` that is damped at all those poses. Learning rates make 0.05 rad of error
-        double a gain in about five seconds.
+        in a box that is damped at all those poses (`damped_box`). Learning rates make 0.05 rad of
+        error double a gain in about five seconds.
 
     Warns
     -----

@@ -100,7 +100,7 @@ class LinearLaw:
     @property
     def measured(self) -> int:
         """How many of the signals are q and q': 2 n."""
-        return self.torque.shape[1] - len(self.direct) - len(self.following)
+        return int(self.torque.shape[1]) - len(self.direct) - len(self.following)
 
     def open_loop(self, arm: LinearSystem) -> LinearSystem:
         """Return arm and law, the loop cut at the joints: from torque to u; the arm's states first.

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
-from fpid_pin.control.encoder import EncoderRate
+from fpid_pin.checks import FloatArray, Number, PerJoint
 from fpid_pin.control.loop import INPUTS, ROWS, Loop, Record
+from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import listed
 
@@ -22,6 +22,109 @@ if TYPE_CHECKING:
 
 #: A tick counts as late from this part of a step on.
 LATE = 0.1
+#: Numbers of a robot's joints in its order, (m,), or by joint.
+Joints = ArrayLike | Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class EncoderRate(Description):
+    """Joint rates of a robot that measures angles only.
+
+    The difference of two angles over the time between them, smoothed by a first-order low pass:
+
+        v_k = v_(k-1) + h/(tau + h) ((q_k - q_(k-1))/h - v_(k-1))
+
+    A joint that moves by more than half a turn from one angle to the next cannot be told from one
+    that moves the other way.
+
+    Parameters
+    ----------
+    tau
+        Time constant [s]; 0 is the difference alone.
+    turn
+        After which angle an encoder begins again [rad], 2 pi say; (n,) where joints differ, inf for
+        those that do not; None: none does.
+
+    Raises
+    ------
+    ArgumentError
+        A `tau` below 0, or a `turn` that is not above 0.
+    """
+
+    tau: Annotated[float, Number("s", low=0.0)] = 0.005
+    turn: Annotated[ArrayLike | None, PerJoint("rad", above=0.0, finite=False)] = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.turn is not None:  # as what is hashed and compared
+            turn = np.asarray(self.turn)
+            self._set(turn=tuple(turn.tolist()) if turn.ndim else float(turn))
+
+    def delay(self, step: float) -> float:
+        """Return by how much slow motions are late, ``tau + h/2`` [s]; compare delay_margin.
+
+        Half a step is the difference's own: it is the rate in the middle of the step.
+        """
+        return self.tau + 0.5 * step
+
+    def noise(self, resolution: float, step: float) -> float:
+        """Return the rate's standard deviation [rad/s] for angles in steps of `resolution` [rad].
+
+        Rounding counts as white noise of ``resolution/sqrt(12)``, as it is while the joint moves by
+        more than a step of it a tick.
+        """
+        a = step / (self.tau + step)
+        return float(resolution / np.sqrt(12.0) * a / step * np.sqrt(2.0 / (2.0 - a)))
+
+    def nearest(self, angle: FloatArray, to: FloatArray) -> FloatArray:
+        """Return `angle` moved by whole turns, to within half a turn of `to` [rad].
+
+        With `to` the angle before, a motion goes on where the encoder begins again.
+        """
+        if self.turn is None:
+            return angle
+        turn = np.asarray(self.turn)
+        finite = np.where(np.isinf(turn), 0.0, turn)
+        return np.asarray(angle - finite * np.round((angle - to) / turn))
+
+    def by_joint(self, arm: Arm) -> EncoderRate:
+        """Return it with a turn for each joint; one number is for revolute joints alone."""
+        if self.turn is None:
+            return self
+        turn = self.turn
+        if np.ndim(turn) == 0:
+            turn = np.where(np.array(arm.joint_kinds) == "revolute", turn, np.inf)
+        return replace(self, turn=checks.per_joint("rate.turn", turn, arm.n, finite=False))
+
+    def start(self, step: float) -> EncoderRateState:
+        """Start it at a sampling period `step` [s]."""
+        return EncoderRateState(self, checks.number("step", step, above=0.0))
+
+
+class EncoderRateState:
+    """What an `EncoderRate` remembers of any number of joints."""
+
+    def __init__(self, encoder: EncoderRate, step: float) -> None:
+        self.encoder, self._step = encoder, step
+        self._kept = encoder.tau / (encoder.tau + step)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all angles."""
+        self._q: FloatArray | None = None
+        self._v: FloatArray = np.zeros(())
+
+    def rate(self, q: FloatArray, ticks: int = 1) -> FloatArray:
+        """Return the rates [rad/s] for angles `q` [rad], `ticks` after the last; 0 at the first."""
+        if self._q is None:
+            self._v = np.zeros_like(q)
+        else:
+            moved = self.encoder.nearest(q, self._q) - self._q
+            # As if the joint had moved evenly through the ticks that were missed.
+            kept = self._kept**ticks
+            self._v = kept * self._v + (1.0 - kept) * moved / (ticks * self._step)
+        self._q = q.copy()
+        return self._v.copy()
 
 
 @dataclass
@@ -53,63 +156,6 @@ class Ticks:
         )
 
 
-class JointOrder:
-    """Which number of a robot's is which joint of an arm.
-
-    Parameters
-    ----------
-    arm_names
-        The arm's n joints, in its order (`Arm.joint_names`).
-    robot_names
-        The robot's m joints in its order, all of the arm's among them; others, a gripper's say, get
-        no torque.
-
-    Raises
-    ------
-    ArgumentError
-        A joint of the arm that the robot has not, or has twice.
-    """
-
-    def __init__(self, arm_names: Sequence[str], robot_names: Sequence[str]) -> None:
-        self.arm_names, self.robot_names = tuple(arm_names), tuple(robot_names)
-        for name in dict.fromkeys([*self.robot_names, *self.arm_names]):
-            count = self.robot_names.count(name)
-            if count != 1:
-                expected = f"each of {listed(self.arm_names)} once"
-                raise ArgumentError("joint_names", expected, f"{name} {count} times")
-        self._places = np.array([self.robot_names.index(name) for name in self.arm_names])
-        self._shape = (len(self.robot_names),)
-
-    def to_arm(self, name: str, values: Any) -> FloatArray:
-        """Return the arm's numbers, (n,), of the robot's, (m,) or a table by name.
-
-        Raises
-        ------
-        ArgumentError
-            Naming `name`: another length, a joint that is missing, no numbers.
-        """
-        # The checks of a well-made array take longer than all else; they are for the others.
-        if type(values) is np.ndarray and values.shape == self._shape and values.dtype == float:
-            return values.take(self._places)
-        if isinstance(values, Mapping):
-            names = self.arm_names
-            missing = [joint for joint in names if joint not in values]
-            if missing:
-                raise ArgumentError(name, f"a number for {missing[0]}", listed(values))
-            return checks.vector(name, [values[joint] for joint in names], len(names))
-        array = checks.floats(name, values)
-        if array.shape != self._shape:
-            expected = f"shape {self._shape} (the robot's joints)"
-            raise ArgumentError(name, expected, f"shape {array.shape}")
-        return array.take(self._places)
-
-    def to_robot(self, values: FloatArray) -> FloatArray:
-        """Return the robot's numbers, (m,), of the arm's, (n,); 0 for joints that it has not."""
-        found: FloatArray = np.zeros(self._shape)
-        found[self._places] = values
-        return found
-
-
 class RobotLoop:
     """A `Loop` with what hardware needs around it; all numbers are in the robot's order.
 
@@ -130,7 +176,8 @@ class RobotLoop:
     loop
         By ``controller.start``; its step is the period.
     joint_names
-        The robot's joints in its order, as in `JointOrder`; None: the arm's own.
+        The robot's m joints in its order, all of the arm's among them; others, a gripper's say, get
+        no torque. None: the arm's own.
     rate
         Makes rates of angles, where a call brings none; None: every call brings them. Its `turn`,
         if one number, is for revolute joints alone; (n,) is in the arm's order.
@@ -150,7 +197,8 @@ class RobotLoop:
     Raises
     ------
     ArgumentError
-        Names that are not the arm's, negative times, a `turn` for another number of joints.
+        A joint of the arm that the robot has not, or has twice; negative times; a `turn` for
+        another number of joints.
     """
 
     def __init__(
@@ -166,28 +214,34 @@ class RobotLoop:
         checks.instance("loop", loop, Loop, "a Loop (controller.start)")
         arm = loop.state.arm
         self.loop, self.step = loop, loop.state.step
-        self.order = JointOrder(arm.joint_names, joint_names or arm.joint_names)
-        self._rate = None if rate is None else _by_joint(rate, arm).start(self.step)
+        self._names, self._arm_names = tuple(joint_names or arm.joint_names), arm.joint_names
+        for name in dict.fromkeys([*self._names, *self._arm_names]):
+            count = self._names.count(name)
+            if count != 1:
+                expected = f"each of {listed(self._arm_names)} once"
+                raise ArgumentError("joint_names", expected, f"{name} {count} times")
+        self._places = np.array([self._names.index(name) for name in self._arm_names])
+        self._rate = None if rate is None else rate.by_joint(arm).start(self.step)
         self._soft_start = checks.number("soft_start", soft_start, low=0.0)
         self._hold = checks.per_joint("hold", hold, arm.n)
         self._most_missed = checks.integer("most_missed", most_missed, low=0)
-        self._before: FloatArray = np.zeros((5, arm.n))
-        self._record: Record | None = None
         self._begin()
 
     def _begin(self) -> None:
         self._first, self._tick = 0.0, -1
+        self._before: FloatArray = np.zeros((5, len(self._hold)))
         self._torque: FloatArray = self._hold.copy()
+        self._record: Record | None = None
         self.ticks = Ticks()
 
     def torque(
         self,
-        q: ArrayLike | Mapping[str, float],
-        q_ref: ArrayLike | Mapping[str, float],
-        v_ref: ArrayLike | Mapping[str, float],
-        a_ref: ArrayLike | Mapping[str, float] | None = None,
+        q: Joints,
+        q_ref: Joints,
+        v_ref: Joints,
+        a_ref: Joints | None = None,
         *,
-        v: ArrayLike | Mapping[str, float] | None = None,
+        v: Joints | None = None,
         now: float | None = None,
     ) -> Any:
         """Return the torque to give until the next call.
@@ -225,20 +279,25 @@ class RobotLoop:
         x: FloatArray = np.zeros_like(self._before)
         for row, name, value in zip(x, INPUTS, (q, v, q_ref, v_ref, a_ref), strict=True):
             if value is not None:
-                row[:] = self.order.to_arm(name, value)
+                row[:] = self._to_arm(name, value)
         if not np.isfinite(x).all():
             j = int(np.argmin(np.isfinite(x).all(axis=1)))
             raise ArgumentError(INPUTS[j], "finite numbers", "NaN or inf")
         if self._rate is not None:
-            self._unwrap(x, self._rate.encoder)
+            # Angles and references to the turn where they go on.
+            nearest = self._rate.encoder.nearest
+            x[0] = nearest(x[0], x[2] if self._tick < 0 else self._before[0])
+            if self._tick >= 0:
+                x[2] = nearest(x[2], self._before[2])
             made = self._rate.rate(x[0], missed + 1)
             if v is None:
                 x[1] = made
         elif v is None:
             raise ArgumentError("v", "rates, or RobotLoop(rate=EncoderRate())", "none")
         for k in range(1, missed + 1):
-            self._advance(self._before + k / (missed + 1) * (x - self._before), self._torque)
-        self._torque = self._advance(x, None, tick)
+            part = k / (missed + 1)
+            self._advance(self._before + part * (x - self._before), held=self._torque)
+        self._torque = self._advance(x, tick)
         self._before, self._tick = x, tick
         if abs(late) > LATE * self.step:
             self.ticks.late += 1
@@ -261,15 +320,25 @@ class RobotLoop:
             raise ArgumentError("now", "a time that does not go back", f"{now:g} s")
         return tick, now - self._first - tick * self.step
 
-    def _unwrap(self, x: FloatArray, encoder: EncoderRate) -> None:
-        """Take angles and their references to the turn where they go on."""
-        if self._tick < 0:
-            x[0] = encoder.nearest(x[0], x[2])
-            return
-        for row in (0, 2):
-            x[row] = encoder.nearest(x[row], self._before[row])
+    def _to_arm(self, name: str, values: Any) -> FloatArray:
+        """Return the arm's numbers, (n,), of the robot's, (m,) or a table by name."""
+        if isinstance(values, Mapping):
+            missing = [joint for joint in self._arm_names if joint not in values]
+            if missing:
+                raise ArgumentError(name, f"a number for {missing[0]}", listed(values))
+            values = [values[joint] for joint in self._arm_names]
+            return checks.vector(name, values, len(values))
+        # The checks of a well-made array take longer than all else; they are for the others.
+        if type(values) is not np.ndarray or values.dtype != float:
+            values = checks.floats(name, values)
+        if values.shape != (len(self._names),):
+            expected = f"shape {(len(self._names),)} (the robot's joints)"
+            raise ArgumentError(name, expected, f"shape {values.shape}")
+        return values.take(self._places)  # type: ignore[no-any-return]
 
-    def _advance(self, x: FloatArray, held: FloatArray | None, tick: int = 0) -> FloatArray:
+    def _advance(
+        self, x: FloatArray, tick: int = 0, held: FloatArray | None = None
+    ) -> FloatArray:  # fmt: skip
         """Make a tick of the law and return what the drives get; None `held`: the law's torque."""
         torque = self.loop.torque(*x)
         if held is None:
@@ -280,9 +349,11 @@ class RobotLoop:
         return held
 
     def _given(self, q: Any) -> Any:
-        torque = self.order.to_robot(self._torque)
+        """Return the robot's torques, 0 for joints that the arm has not, in the form of `q`."""
+        torque: FloatArray = np.zeros(len(self._names))
+        torque[self._places] = self._torque
         if isinstance(q, Mapping):
-            return dict(zip(self.order.robot_names, torque.tolist(), strict=True))
+            return dict(zip(self._names, torque.tolist(), strict=True))
         return torque
 
     def record(self, rows: int = ROWS) -> Record:
@@ -295,15 +366,4 @@ class RobotLoop:
         self.loop.reset()
         if self._rate is not None:
             self._rate.reset()
-        self._record = None
         self._begin()
-
-
-def _by_joint(rate: EncoderRate, arm: Arm) -> EncoderRate:
-    """Return `rate` with a turn for each joint; one number is for revolute joints alone."""
-    if rate.turn is None:
-        return rate
-    turn = rate.turn
-    if np.ndim(turn) == 0:
-        turn = np.where(np.array(arm.joint_kinds) == "revolute", turn, np.inf)
-    return replace(rate, turn=checks.per_joint("rate.turn", turn, arm.n, finite=False))

@@ -177,37 +177,3 @@ def test_an_order_that_no_gain_or_surface_counts_stays():
 
 
 # ------------------------------------------------------------------------------ bad input
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"order_learning_rate": -0.1}, r"order_learning_rate: expected a number >= 0, got -0.1"),
-        ({"order_learning_rate": np.nan}, r"order_learning_rate: .* got nan"),
-        ({"order_learning_rate": np.ones((3, 2))}, r"order_learning_rate: .*\(2, n\), got .*3, 2"),
-        ({"order_learning_rate": (1.0, 1.0, 1.0)}, r"one length for all joints"),
-        ({"integral_order_bounds": (-0.1, 1.0)}, r"integral_order_bounds.0: .*\[0, 1\], got -0.1"),
-        ({"derivative_order_bounds": (0.3, 1.2)}, r"derivative_order_bounds.1: .* got 1.2"),
-        ({"integral_order_bounds": (0.9, 0.2)}, r"a lower and an upper bound, got \[0.9, 0.2\]"),
-        ({"derivative_order_bounds": 0.5}, r"derivative_order_bounds: expected a lower and an"),
-        ({"derivative_order_bounds": (0.1, 0.5, 1.0)}, r"a lower and an upper bound"),
-    ],
-)
-def test_bad_arguments_give_one_clear_line(changes, message):
-    with pytest.raises(ArgumentError, match=message) as caught:
-        dataclasses.replace(PAPER, **changes)
-    assert "\n" not in str(caught.value)
-
-
-def test_bad_arguments_of_the_rule_give_one_clear_line():
-    arm = fp.Arm.two_link()
-    with pytest.raises(ArgumentError, match="controller: expected an AdaptiveFpid, got Pid"):
-        adapt_orders(fp.Pid(1.0, 0.0, 1.0), arm)
-    with pytest.raises(ArgumentError, match="speed: expected a number >= 0, got -1"):
-        adapt_orders(PAPER, arm, speed=-1.0)
-    with pytest.raises(ArgumentError, match=r"derivative_order_bounds: .* got \[0.3, 0.2\]"):
-        adapt_orders(dataclasses.replace(PAPER, derivative_order=0.2), arm)
-    three = moving(np.ones((2, 3)), kp=1.0, ki=1.0, kd=1.0, integral_order=1.0,
-                   derivative_order=1.0)  # fmt: skip
-    with pytest.raises(ArgumentError, match=r"order_learning_rate: .*\(2,\) or \(2, 2\)"):
-        three.start(arm, step=1e-3)

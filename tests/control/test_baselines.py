@@ -10,7 +10,6 @@ from fpid_pin import descriptions
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.control import Controller, GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.slotine_li import natural_sizes
-from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold, Sinusoid
 
 ALL = [
@@ -89,20 +88,3 @@ def test_descriptions_survive_a_table_and_a_pickle(law):
     table = descriptions.to_dict(law)
     for copy in (descriptions.from_dict(table, Controller), pickle.loads(pickle.dumps(law))):
         assert descriptions.to_dict(copy) == table
-
-
-@pytest.mark.parametrize(
-    ("build", "message"),
-    [
-        (lambda: Pid(kp=-1.0, ki=0.0, kd=0.0), "kp: expected a number >= 0, got -1"),
-        (lambda: Pid(kp=(1.0, 2.0), ki=(1.0, 2.0, 3.0), kd=0.0), "one length for all joints"),
-        (lambda: PdGravity(kp=1.0, kd=np.nan), "kd: expected a number >= 0, got nan"),
-        (lambda: PdGravity(kp=1.0, kd=1.0, scale="inertias"), "did you mean inertia"),
-        (lambda: SlidingMode(slope=1.0, gain=1.0, boundary_layer=-0.1), "boundary_layer"),
-        (lambda: SlotineLi(slope=1.0, damping=1.0, initial=-1.0), "initial"),
-        (lambda: SlotineLi(slope=1.0, damping=1.0, friction=1), "friction: expected true or"),
-    ],
-)
-def test_bad_arguments_are_named(build, message):
-    with pytest.raises(ArgumentError, match=message):
-        build()

@@ -13,7 +13,6 @@ import fpid_pin as fp
 from fpid_pin.control import Safeguards, certify_gains, gain_ceilings, suggest_gains
 from fpid_pin.control.certificate import best_scaling, joint_factors, norm_bound
 from fpid_pin.control.linear import LinearSystem, linear_arm
-from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional.design import modes_of
 
 STEP = 1e-3
@@ -176,24 +175,3 @@ def test_the_page_on_gains_prints_what_is_printed():
         assert number.split(ours)[0] == number.split(theirs)[0]
         first = [[float(x) for x in number.findall(line)[:2]] for line in (ours, theirs)]
         assert first[0] == pytest.approx(first[1], rel=0.05)
-
-
-def test_orders_that_adapt_are_certified_by_nothing_here():
-    law = dataclasses.replace(suggest_gains(TWO), order_learning_rate=0.1)
-    with pytest.raises(ArgumentError, match="controller: expected orders that stay"):
-        certify_gains(TWO, law)
-
-
-@pytest.mark.parametrize(
-    ("others", "message"),
-    [
-        ({"spread": 0.0}, "spread: expected a gain above 0 that may move, got none"),
-        ({"spread": -1.0}, "spread"),
-        ({"poses": [[0.0, 0.0, 0.0]]}, r"poses: expected shape \(poses, 2\), got shape \(1, 3\)"),
-        ({"step": 0.0}, "step: expected a number > 0"),
-    ],
-)
-def test_bad_arguments_to_certificates_are_named(others, message):
-    arm = TWO
-    with pytest.raises(ArgumentError, match=message):
-        certify_gains(arm, suggest_gains(arm), **others)

@@ -45,8 +45,3 @@ def test_where_the_reference_holds_both_are_one_law():
     for name in ("q", "torque", "kd", "derivative_order"):
         assert getattr(measurement, name) == pytest.approx(getattr(error, name), rel=1e-9, abs=1e-9)
     assert np.ptp(error.kd[:, 0]) > 1e-3
-
-
-def test_a_start_that_kicks_by_the_pose_is_refused():
-    with pytest.raises(fp.exceptions.ArgumentError, match="initialisation: expected caputo with"):
-        dataclasses.replace(ON_MEASUREMENT, initialisation="grunwald_letnikov")

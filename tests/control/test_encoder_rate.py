@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fpid_pin.control import EncoderRate
-from fpid_pin.exceptions import ArgumentError
 
 STEP = 1e-3
 
@@ -65,16 +64,3 @@ def test_it_starts_at_rest_and_again_after_a_reset():
     assert rate.rate(np.array([3.1])) > 0.0
     rate.reset()
     assert (rate.rate(np.array([9.0])) == 0.0).all()
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"tau": -1.0}, "tau: expected a number >= 0"),
-        ({"turn": 0.0}, "turn: expected a number > 0"),
-        ({"turn": [1.0, -1.0]}, "turn.1: expected a number > 0, got -1"),
-    ],
-)
-def test_what_cannot_be_is_refused(given, message):
-    with pytest.raises(ArgumentError, match=message):
-        EncoderRate(**given)

@@ -13,8 +13,7 @@ import pytest
 import fpid_pin as fp
 from fpid_pin.control import Safeguards, explain_gains, gain_ceilings, suggest_gains
 from fpid_pin.control.ceilings import critical_derivative
-from fpid_pin.control.gains import SuggestedFpid, impossible_joints
-from fpid_pin.exceptions import ArgumentError
+from fpid_pin.control.gains import impossible_joints
 from fpid_pin.fractional import Crone, ExponentialSum
 from fpid_pin.references import Hold
 
@@ -227,17 +226,3 @@ def test_only_what_there_is_to_warn_of_is_warned_of():
     weak = TWO.with_limits(effort=(5.0, 100.0))
     with pytest.warns(fp.FpidWarning, match="joint1: gravity at home"):
         suggest_gains(weak, adaptive=False)
-
-
-@pytest.mark.parametrize(
-    ("build", "message"),
-    [
-        (lambda: suggest_gains(TWO, 0.0), "bandwidth: expected a number > 0"),
-        (lambda: SuggestedFpid(bandwidth=-1.0), "bandwidth"),
-        (lambda: SuggestedFpid(integral_order=1.2), r"integral_order: expected a number in \[0, 1"),
-        (lambda: gain_ceilings(TWO, fp.ComputedTorque()), "expected an AdaptiveFpid"),
-    ],
-)
-def test_bad_arguments_to_gains_are_named(build, message):
-    with pytest.raises(ArgumentError, match=message):
-        build()

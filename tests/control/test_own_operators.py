@@ -3,7 +3,6 @@
 With 40 modes the kernel is within 1e-11; 24, the default, leave 6e-7.
 """
 
-import dataclasses
 import math
 
 import by_hand
@@ -14,7 +13,6 @@ from scipy.special import digamma, gamma
 
 import fpid_pin as fp
 from fpid_pin.control.law import Derivative, Integral
-from fpid_pin.exceptions import ArgumentError, DesignError
 
 STEP, ROWS = 1e-3, 400
 ARM = fp.Arm.two_link().with_limits(effort=np.inf)
@@ -131,66 +129,3 @@ def test_a_caputo_derivative_alone_is_at_rest_at_the_error_that_it_began_with():
         ends.append(fp.simulate(still, law).error)
     assert np.abs(ends[0] - [0.3, -0.2]).max() < 1e-12
     assert np.abs(ends[1][-1]).max() < 0.5 * 0.2
-
-
-@pytest.mark.parametrize(
-    ("declared", "line"),
-    [
-        ({"operators": {"d": Derivative(0.5, of="nope")}},
-         r"operators.d: expected a signal \(.*\), got nope"),
-        ({"operators": {"d": Derivative("nope")}},
-         "operators.d: expected a field with its order, got nope"),
-        ({"operators": {"d": Derivative(1.5)}},
-         r"operators.d: expected a number in \[0, 1\], got 1.5"),
-        ({"operators": {"d": Integral((0.5, -0.1))}},
-         r"operators.d.1: expected a number in \[0, 1\], got -0.1"),
-        ({"operators": {"d": Derivative("kp")}},
-         r"operators.d.*: expected a number in \[0, 1\], got 2"),
-        ({"operators": {"d": Derivative((0.1, 0.2, 0.3))}}, r"operators.d: expected shape \(2,\)"),
-        ({"operators": {"d": Derivative(0.5, adapts=True)}},
-         "operators.d: expected an order in a field, to adapt it, got 0.5"),
-        ({"operators": {"d": Integral(0.5, of="s", sign=0)}},
-         "operators.d.sign: expected 1 or -1, got 0"),
-        ({"operators": {"d": 0.5}}, "operators.d: expected a Derivative or an Integral, got float"),
-        ({"operators": [Derivative(0.5)]}, "operators: expected a dictionary of operators"),
-        ({"operators": {"kp": Derivative(0.5)}},
-         "operators.kp: expected a name of its own, got kp, which is taken"),
-        ({"operators": {"e": Derivative(0.5)}},
-         "operators.e: expected a name of its own, got e, which is taken"),
-        ({"memory": "rate"}, "memory: expected a tuple of names, got str"),
-        ({"memory": ("mean",)}, r"fields and memory: expected other names, got \['mean'\]"),
-        ({"shown": {"x": "nope"}}, "shown.x: expected a number of the law, got nope"),
-        ({"operators": {"d": Derivative(0.5)}, "design": fp.fractional.L1()},
-         "design: expected one with modes, got L1"),
-        ({"operators": {"d": Derivative(0.5)}, "initialisation": "riemann_liouville"},
-         "initialisation: expected one of caputo, grunwald_letnikov, got"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_declared_is_one_line(declared, line):
-    law = own(lambda c: c.e, **declared)
-    with pytest.raises(ArgumentError, match=line) as caught:
-        law.start(ARM, step=STEP)
-    assert "\n" not in str(caught.value)
-
-
-def test_orders_that_move_want_shared_poles():
-    law = own(
-        lambda c: c.d_e, design=fp.fractional.Crone(),
-        numbers=lambda self, arm, step, horizon: {"mu": 0.5},
-        operators={"d_e": Derivative("mu", adapts=True)},
-    )  # fmt: skip
-    with pytest.raises(DesignError, match="orders: expected a design with shared poles, got Crone"):
-        law.start(ARM, step=STEP)
-
-
-@pytest.mark.parametrize("name", ["bandwidth", "limit", "q"])
-def test_a_field_with_a_name_that_all_laws_have_is_refused(name):
-    """It would be lost, or taken for the observer's."""
-    fields = [(name, float, 3.0)]
-    methods = {"torque": staticmethod(lambda c: c.e)}
-    kind = dataclasses.make_dataclass(
-        "Hiding", fields, bases=(fp.Controller,), namespace=methods, frozen=True, eq=False
-    )
-    with pytest.raises(ArgumentError, match=f"{name}: expected another name") as caught:
-        kind().start(ARM, step=STEP)
-    assert "\n" not in str(caught.value)

@@ -61,19 +61,6 @@ def test_a_robot_s_order_and_its_other_joints(names):
         assert told == dict(zip(names, found.tolist(), strict=True))
 
 
-@pytest.mark.parametrize(
-    ("names", "message"),
-    [
-        ((ONE,), f"joint_names: expected each of .* once, got {TWO} 0 times"),
-        ((ONE, TWO, ONE), f"joint_names: expected each of .* once, got {ONE} 2 times"),
-        ((ONE, 1), f"joint_names: expected each of .* once, got {TWO} 0 times"),
-    ],
-)
-def test_names_that_are_not_the_arm_s_are_refused(names, message):
-    with pytest.raises(ArgumentError, match=message):
-        RobotLoop(started(), joint_names=names)
-
-
 def test_missed_ticks_are_made_up_along_straight_lines():
     """Of signals that are straight lines the law then knows as much as if none had been missed."""
     whole, robot = started(), RobotLoop(started())

@@ -6,7 +6,6 @@ import pytest
 import fpid_pin as fp
 from fpid_pin.control import Safeguards
 from fpid_pin.control.fpid import adapt_gains
-from fpid_pin.exceptions import ArgumentError
 from fpid_pin.kernels.compiled import compile_plain, kernel
 
 STEP = 1e-3
@@ -99,23 +98,3 @@ def test_a_held_joint_does_not_even_leak():
     for _ in range(100):
         loop.torque([0.0], [0.0], [0.1], [0.0])
     assert loop.signals()["kp"] == [30.0]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ({"minimum": 5.0, "maximum": 4.0}, "safeguards.minimum: expected at most"),
-        ({"sigma": -1.0}, "safeguards.sigma: expected a number >= 0, got -1"),
-        ({"dead_zone": np.nan}, "safeguards.dead_zone"),
-        ({"maximum": -1.0}, "safeguards.maximum: expected a number >= 0"),
-    ],
-)
-def test_bad_safeguards_are_named(arguments, message):
-    with pytest.raises(ArgumentError, match=message):
-        Safeguards(**arguments)
-
-
-def test_bounds_for_another_number_of_joints_are_refused():
-    law = fp.AdaptiveFpid(kp=1.0, ki=1.0, kd=1.0, safeguards=Safeguards(maximum=np.ones(4)))
-    with pytest.raises(ArgumentError, match=r"safeguards.maximum: expected shape \(2,\) or"):
-        law.start(fp.Arm.two_link(), step=STEP)

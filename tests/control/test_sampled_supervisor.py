@@ -7,7 +7,6 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.disturbances import Cosine
-from fpid_pin.exceptions import ArgumentError
 
 PUSH = (30.0, 12.0)
 R = fp.Supervisor(3.0, 1.0, disturbance_bound=PUSH)
@@ -97,24 +96,3 @@ def test_a_push_beyond_r_min_is_told_with_both_numbers():
     for guard in (F, dataclasses.replace(R, observer=100.0), dataclasses.replace(R, kind="paper")):
         supervised(guard).start(arm, step=1e-3)
     supervised(R, observer=100.0).start(arm, step=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("guard", "observer", "message"),
-    [
-        (fp.Supervisor(3.0, 1.0, lookahead=5e-4), 0.0,
-         r"supervisor.lookahead: expected at least the step \(0.001 s\), got 0.0005 s"),
-        (fp.Supervisor.quiet(3.0, 1.0, observer=1001.0), 0.0,
-         r"observer: expected at most 1/step \(1000 rad/s\), got 1001 rad/s"),
-        (fp.Supervisor(3.0, 1.0), 2000.0, r"observer: expected at most 1/step .* got 2000 rad/s"),
-        (None, 2000.0, r"observer: expected at most 1/step .* got 2000 rad/s"),
-        (F, 50.0, r"observer: expected the supervisor's bandwidth \(100 rad/s\), got 50"),
-        (fp.Supervisor(3.0, 1.0, disturbance_bound=(1.0, 1.0, 1.0)), 0.0,
-         r"disturbance_bound: expected shape \(2,\)"),
-    ],
-)  # fmt: skip
-def test_what_sampling_does_not_allow_is_refused(guard, observer, message):
-    with pytest.raises(ArgumentError, match=message):
-        supervised(guard, observer=observer).start(fp.Arm.two_link(), step=1e-3)
-    with pytest.raises(ArgumentError, match=r"supervisor.kind: expected one of sampled, paper"):
-        fp.Supervisor(3.0, 1.0, kind="sampeld")
