@@ -1,30 +1,13 @@
 """The controllers to beat: against closed forms, each other and the arm's own matrices."""
 
-import pickle
-
 import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin import descriptions
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
-from fpid_pin.control import Controller, GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
+from fpid_pin.control import SlidingMode, SlotineLi
 from fpid_pin.control.slotine_li import natural_sizes
-from fpid_pin.references import Hold, Sinusoid
-
-ALL = [
-    Pid(kp=(80.0, 90.0), ki=50.0, kd=(20.0, 15.0)),
-    PdGravity(kp=100.0, kd=20.0, scale="inertia"),
-    SlidingMode(slope=8.0, gain=(20.0, 30.0), boundary_layer=0.2),
-    SlotineLi(slope=6.0, damping=15.0, adaptation_rate=0.5, initial=0.7),
-    GravityOnly(),
-    fp.ComputedTorque(k0=60.0, k1=15.0),
-]
-IDS = [law.name for law in ALL]
-
-
-def hold(arm, q0, position, **others):
-    return fp.Experiment(arm=arm, reference=Hold(position), q0=q0, **others)
+from fpid_pin.references import Sinusoid
 
 
 @pytest.mark.parametrize(("k0", "k1"), [(25.0, 6.0), (9.0, 6.0)])
@@ -81,10 +64,3 @@ def test_slotine_li_lyapunov_function_does_not_rise():
     # In continuous time V' = -S^T K_D S; a step of h adds terms of the order of h.
     assert np.diff(values).max() < 5e-4 * values[0]
     assert values[-1] < 0.95 * values[0]
-
-
-@pytest.mark.parametrize("law", ALL, ids=IDS)
-def test_descriptions_survive_a_table_and_a_pickle(law):
-    table = descriptions.to_dict(law)
-    for copy in (descriptions.from_dict(table, Controller), pickle.loads(pickle.dumps(law))):
-        assert descriptions.to_dict(copy) == table
