@@ -55,6 +55,7 @@ class Operator:
     of: str = "e"
     sign: int = 1
     adapts: bool = False
+    integrates: ClassVar[bool] = False
 
 
 class Derivative(Operator):
@@ -63,6 +64,8 @@ class Derivative(Operator):
 
 class Integral(Operator):
     """I^lambda of a signal, that is D^(1 - lambda) of its integral."""
+
+    integrates = True
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -171,6 +174,10 @@ class Controller(Description, ABC):
             )
         return self.observer or other
 
+    def observer_gains(self, step: float) -> tuple[float, float]:
+        """Return the gains of the observer: see the function of this name."""
+        return observer_gains(self.bandwidth, step)
+
     # ------------------------------------------------------------- what the engine asks
 
     @property
@@ -188,6 +195,11 @@ class Controller(Description, ABC):
         """How the operators are realised."""
         design = getattr(self, "design", None)
         return design if isinstance(design, Design) else ExponentialSum(modes=24)
+
+    @property
+    def start_of_signals(self) -> str:
+        """What operators take their signals to have been before t = 0."""
+        return str(getattr(self, "initialisation", "caputo"))
 
     def numbers(self, arm: Arm, step: float, horizon: float) -> Mapping[str, ArrayLike]:
         """Return the law's numbers on an arm at the start, by name, each a scalar or (n,).
@@ -209,6 +221,35 @@ class Controller(Description, ABC):
         if isinstance(self.scale, str):
             return np.ones(arm.n) if self.scale == "none" else np.diag(arm.mass_matrix(arm.home))
         return checks.per_joint("scale", self.scale, arm.n)
+
+    def check_declared(self, numbers: Sequence[str]) -> None:
+        """Check what the law declares, `numbers` being the names of its numbers.
+
+        Refused are names that are taken (a field ``bandwidth`` would be taken for the observer's),
+        operators that are none, a memory that is one name, and an order that is to adapt and is in
+        no field.
+        """
+        for field in dataclasses.fields(self):
+            if field.name not in _OPTIONS and hasattr(Controller, field.name):
+                raise checks.ArgumentError(field.name, "another name", "one that all laws have")
+        checks.instance("memory", self.memory, (tuple, list), "a tuple of names")
+        for name in numbers:
+            if name in GIVEN.names:  # type: ignore[operator]
+                got = f"{name}, which every law is given"
+                raise checks.ArgumentError(name, "another name", got)
+        given = {*GIVEN.names, *numbers, *self.memory}  # type: ignore[misc]
+        checks.instance("operators", self.operators, Mapping, "a dictionary of operators")
+        for output, operator in self.operators.items():
+            name = f"operators.{output}"
+            checks.instance(name, operator, Operator, "a Derivative or an Integral")
+            if output in given:
+                raise checks.ArgumentError(name, "a name of its own", f"{output}, which is taken")
+            if operator.sign not in (1, -1):
+                raise checks.ArgumentError(f"{name}.sign", "1 or -1", operator.sign)
+            if operator.adapts and not isinstance(operator.order, str):
+                raise checks.ArgumentError(name, "an order in a field, to adapt it", operator.order)
+        if self.operators:
+            checks.choice("initialisation", self.start_of_signals, INITIALISATIONS)
 
     def begin(self, state: Any) -> None:
         """Prepare what a law in plain Python remembers; see `control.state.State`."""
@@ -248,33 +289,6 @@ def is_number(value: Any) -> bool:
     if isinstance(value, (tuple, list)):
         return len(value) > 0 and all(map(is_number, value))
     return isinstance(value, (int, float, np.ndarray, np.number)) and not isinstance(value, bool)
-
-
-def check_declared(law: Controller, numbers: Sequence[str]) -> None:
-    """Check what a law declares, `numbers` being the names of its numbers.
-
-    Refused are names that are taken (a field ``bandwidth`` would be taken for the observer's),
-    operators that are none, a memory that is one name, and an order that is to adapt and is in no
-    field.
-    """
-    for field in dataclasses.fields(law):
-        if field.name not in _OPTIONS and hasattr(Controller, field.name):
-            raise checks.ArgumentError(field.name, "another name", "one that all laws have")
-    checks.instance("memory", law.memory, (tuple, list), "a tuple of names")
-    for name in numbers:
-        if name in GIVEN.names:  # type: ignore[operator]
-            raise checks.ArgumentError(name, "another name", f"{name}, which every law is given")
-    given = {*GIVEN.names, *numbers, *law.memory}  # type: ignore[misc]
-    checks.instance("operators", law.operators, Mapping, "a dictionary of operators")
-    for output, operator in law.operators.items():
-        name = f"operators.{output}"
-        checks.instance(name, operator, Operator, "a Derivative or an Integral")
-        if output in given:
-            raise checks.ArgumentError(name, "a name of its own", f"{output}, which is taken")
-        if operator.sign not in (1, -1):
-            raise checks.ArgumentError(f"{name}.sign", "1 or -1", operator.sign)
-        if operator.adapts and not isinstance(operator.order, str):
-            raise checks.ArgumentError(name, "an order in a field, to adapt it", operator.order)
 
 
 def observer_gains(bandwidth: float, step: float) -> tuple[float, float]:

@@ -13,13 +13,6 @@ from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
-from fpid_pin.control.law import (
-    INITIALISATIONS,
-    Controller,
-    Integral,
-    check_declared,
-    observer_gains,
-)
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
@@ -75,12 +68,12 @@ class State:
     #: Parts of a tick, for `kernels.rollout.step_tick`.
     SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 
-    def __init__(self, controller: Controller, arm: Arm, *, step: float, horizon: float) -> None:
+    def __init__(self, controller: Any, arm: Arm, *, step: float, horizon: float) -> None:
         self.controller, self.arm, self.n = controller, arm, arm.n
         self.step = checks.number("step", step, above=0.0)
         self.horizon, n = horizon, arm.n
         given = controller.numbers(arm, step, horizon)
-        check_declared(controller, list(given))
+        controller.check_declared(list(given))
         # Operators of given signals come first; the others follow the law's surface.
         self._operators = sorted(controller.operators.items(), key=lambda x: x[1].of not in EARLY)
         names = [*ESTIMATES, *SLOPES] if controller.estimates_model else []
@@ -152,7 +145,7 @@ class State:
             robot["inertia"] = self._columns[ESTIMATES[0]]
         robot["observes"], robot["compensates"] = law.bandwidth > 0.0, law.observer > 0.0
         if law.bandwidth:
-            robot["l1"], robot["l2"] = observer_gains(law.bandwidth, self.step)
+            robot["l1"], robot["l2"] = law.observer_gains(self.step)
         guard = law.supervisor
         if guard is not None:
             robot["supervised"], robot[guard.kind] = 1, 1
@@ -209,7 +202,7 @@ class State:
                     raise ArgumentError(name, "a field with its order", order)
                 order = self.joints[order]
             order = checks.per_joint(name, order, self.n, low=0.0, high=1.0)
-            orders[:, i] = 1.0 - order if isinstance(operator, Integral) else order
+            orders[:, i] = 1.0 - order if operator.integrates else order
             if operator.of not in self._columns:
                 known = ", ".join(self.record.names)
                 raise ArgumentError(name, f"a signal ({known})", operator.of)
@@ -225,7 +218,7 @@ class State:
             column["source"], column["output"] = columns[operator.of], columns[output]
             column["rate"] = columns[RATES[operator.of]] if operator.of in RATES else -1
             column["sign"] = operator.sign
-            if isinstance(operator, Integral):
+            if operator.integrates:
                 column["kind"] = records.INTEGRAL
                 if operator.of == "e":
                     column["kind"] = records.INTEGRAL_OF_ERROR
@@ -324,9 +317,7 @@ class State:
         return round(self.horizon / self.step) + 1 if self.orders.size else 0
 
 
-def start_all(
-    controllers: Sequence[Controller], arm: Arm, *, step: float, horizon: float
-) -> list[State]:
+def start_all(controllers: Sequence[Any], arm: Arm, *, step: float, horizon: float) -> list[State]:
     """Start laws on robots of one arm, each in a state of its own.
 
     The modes of laws with the same operators are fitted together, which costs hardly more than
@@ -342,10 +333,9 @@ def start_all(
     for state in states:
         if state.orders.size:
             law = state.controller
-            key = (law.fractional_design, getattr(law, "initialisation", "caputo"))
+            key = (law.fractional_design, law.start_of_signals)
             groups.setdefault((*key, state.orders.shape), []).append(state)
     for (design, initialisation, _), members in groups.items():
-        checks.choice("initialisation", initialisation, INITIALISATIONS)
         grid = {"step": step, "horizon": horizon}
         modes = modes_of(design, np.array([state.orders for state in members]), **grid)
         if modes.shared_poles:
