@@ -197,7 +197,7 @@ class Controller(Description, ABC):
         return design if isinstance(design, Design) else ExponentialSum(modes=24)
 
     @property
-    def start_of_signals(self) -> str:
+    def fractional_initialisation(self) -> str:
         """What operators take their signals to have been before t = 0."""
         return str(getattr(self, "initialisation", "caputo"))
 
@@ -249,7 +249,7 @@ class Controller(Description, ABC):
             if operator.adapts and not isinstance(operator.order, str):
                 raise checks.ArgumentError(name, "an order in a field, to adapt it", operator.order)
         if self.operators:
-            checks.choice("initialisation", self.start_of_signals, INITIALISATIONS)
+            checks.choice("initialisation", self.fractional_initialisation, INITIALISATIONS)
 
     def begin(self, state: Any) -> None:
         """Prepare what a law in plain Python remembers; see `control.state.State`."""

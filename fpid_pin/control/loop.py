@@ -42,7 +42,9 @@ class Loop:
         """Be as at the start: no integral, no memory, the gains as given. Not for within a tick."""
         self.state = state = self._start()
         state.prepare()
-        self._ticks, self._record, self._last = 0, None, state.ticks_within_horizon
+        self._ticks, self._record = 0, None
+        # How many ticks the fractional memories are fitted for; 0: there are none.
+        self._last = round(state.horizon / state.step) + 1 if state.orders.size else 0
         self._shape, self._rest = (state.n,), np.zeros(state.n)
         self._rows, self._flat = tuple(state.inputs), state.inputs.reshape(-1)
 

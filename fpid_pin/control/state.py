@@ -311,11 +311,6 @@ class State:
         design = self.controller.fractional_design
         return Bank(design, orders, step=self.step, horizon=self.horizon, rate=rate)
 
-    @property
-    def ticks_within_horizon(self) -> int:
-        """How many ticks the fractional memories are fitted for; 0: there are none."""
-        return round(self.horizon / self.step) + 1 if self.orders.size else 0
-
 
 def start_all(controllers: Sequence[Any], arm: Arm, *, step: float, horizon: float) -> list[State]:
     """Start laws on robots of one arm, each in a state of its own.
@@ -333,7 +328,7 @@ def start_all(controllers: Sequence[Any], arm: Arm, *, step: float, horizon: flo
     for state in states:
         if state.orders.size:
             law = state.controller
-            key = (law.fractional_design, law.start_of_signals)
+            key = (law.fractional_design, law.fractional_initialisation)
             groups.setdefault((*key, state.orders.shape), []).append(state)
     for (design, initialisation, _), members in groups.items():
         grid = {"step": step, "horizon": horizon}
