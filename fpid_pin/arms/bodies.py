@@ -20,12 +20,7 @@ def bodies_of(arm: Arm) -> Any:
     """Return the bodies of an arm, (n,) BODY of `kernels.records`; not to be written.
 
     Each body's frame is turned so that its joint's axis is z; angles, and everything that has one
-    number a joint, stay.
-
-    Raises
-    ------
-    ArmError
-        A joint that neither turns about nor slides along one axis.
+    number a joint, stay. A joint that neither turns nor slides is an `ArmError`.
     """
     kept = vars(arm)
     if "_bodies" not in kept:

@@ -21,34 +21,17 @@ from fpid_pin.text import cut
 
 @dataclass(frozen=True)
 class Entry:
-    """One arm of the catalogue, a table of ``catalogue.toml``.
+    """One arm of the catalogue, a table of ``catalogue.toml``."""
 
-    Parameters
-    ----------
-    file
-        Below example-robot-data's folder of robots.
-    credit
-        Where the description comes from and its licence, as the data package states them.
-    home
-        The data package's reference posture as angles, moved into the limits by whole turns;
-        empty: the middle of the limits.
-    lock
-        Joints that are no part of the arm (fingers), and where they are held.
-    armature
-        Rotor inertia that the file does not carry [kg m^2].
-    tool
-        The tool's frame, where the last link of the file is not it.
-    note
-        What a user should know.
-    """
-
-    file: str
-    credit: str
+    file: str  # below example-robot-data's folder of robots
+    credit: str  # where the description comes from and its licence, as the data package has them
+    #: The data package's reference posture as angles, moved into the limits by whole turns; empty:
+    #: the middle of the limits.
     home: Sequence[float] = ()
-    lock: Mapping[str, float] = field(default_factory=dict)
-    armature: Sequence[float] = ()
-    tool: str | None = None
-    note: str = ""
+    lock: Mapping[str, float] = field(default_factory=dict)  # joints that are no part of the arm
+    armature: Sequence[float] = ()  # rotor inertia that the file does not carry [kg m^2]
+    tool: str | None = None  # where the last link of the file is not it
+    note: str = ""  # what a user should know
 
 
 ENTRIES = {

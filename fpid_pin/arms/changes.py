@@ -65,17 +65,14 @@ class ArmChanges(RigidBody):
             expected = "principal moments >= 0, none above the sum of the others"
             raise ArgumentError("inertia", expected, np.linalg.eigvalsh(about).tolist())
         # A joint's own frame is where its link begins.
-        places = {
-            str(frame.name): (int(frame.parentJoint), frame.placement)
-            for frame in list(self.model.frames)[1:]
-        }
+        places = {str(place.name): place for place in list(self.model.frames)[1:]}
         name = checks.choice("frame", frame or self.tool, places)
-        joint, place = places[name]
+        joint = int(places[name].parentJoint)
         if joint == 0:
             raise ArgumentError("frame", "a frame that moves with the arm", shown(name))
         rows = column(self.model, "inertia")
         if mass > 0.0:
-            rows[joint - 1] = row_of(self.model.inertias[joint] + place.act(body))
+            rows[joint - 1] = row_of(self.model.inertias[joint] + places[name].placement.act(body))
         fields = {"mass": mass, "com": centre, "frame": frame, "inertia": given}
         return self._changed("payload", fields, inertia=rows)
 
@@ -234,13 +231,7 @@ _NAMES = ("payload", "friction", "limits", "gravity", "armature", "inertias", "s
 
 
 def call(make: Callable[..., T], fields: Mapping[str, Any], where: str, of: Any = None) -> T:
-    """Call `make` with the keys of a table, which are its arguments, or those of `of`.
-
-    Raises
-    ------
-    ArgumentError
-        An unknown or missing key.
-    """
+    """Call `make` with the keys of a table, which are its arguments, or those of `of`."""
     known = inspect.signature(of or make).parameters
     for key in fields:
         checks.choice(f"{where}.{key}", key, known, among="one of the keys")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from fpid_pin.arms.joints import (
 )
 from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_root
 from fpid_pin.arms.tree import Body, Keep, Tree
+from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArmError
 from fpid_pin.resources import needed
 from fpid_pin.text import cut, listed
@@ -34,25 +35,14 @@ _SOLIDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7
 _SHOWN = 2
 #: Transmissions (mjtTrn) to a joint; an activation (mjtDyn) that stays within the control's range.
 _TO_JOINT, _BOUNDED = (0, 1), (0, 2, 3)
-Span = tuple[float, float]
-_ANY: Span = (-np.inf, np.inf)
+_ANY = (-np.inf, np.inf)
 
 
 def mjcf_tree(path: str | Path, arm: str | None = None, keep: Keep | None = None) -> Tree:
     """Read an MJCF file as MuJoCo does.
 
-    Parameters
-    ----------
-    path
-        The file.
-    arm
-        The body at the arm's base; None: the one that holds the link `keep`, else the only one
-        that stands in the world and has joints.
-
-    Raises
-    ------
-    FpidError
-        MuJoCo is not installed; what it refuses; a world of no arm or several.
+    `arm` is the body at the arm's base; None: the one that holds the link `keep`, else the only one
+    that stands in the world and has joints.
     """
     label = cut(str(path))
     require_root(parse_xml(read_robot(path, "MJCF"), label), "mujoco", label)
@@ -70,6 +60,7 @@ class _Reader:
     def __init__(self, model: Any, label: str, gravity: Numbers) -> None:
         self.model = model
         self.bodies = [model.body(k).name or f"body{k}" for k in range(model.nbody)]
+        self.joints = [model.joint(k).name or f"joint{k}" for k in range(model.njnt)]
         # The names of a compiled model begin with its own.
         name = bytes(model.names).partition(b"\0")[0].decode()
         robot = pin.Model()
@@ -88,7 +79,7 @@ class _Reader:
         for body in self._above(base):
             carrier, place = self.at[model.body_parentid[body]]
             self.at[body] = carrier, place * _pose(model.body_pos[body], model.body_quat[body])
-        taken = {self._joint_name(j) for j in range(model.njnt)}
+        taken = {*self.joints}
         for body in range(base, model.nbody):
             if base in self._above(body):
                 self._add_body(body, taken)
@@ -101,7 +92,13 @@ class _Reader:
         for geom in range(model.ngeom):
             if int(model.geom_bodyid[geom]) in self.at and int(model.geom_bodyid[geom]) >= base:
                 tree.shapes += self._shapes(geom)
-        self._say_what_is_left_out()
+        # What pulls at joints in MuJoCo and is no part of an arm here.
+        counts = {"equality constraint": model.neq, "tendon": model.ntendon,
+                  "flexible body": model.nflex, "plugin": model.nplugin}  # fmt: skip
+        left_out = [f"{count} {what}(s)" for what, count in counts.items() if count]
+        if model.opt.density or model.opt.viscosity or any(model.opt.wind):
+            left_out.append("the fluid around it")
+        tree.remarks |= {f"left out: {what}": [] for what in left_out}
         return tree
 
     def _above(self, body: int) -> list[int]:
@@ -139,7 +136,8 @@ class _Reader:
         root = int(model.body_rootid[base])
         out = [b for b in roots if b != root and (moving[b] or model.body_mocapid[b] >= 0)]
         if out:
-            self._left_out(f"other bodies that move: {listed(names[b] for b in out)}")
+            said = f"left out: other bodies that move: {listed(names[b] for b in out)}"
+            self.result.remarks[said] = []
         return base
 
     # ------------------------------------------------------------------ bodies and joints
@@ -167,12 +165,9 @@ class _Reader:
     def _add_frame(self, name: str, joint: int, kind: str, place: Any) -> None:
         self.result.model.addFrame(pin.Frame(name, joint + 1, place, FRAMES[kind]), False)
 
-    def _joint_name(self, j: int) -> str:
-        return self.model.joint(j).name or f"joint{j}"
-
     def _add_joint(self, j: int, carrier: int, place: Any) -> Any:
         """Add a joint; return its body's frame in the joint's, but for the joint's own place."""
-        model, name, tree = self.model, self._joint_name(j), self.result
+        model, name, tree = self.model, self.joints[j], self.result
         kind, dof = _KINDS[int(model.jnt_type[j])], int(model.jnt_dofadr[j])
         if kind not in UNITS:
             joint = getattr(pin, f"JointModel{kind}")()
@@ -192,12 +187,12 @@ class _Reader:
 
     def _numbers(self, j: int, dof: int) -> dict[str, float]:
         """Return a joint's numbers, by their names in `VECTORS`; note what they leave out."""
-        model, name, tree = self.model, self._joint_name(j), self.result
+        model, name, tree = self.model, self.joints[j], self.result
         lower, upper = _span(model.jnt_limited, model.jnt_range, j)
-        effort = self._effort(j)
-        if abs(effort[0]) != abs(effort[1]):
-            tree.remark(name, f"effort from {effort[0]:g} to {effort[1]:g} is taken as the larger "
-                              "to both sides (with_limits sets another)")  # fmt: skip
+        least, most = self._effort(j)
+        if abs(least) != abs(most):
+            tree.remark(name, f"effort from {least:g} to {most:g} is taken as the larger to both "
+                              "sides (with_limits sets another)")  # fmt: skip
         gears = [(float(model.actuator_gear[i][0]), i) for i in self._actuators(j)]
         if model.nu and not gears:
             tree.remark(name, "no actuator, taken as driven without a limit")
@@ -211,7 +206,7 @@ class _Reader:
             for key in ("armature", "damping")
         }  # fmt: skip
         return {
-            "lower": lower, "upper": upper, "effort": max(map(abs, effort)) or np.inf,
+            "lower": lower, "upper": upper, "effort": max(abs(least), abs(most)) or np.inf,
             "velocity": np.inf, "friction": float(model.dof_frictionloss[dof]),
             "damping": float(model.dof_damping[dof]) + extra["damping"],
             "armature": float(model.dof_armature[dof]) + extra["armature"],
@@ -224,24 +219,22 @@ class _Reader:
         driven = np.isin(model.actuator_trntype, _TO_JOINT) & (model.actuator_trnid[:, 0] == j)
         return [int(i) for i in np.flatnonzero(driven)]
 
-    def _effort(self, j: int) -> Span:
+    def _effort(self, j: int) -> FloatArray:
         """Return the least and the most that a joint's actuators give together [N m] or [N]."""
-        spans = [self._force(i) for i in self._actuators(j)]
-        total = (sum(s[0] for s in spans), sum(s[1] for s in spans)) if spans else _ANY
-        bound = _span(self.model.jnt_actfrclimited, self.model.jnt_actfrcrange, j)
-        return max(total[0], bound[0]), min(total[1], bound[1])
+        forces = [self._force(i) for i in self._actuators(j)]
+        least, most = np.sum(forces, axis=0) if forces else _ANY
+        low, high = _span(self.model.jnt_actfrclimited, self.model.jnt_actfrcrange, j)
+        return np.array([max(least, low), min(most, high)])
 
-    def _force(self, i: int) -> Span:
-        model, spans = self.model, [_ANY]
-        if model.actuator_forcelimited[i]:
-            spans.append(_span(model.actuator_forcelimited, model.actuator_forcerange, i))
+    def _force(self, i: int) -> FloatArray:
+        model = self.model
+        low, high = _span(model.actuator_forcelimited, model.actuator_forcerange, i)
         motor = model.actuator_gaintype[i] == 0 and model.actuator_biastype[i] == 0
         if motor and model.actuator_dyntype[i] in _BOUNDED and model.actuator_ctrllimited[i]:
-            gain = float(model.actuator_gainprm[i][0])
-            spans.append(_sorted(gain * x for x in model.actuator_ctrlrange[i]))
-        least, most = max(span[0] for span in spans), min(span[1] for span in spans)
-        gear = float(model.actuator_gear[i][0])
-        return _sorted((gear * least, gear * most)) if gear else (0.0, 0.0)
+            least, most = np.sort(model.actuator_gainprm[i][0] * model.actuator_ctrlrange[i])
+            low, high = max(low, least), min(high, most)
+        gear = model.actuator_gear[i][0]
+        return np.sort(gear * np.array([low, high])) if gear else np.zeros(2)
 
     # ------------------------------------------------------------------ what is drawn
 
@@ -272,22 +265,6 @@ class _Reader:
         yield {"joint": joint, "placement": rows_of(place), "kind": kind, "size": size,
                "colour": _floats(colour), "path": path}  # fmt: skip
 
-    # ------------------------------------------------------------------ what is left out
-
-    def _left_out(self, what: str) -> None:
-        self.result.remarks.setdefault(f"left out: {what}", [])
-
-    def _say_what_is_left_out(self) -> None:
-        """Note what pulls at joints in MuJoCo and is no part of an arm here."""
-        model = self.model
-        counts = {"equality constraint": model.neq, "tendon": model.ntendon,
-                  "flexible body": model.nflex, "plugin": model.nplugin}  # fmt: skip
-        for what, count in counts.items():
-            if count:
-                self._left_out(f"{count} {what}(s)")
-        if model.opt.density or model.opt.viscosity or any(model.opt.wind):
-            self._left_out("the fluid around it")
-
 
 def _pose(position: Any, quaternion: Any) -> Any:
     w, x, y, z = (float(part) for part in quaternion)
@@ -299,13 +276,8 @@ def _any(model: Any, name: str, k: int) -> bool:
     return bool(np.any(getattr(model, name, np.zeros((k + 1, 1)))[k]))
 
 
-def _span(limited: Any, ranges: Any, k: int) -> Span:
-    return (float(ranges[k][0]), float(ranges[k][1])) if limited[k] else _ANY
-
-
-def _sorted(ends: Sequence[float] | Iterator[float]) -> Span:
-    low, high = sorted(ends)
-    return float(low), float(high)
+def _span(limited: Any, ranges: Any, k: int) -> FloatArray:
+    return np.array(ranges[k] if limited[k] else _ANY)
 
 
 def _floats(values: Any) -> Numbers:

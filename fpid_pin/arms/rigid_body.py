@@ -190,15 +190,10 @@ class RigidBody:
 
 
 def require_regular(model: Any, name: str, home: Any) -> None:
-    """Refuse an arm with massless links that leave the mass matrix singular.
+    """Refuse, by its name, a massless link that leaves the mass matrix singular.
 
     Tried at the zero pose, at home and at a few seeded poses: a massless elbow, say, is regular
     while the arm is bent and singular when it is straight.
-
-    Raises
-    ------
-    ArmError
-        Naming the link.
     """
     data = model.createData()
     random = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSES, model.nv))

@@ -40,12 +40,8 @@ def parse_xml(text: bytes | str, label: str) -> ET.Element:
     """Parse a robot's file as urdfdom and MuJoCo do, and return its root.
 
     That is without namespaces: a prefix is part of a name, and need not be declared. White space
-    may come before the declaration, and ``--`` may stand in a comment.
-
-    Raises
-    ------
-    ArmError
-        Broken XML, elements too deep, or a file that `xacro` has to read first.
+    may come before the declaration, and ``--`` may stand in a comment. Broken XML, elements too
+    deep and a file that `xacro` has to read first are an `ArmError`.
     """
     # Of a text the encoding is known, whatever it declares.
     parser = expat.ParserCreate("utf-8" if isinstance(text, str) else None)
@@ -91,13 +87,7 @@ def require_root(root: ET.Element, tag: str, label: str) -> None:
 
 
 def kind_of(path: str | Path) -> str:
-    """Return the root element of a robot's file: one of `KINDS`.
-
-    Raises
-    ------
-    ArmError
-        A file that cannot be read, or of another kind.
-    """
+    """Return the root element of a robot's file, one of `KINDS`; of another, an `ArmError`."""
     label = cut(str(path))
     root = parse_xml(read_robot(path, "URDF or MJCF"), label)
     if root.tag not in KINDS:

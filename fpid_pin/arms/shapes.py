@@ -85,13 +85,7 @@ def shape_rows(geometry: Any) -> list[dict[str, Any]]:
 
 
 def geometry_of(shapes: Sequence[Shape], label: str) -> Any:
-    """Build the ``pinocchio.GeometryModel`` of shapes.
-
-    Warns
-    -----
-    FpidWarning
-        When meshes cannot be read; the others are drawn.
-    """
+    """Build the ``pinocchio.GeometryModel`` of shapes; warns of meshes that cannot be read."""
     import coal
 
     geometry, missing = pin.GeometryModel(), list[str]()

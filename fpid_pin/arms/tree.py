@@ -97,36 +97,19 @@ class Tree:
     """What a reader found: a Pinocchio model of joints of any kind, and what that has no place for.
 
     Joints are counted from 0 here, as in an arm's table; -1 is the base.
-
-    Attributes
-    ----------
-    label : str
-        What to call it in a message.
-    model : pinocchio.Model
-        Joints and frames. Its inertias are not looked at.
-    bodies : list
-    shapes : list
-        Tables of `Shape`.
-    rest : dict
-        Joint: where it is drawn [rad] or [m], where that is not 0.
-    mimics : dict
-        Joint: (master, multiplier, offset).
-    home : dict
-        Joint: value, where the file gives a pose.
-    remarks : dict
-        What a user should know of how the file was read: said of which joints or links; of those
-        joints that are held it does not matter.
     """
 
-    label: str
-    model: Any
+    label: str  # what to call it in a message
+    model: Any  # joints and frames; its inertias are not looked at
     bodies: list[Body] = field(default_factory=list)
-    shapes: list[Row] = field(default_factory=list)
-    rest: dict[str, float] = field(default_factory=dict)
+    shapes: list[Row] = field(default_factory=list)  # tables of `Shape`
+    rest: dict[str, float] = field(default_factory=dict)  # where joints are drawn; 0 if not here
+    #: Joint: (master, multiplier, offset).
     mimics: dict[str, tuple[str, float, float]] = field(default_factory=dict)
-    home: dict[str, float] = field(default_factory=dict)
+    home: dict[str, float] = field(default_factory=dict)  # of each joint, where the file has a pose
     tool: str | None = None
     credit: str = ""
+    #: What a user should know of how the file was read: said of which joints or links.
     remarks: dict[str, list[str]] = field(default_factory=dict)
 
     # Of a model that is complete.
@@ -142,25 +125,9 @@ class Tree:
         inertia: str = "error",
         tool: str | None = None,
     ) -> Chain:
-        """Return the serial chain that is left where joints are held.
+        """Return the serial chain that is left where joints are held; see `Arm` for the arguments.
 
-        Parameters
-        ----------
-        lock
-            Joints to hold still, and where [rad] or [m].
-        keep
-            The arm's joints, or its tip's link: all others are held where they are.
-        inertia
-            What to do with an inertia that no body has: see `Arm.from_urdf`.
-        tool
-            The tool's frame.
-
-        Raises
-        ------
-        HoldError
-            What is left is no chain of revolute and prismatic joints; it names what to hold.
-        ArgumentError, ArmError
-            Unknown names; an inertia that no body has; numbers that no arm has.
+        A `HoldError` where that is none: it names what to hold.
         """
         checks.choice("inertia", inertia, INERTIA)
         held = self._held({} if lock is None else lock, keep)
@@ -184,15 +151,15 @@ class Tree:
         for k, joint in enumerate(joints):
             joint["inertia"] = summed([body.inertia for body in bodies if body.joint == k])
         # The frame called tool, if there is one; else the tip, where the arm was named by a link.
-        tools = [frame["name"] for frame in self.frames if frame["name"] == "tool"]
-        tools += [frame["name"] for frame in self.frames
-                  if frame["name"] == keep and frame["joint"] in free]  # fmt: skip
+        free_frames = {frame["name"] for frame in self.frames if frame["joint"] in free}
+        tip = keep if isinstance(keep, str) and keep in free_frames else None
+        named_tool = any(frame["name"] == "tool" for frame in self.frames)
         table = {
             "joints": joints, "frames": _carried(self.frames, at),
             "shapes": _carried(self.shapes, at), "name": str(self.model.name) or "arm",
             "gravity": np.array(self.model.gravity.linear), "credit": self.credit,
             "home": [self.home[joint["name"]] for joint in joints] if self.home else None,
-            "tool": tool or self.tool or next(iter(tools), None),
+            "tool": tool or self.tool or ("tool" if named_tool else tip),
             "inertia": "accept" if inertia == "accept" else "error",
         }  # fmt: skip
         try:
@@ -257,11 +224,7 @@ class Tree:
 
     def _path(self, joint: int) -> list[int]:
         """Return the joints from the base to this one."""
-        path = list[int]()
-        while joint >= 0:
-            path.append(joint)
-            joint = self.parents[joint]
-        return path[::-1]
+        return [k - 1 for k in self.model.supports[joint + 1] if k > 0]
 
     # ------------------------------------------------------------------ is it a chain
 
@@ -327,11 +290,8 @@ class Tree:
                         f"inertia changed by {100.0 * far:.2g} % to the closest that a body has",
                     )
             require_physical(names, rows, cut(self.label))
-        carried = []
-        for body in moving:
-            joint, place = at[body.joint]
-            carried.append(Body(body.name, joint, moved(body.inertia, place)))
-        return carried
+        places = [(body, *at[body.joint]) for body in moving]
+        return [Body(body.name, joint, moved(body.inertia, place)) for body, joint, place in places]
 
 
 def _main_chain(below: Mapping[int, list[int]]) -> list[int]:

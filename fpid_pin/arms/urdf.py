@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from fpid_pin.arms.chain import MOST_JOINTS, joint_row
+from fpid_pin.arms.chain import MOST_JOINTS
 from fpid_pin.arms.inertia import moved
 from fpid_pin.arms.joints import rows_of
 from fpid_pin.arms.robot_file import one_line, parse_xml, require_root
@@ -47,20 +47,9 @@ def urdf_tree(
     folder: Path | None = None,
     package_dirs: Sequence[str | Path] = (),
 ) -> Tree:
-    """Read a URDF; what urdfdom and Pinocchio accept is accepted, and what they refuse is refused.
+    """Read the text of a URDF; what urdfdom and Pinocchio accept is accepted, what they refuse not.
 
-    Parameters
-    ----------
-    text
-        The URDF itself.
-    label
-        What to call it in a message: its path.
-    folder, package_dirs
-        Where to look for meshes: at and above the file's folder, and in these.
-
-    Raises
-    ------
-    ArmError
+    Meshes are looked up at and above `folder`, the file's, and in `package_dirs`.
     """
     label = cut(label)
     root = parse_xml(text, label)
@@ -76,16 +65,18 @@ def urdf_tree(
             f"{label}: expected every link below the base, got {len(lost)} apart: {listed(lost)}"
         )
     tree = tree_of(model, label)
+    model = tree.model
     tree.bodies = [_body(link, places[link.get("name", "")]) for link in root.findall("link")]
     for name, remark in remarks:
         tree.remark(name, remark)
     for body in tree.bodies:
         if body.joint >= 0 and body.inertia[0] == 0.0 and any(body.inertia[4:]):
             tree.remark(body.name, "mass 0 with a rotational inertia, which is kept")
-    for k, name in enumerate(tree.names, start=1):
+    for joint, name in zip(list(tree.model.joints)[1:], tree.names, strict=True):
         # Where a held joint stands: as drawn, or as near to it as its limits let it.
-        lower, upper = (joint_row(tree.model, k).get(key, 0.0) for key in ("lower", "upper"))
-        tree.rest[name] = float(np.clip(0.0, lower, upper))
+        if joint.nq == 1:
+            limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+            tree.rest[name] = float(np.clip(0.0, *limits))
     for element in root.findall("joint"):
         mimic = element.find("mimic")
         if mimic is not None and element.get("name") in tree.names:
