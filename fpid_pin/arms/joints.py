@@ -20,14 +20,6 @@ EFFORT_UNITS = {REVOLUTE: "N m", PRISMATIC: "N"}
 _TURNING = ("RX", "RY", "RZ", "RevoluteUnaligned")
 _UNBOUNDED = ("RUBX", "RUBY", "RUBZ", "RevoluteUnboundedUnaligned")
 _SLIDING = ("PX", "PY", "PZ", "PrismaticUnaligned")
-_ALIGNED = {
-    REVOLUTE: (pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ),
-    PRISMATIC: (pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ),
-}
-_UNALIGNED = {
-    REVOLUTE: pin.JointModelRevoluteUnaligned,
-    PRISMATIC: pin.JointModelPrismaticUnaligned,
-}
 
 
 def kind_of(joint: Any) -> str:
@@ -53,11 +45,11 @@ def axis_of(joint: Any) -> FloatArray:
 
 def joint_model(kind: str, axis: FloatArray) -> Any:
     """Return Pinocchio's joint of this kind about or along a unit vector, (3,)."""
-    for k, aligned in enumerate(_ALIGNED[kind]):
+    for name, unit in zip("XYZ", np.eye(3), strict=True):
         # Pinocchio has faster code for these.
-        if np.array_equal(axis, np.eye(3)[k]):
-            return aligned()
-    return _UNALIGNED[kind](axis)
+        if np.array_equal(axis, unit):
+            return getattr(pin, f"JointModel{'R' if kind == REVOLUTE else 'P'}{name}")()
+    return getattr(pin, f"JointModel{kind.title()}Unaligned")(axis)
 
 
 def displacement(kind: str, axis: FloatArray, value: float) -> Any:

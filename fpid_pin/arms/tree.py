@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin import checks, descriptions
-from fpid_pin.arms.chain import INERTIA, MOST_JOINTS, VECTORS, Chain, Row, frame_rows, joint_row
+from fpid_pin.arms.chain import INERTIA, VECTORS, Chain, Row, frame_rows, joint_row
 from fpid_pin.arms.inertia import (
     impossible,
     moved,
@@ -232,8 +232,6 @@ class Tree:
         label = cut(self.label)
         if not free:
             raise ArmError(f"{label}: expected at least one joint that is free to move, got none")
-        if len(free) > MOST_JOINTS:
-            raise ArmError(f"{label}: expected at most {MOST_JOINTS} joints, got {len(free)}")
         fault = next(filter(None, map(self._joint_fault, free)), "")
         able = [k for k in free if not self._joint_fault(k)]
         above = {k: next((p for p in reversed(self._path(k)[:-1]) if p in able), -1) for k in able}

@@ -12,9 +12,9 @@ from fpid_pin import checks, descriptions
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ExportError, FileFormatError
 from fpid_pin.export import vectors
+from fpid_pin.export.build import readme
 from fpid_pin.export.c_source import CSource
 from fpid_pin.export.law import start
-from fpid_pin.export.readme import readme
 from fpid_pin.files import hidden_folder, kind_of, sync, sync_tree
 from fpid_pin.references import Hold
 

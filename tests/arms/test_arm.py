@@ -211,10 +211,7 @@ def test_bad_arguments_are_named_on_one_line(call, message):
         ({"kind": "urdf"}, r"path: expected the path of a URDF file, got None"),
         ({"kind": "two_link", "changes": [{"paylod": {}}]}, r"did you mean payload\?"),
         ({"kind": "two_link", "changes": [{"payload": {}}]}, r"payload\.mass: expected a value"),
-        (
-            {"kind": "two_link", "changes": [{"payload": {"m": 1}}]},
-            "payload.m: expected one of",
-        ),
+        ({"kind": "two_link", "changes": [{"payload": {"m": 1}}]}, "expected one of the keys mass"),
         ({"kind": "two_link", "changes": [{"inertias": {"rows": [[1.0]]}}]}, r"shape \(2, 10\)"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Planar n-R arms against the energies of points and rods in the plane, differentiated here."""
+"""Planar n-R arms against the energies of points and rods, and the paper's against eq. (35)."""
 
 import numpy as np
 import pytest
@@ -83,3 +83,44 @@ def test_gravity_may_be_off_or_tilted():
 def test_bad_lengths_and_masses_are_named(lengths, masses, message):
     with pytest.raises(ArgumentError, match=message):
         Arm.planar(lengths, masses)
+
+
+# ---------------------------------------------------------------------- the paper's
+
+M1 = M2 = 1.0
+L1, L2, G = 1.0, 0.8, 9.8
+
+
+def paper(q, v):
+    """M, C q', G of eq. (35) with m3 = 0."""
+    s2, c2 = np.sin(q[1]), np.cos(q[1])
+    m12 = M2 * L2**2 + M2 * L1 * L2 * c2
+    mass = np.array([[(M1 + M2) * L1**2 + M2 * L2**2 + 2 * M2 * L1 * L2 * c2, m12], [m12, 0.0]])
+    mass[1, 1] = M2 * L2**2
+    k = M2 * L1 * L2 * s2
+    coriolis = np.array([[-2 * k * v[1], -k * v[1]], [k * v[0], 0.0]])
+    g2 = G * M2 * L2 * np.cos(q[0] + q[1])
+    g1 = G * (M1 + M2) * L1 * np.cos(q[0]) + g2
+    return mass, coriolis @ v, np.array([g1, g2])
+
+
+@pytest.mark.parametrize("arm", [Arm.two_link(), Arm.planar((L1, L2), (M1, M2))])
+def test_the_papers_robot_and_one_of_its_lengths_and_masses_have_the_terms_of_equation_35(arm):
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        q, v = rng.uniform(-np.pi, np.pi, 2), rng.normal(0, 2, 2)
+        mass, coriolis, gravity = paper(q, v)
+        np.testing.assert_allclose(arm.mass_matrix(q), mass, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(arm.coriolis_matrix(q, v) @ v, coriolis, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(arm.gravity_vector(q), gravity, rtol=0, atol=1e-12)
+        # Angles turn counter clockwise in the vertical plane.
+        x = L1 * np.cos(q[0]) + L2 * np.cos(q.sum())
+        z = L1 * np.sin(q[0]) + L2 * np.sin(q.sum())
+        np.testing.assert_allclose(arm.tool_pose(q)[:3, 3], [x, 0, z], atol=1e-14)
+
+
+def test_no_limits_and_no_friction_are_given():
+    arm = Arm.two_link()
+    assert (arm.joint_names, arm.gravity) == (("joint1", "joint2"), 9.8)
+    assert np.isinf([arm.effort_limit, arm.velocity_limit, arm.lower, arm.upper]).all()
+    assert not np.any([arm.viscous_friction, arm.dry_friction, arm.home])

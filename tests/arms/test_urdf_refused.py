@@ -39,7 +39,7 @@ REFUSED = {
     "floating": (
         robot(link("w"), link("base"), link("tip"), joint("j", "base", "tip"),
               joint("root", "w", "base", "floating", "")),
-        "joint 'root': expected revolute, continuous or prismatic, got a free joint"),
+        "joint 'root': expected revolute, continuous or prismatic, got a free joint .*fixed\\)$"),
     "no axis": (one_joint(link("tip"), axis="0 0 0"), "joint 'j': expected axis a unit vector"),
     "no joints": (robot(link("x")), "expected at least one joint that is free"),
     "broken XML": ("<robot name='x'><link></robot>", "expected well-formed XML, got mismatched"),
