@@ -53,7 +53,7 @@ class Ledger:
         kind = kind_of(self.path)
         if kind not in (None, "a file", "a symlink") or (kind is None and study is None):
             raise FileFormatError(f"{path}: expected a campaign's ledger, got {kind or 'no file'}")
-        with _told(self.path):
+        with _errors_named(self.path):
             if study is not None and (kind is None or not self.path.stat().st_size):
                 _make(self.path, study)
             how = "ro" if study is None else "rw"
@@ -111,13 +111,13 @@ class Ledger:
     def recorded(self) -> set[int]:
         """Return the numbers of the runs that are recorded, under every controller."""
         query = "SELECT run FROM results GROUP BY run HAVING count(*) = ?"
-        with _told(self.path):
+        with _errors_named(self.path):
             return {run for (run,) in self._file.execute(query, (len(self.controllers),))}
 
     def data(self) -> CampaignData:
         """Return the runs up to the first that is not recorded yet."""
         several, first, last = len(self.controllers), COLUMNS.index("rms"), len(COLUMNS)
-        with _told(self.path):
+        with _errors_named(self.path):
             found = self._file.execute("SELECT * FROM results ORDER BY run, controller")
             parameters = tuple(name for name, *_ in found.description[last:])
             rows = found.fetchall()
@@ -145,7 +145,7 @@ class Ledger:
         """Return how a run ended under a controller."""
         wanted = ", ".join(COLUMNS[2:])
         query = f"SELECT {wanted} FROM results WHERE run = ? AND controller = ?"
-        with _told(self.path):
+        with _errors_named(self.path):
             place = (run, self.controllers.index(controller))
             row = self._file.execute(query, place).fetchone()
             if row is None:
@@ -156,7 +156,7 @@ class Ledger:
     def record(self, rows: Sequence[Row]) -> None:
         """Write rows, all of them or nothing."""
         marks = ", ".join("?" * len(rows[0]))
-        with _told(self.path), self._file:
+        with _errors_named(self.path), self._file:
             # What is there stays: a run that came twice is recorded once.
             self._file.executemany(f"INSERT OR IGNORE INTO results VALUES ({marks})", rows)
 
@@ -186,7 +186,7 @@ def _quoted(label: str) -> str:
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _errors_named(path: Path) -> Iterator[None]:
     """Turn what SQLite refuses, and what is damaged, into a line that names the ledger."""
     try:
         yield

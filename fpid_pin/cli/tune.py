@@ -86,14 +86,30 @@ def run_tuning(
                 raise
             along, figures = explore(plan, result, pool)
         comparison, files = simulate_all(plan.experiments, rivals(plan, result), None)
-        figures |= figures_of(comparison)
-        options = options or OutputOptions()
-        write_tuned(folder, out, config, plan, result, comparison, files, figures, along, options)
+        advice = [*result.advice, *(along.advice if along else [])]
+        tables = {
+            "Parameters": result.rows(along),
+            "Cost tuned for": cost_rows(plan, comparison),
+            "Seeds": [
+                {"seed": str(seed), "best cost": float(cost)}
+                for seed, cost in zip(result.history.seeds, result.costs, strict=True)
+            ],
+        }
+        write_results(
+            folder, config, comparison, files, figures | figures_of(comparison),
+            options or OutputOptions(), title=f"{config.title}, tuned",
+            said=[str(result), *advice], tables=tables,
+        )  # fmt: skip
+        for name, text in (
+            ("tuned.toml", _tuned_toml(config, plan, result, out)),
+            ("history.csv", comma_separated(result.history.rows())),
+        ):
+            (folder / name).write_text(text, encoding="utf-8")
         # In the folder before this takes its place: at no moment is there one without it.
         shutil.copyfile(checkpoint, folder / KEPT)
     discard(checkpoint)
-    say(*result.advice, *(along.advice if along else []))
-    print_table(cost_rows(plan, comparison), "Tuned")
+    say(*advice)
+    print_table(tables["Cost tuned for"], "Tuned")
     say(str(result))
     for name, value in result.parameters.items():
         say(f"  {name}: {', '.join(f'{v:.4g}' for v in np.atleast_1d(value))}")
@@ -201,36 +217,6 @@ def cost_rows(plan: Plan, comparison: Comparison) -> list[Row]:
         {"controller": name, "cost tuned for": float(cost), "tuned over this": float(ratio)}
         for name, cost, ratio in zip(comparison.controllers, total, ratios, strict=True)
     ]
-
-
-def write_tuned(
-    folder: Path,
-    out: Path,
-    config: Config,
-    plan: Plan,
-    result: TuningResult,
-    comparison: Comparison,
-    files: Sequence[str],
-    figures: dict[str, Figure],
-    along: Profile | None,
-    options: OutputOptions,
-) -> None:
-    """Write everything into `folder`, which will be `out`."""
-    tables: dict[str, list[Row]] = {
-        "Parameters": result.rows(along),
-        "Cost tuned for": cost_rows(plan, comparison),
-        "Seeds": [
-            {"seed": str(seed), "best cost": float(cost)}
-            for seed, cost in zip(result.history.seeds, result.costs, strict=True)
-        ],
-    }
-    said = [str(result), *result.advice, *(along.advice if along else [])]
-    title = f"{config.title}, tuned"
-    write_results(
-        folder, config, comparison, files, figures, options, title=title, said=said, tables=tables
-    )
-    (folder / "tuned.toml").write_text(_tuned_toml(config, plan, result, out), encoding="utf-8")
-    (folder / "history.csv").write_text(comma_separated(result.history.rows()), encoding="utf-8")
 
 
 def _tuned_toml(config: Config, plan: Plan, result: TuningResult, out: Path) -> str:

@@ -87,7 +87,7 @@ def tune(
             for point, seed in zip(points, search.settings.seeds, strict=True)
         ),
         costs=checks.read_only(costs),
-        **search.found(),
+        **search.summary(),
     )
 
 
@@ -135,7 +135,7 @@ def pareto(
         ),
         costs=checks.read_only(table[front]),
         parameters=checks.read_only(search.space.values(points[front])),
-        **search.found(),
+        **search.summary(),
     )
 
 
@@ -180,7 +180,7 @@ def profile(
         nudged = max(own[k] - NUDGE, 0.0), min(own[k] + NUDGE, 1.0)
         candidates[k, :, k] = np.append(np.linspace(0.0, 1.0, count), nudged)
     laws = [bound.controller(point) for point in candidates.reshape(-1, bound.size)]
-    with problem.shared_out(executor, workers):
+    with problem.using(executor, workers):
         found = problem.costs_of([*laws, controller], progress)[:, 0]
     table = found[:-1].reshape(bound.size, count + 2)
     values = np.diagonal(bound.values(candidates), axis1=0, axis2=2).T[:, :count]
@@ -232,6 +232,6 @@ def cost_map(
         for a in rows.tolist()
         for b in columns.tolist()
     ]
-    with problem.shared_out(executor, workers):
+    with problem.using(executor, workers):
         table = problem.costs_of(candidates, progress)
     return CostMap(rows, columns, table.reshape(len(rows), len(columns)))

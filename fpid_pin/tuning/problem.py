@@ -124,7 +124,7 @@ class Problem:
         }
 
     @contextmanager
-    def shared_out(self, executor: Executor | None, workers: int | None) -> Iterator[None]:
+    def using(self, executor: Executor | None, workers: int | None) -> Iterator[None]:
         """Let an executor, or so many workers, do the work of this block."""
         with executor_of(executor, workers, self.experiments, [self.space.base]) as self._executor:
             yield

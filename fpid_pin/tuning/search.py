@@ -90,9 +90,9 @@ class Evolution:
         """Give the costs of what was asked for, (population, costs), +inf where diverged."""
         self._asked.set("F", np.minimum(costs, _HUGE))
         self._algorithm.tell(infills=self._asked)
-        self._look()
+        self._read_population()
 
-    def _look(self) -> None:
+    def _read_population(self) -> None:
         costs = np.array(self._algorithm.pop.get("F"), dtype=np.float64)
         self.points = np.array(self._algorithm.pop.get("X"), dtype=np.float64)
         self.costs = np.where(costs >= _HUGE, np.inf, costs)
@@ -119,7 +119,7 @@ class Evolution:
         algorithm.n_iter = int(state["generation"])
         algorithm.start_time = 0.0
         algorithm.random_state.bit_generator.state = json.loads(str(state["random"]))
-        self._look()
+        self._read_population()
 
 
 class Search:
@@ -166,14 +166,14 @@ class Search:
         settings, path = self.settings, self._checkpoint
         # Another search that wants the same checkpoint is refused.
         alone = nullcontext() if path is None else locked(path)
-        with self.problem.shared_out(settings.executor, settings.workers), alone:
+        with self.problem.using(settings.executor, settings.workers), alone:
             if path is not None:
-                self._take_up(path)
+                self._resume(path)
             if self.space.base.control is not None:
                 self._warn_of_python()
             # By itself: a point of the unit cube gives it back to within rounding only.
             self.start_cost = float(self.problem.costs_of([self.space.base])[0, 0])
-            self._go_on(progress)
+            self._run_generations(progress)
 
     def _warn_of_python(self) -> None:
         """Say how long a law in plain Python will take, by the first run of the one given."""
@@ -194,7 +194,7 @@ class Search:
 
     # ------------------------------------------------------------------ checkpoints
 
-    def _take_up(self, path: Path) -> None:
+    def _resume(self, path: Path) -> None:
         """Go on from a checkpoint, where there is one; refuse another search's."""
         require_file(path)
         if kind_of(path) is None:
@@ -229,10 +229,10 @@ class Search:
 
     # ------------------------------------------------------------------ generations
 
-    def _go_on(self, progress: SearchCallback | None) -> None:
+    def _run_generations(self, progress: SearchCallback | None) -> None:
         settings, before, began = self.settings, self.done, time.monotonic()
 
-        def tell(part: float, complete: bool = False) -> None:
+        def report(part: float, complete: bool = False) -> None:
             if progress is None:
                 return
             done, all_ = self.done + part, settings.generations
@@ -246,13 +246,13 @@ class Search:
             ))  # fmt: skip
 
         while self.done < settings.generations:
-            tell(0.0)
+            report(0.0)
             asked = [evolution.ask() for evolution in self.evolutions]
-            costs, simulated = self._evaluate(np.concatenate(asked), lambda p: tell(p.part))
-            self._tell(asked, costs.reshape(len(asked), settings.population, -1), simulated)
+            costs, simulated = self._evaluate(np.concatenate(asked), lambda p: report(p.part))
+            self._record(asked, costs.reshape(len(asked), settings.population, -1), simulated)
             self.done += 1
             self._save()
-            tell(0.0, complete=True)
+            report(0.0, complete=True)
 
     def _evaluate(self, points: FloatArray, progress: ProgressCallback) -> tuple[FloatArray, int]:
         """Return the costs of points, and how many had to be simulated: equal ones only once."""
@@ -267,7 +267,7 @@ class Search:
             known |= zip(fresh, self.problem.costs_of(controllers, progress), strict=True)
         return np.array([known[point.tobytes()] for point in points]), len(fresh)
 
-    def _tell(self, asked: list[FloatArray], costs: FloatArray, simulated: int) -> None:
+    def _record(self, asked: list[FloatArray], costs: FloatArray, simulated: int) -> None:
         diverged: BoolArray = np.logical_not(np.isfinite(costs).all(axis=2))
         nothing = np.flatnonzero(diverged.all(axis=1))
         if self.done == 0 and nothing.size:
@@ -295,7 +295,7 @@ class Search:
         outcomes = (simulate(e, law).outcome for e in self.problem.experiments)
         return next((str(o) for o in outcomes if not o.completed), "with a cost that is not finite")
 
-    def found(self) -> dict[str, Any]:
+    def summary(self) -> dict[str, Any]:
         """Return what any result has: the history, and how much was done for it."""
         records = {name: np.array(rows) for name, rows in self._records.items()}
         if len(self.problem.costs) == 1:

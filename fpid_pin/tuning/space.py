@@ -167,16 +167,15 @@ class BoundSpace:
 
     def values(self, points: FloatArray) -> FloatArray:
         """Map points of the unit cube, (..., size), to parameter values of the same shape."""
-        rows = np.asarray(points, dtype=np.float64).reshape(-1, self.size)
-        out = np.empty_like(rows)
-        for k, log in enumerate(self._log):
-            low, high = float(self.low[k]), float(self.high[k])
-            for row, x in enumerate(rows[:, k].tolist()):
-                # Scalar exp on purpose: numpy's vector exp may round a value differently according
-                # to where in an array it stands, and a candidate must not depend on its company.
-                value = low * math.exp(x * math.log(high / low)) if log else low + x * (high - low)
-                out[row, k] = high if x >= 1.0 else min(max(value, low), high)
-        return out.reshape(np.shape(points))
+        x = np.asarray(points, dtype=np.float64)
+        values = self.low + x * (self.high - self.low)
+        for k in np.flatnonzero(self._log):
+            low, range_ = float(self.low[k]), math.log(self.high[k] / self.low[k])
+            # Scalar exp on purpose: numpy's vector exp may round a value differently according to
+            # where in an array it stands, and a candidate must not depend on its company.
+            each = [low * math.exp(part * range_) for part in np.ravel(x[..., k]).tolist()]
+            values[..., k] = np.reshape(each, x.shape[:-1])
+        return np.where(x >= 1.0, self.high, np.clip(values, self.low, self.high))
 
     def controller(self, point: FloatArray | None, name: str | None = None) -> Controller:
         """Return the controller with the parameters at a point, (size,), under a name.
