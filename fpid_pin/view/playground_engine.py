@@ -78,6 +78,12 @@ class Engine:
             robots = [[encoded(words(law.robot(h, on))) for on in (False, True)] for h in steps]
             table.append(law.table() | {"places": places, "start": start, "robots": robots})
         self.text = f"{HELPERS}{program.text}return [{', '.join(names)}];\n"
+        # What a kilogram at the tool adds to the bodies' records, (n, fields).
+        arm = plant_of(experiment).arm
+        more, less = (words(bodies_of(a)) for a in (arm.with_payload(1.0), arm))
+        # The state of the sensors' random numbers, two integers of 128 bits.
+        state = np.random.default_rng(experiment.seed).bit_generator.state["state"]
+        generator = {name: hex(value) for name, value in state.items()}
         design = next((law.design for law in laws if law.design is not None), None)
         self.table = {
             "n": experiment.arm.n, "modes": max(law.state.c.modes.shape[2] for law in laws),
@@ -88,7 +94,7 @@ class Engine:
             },
             "block": BLOCK_ROWS, "nodes": NODES, "points": encoded(POINTS),
             "steps": [{"step": h} | self._at_step(design, h) for h in steps],
-            "payload": encoded(self._payload()), "generator": self._generator(),
+            "payload": encoded(more - less), "generator": generator,
         }  # fmt: skip
 
     def _arrays(self, law: Law) -> dict[str, Any]:
@@ -140,17 +146,6 @@ class Engine:
         modes = modes_of(design, POINTS, step=h, horizon=horizon)
         poles = words(integrate_step(modes.poles, h))
         return {"poles": encoded(poles), "weights": encoded(modes.table().T.ravel())}
-
-    def _payload(self) -> Any:
-        """Return what a kilogram at the tool adds to the bodies' records, (n, fields)."""
-        arm = plant_of(self._experiment).arm
-        more, less = (words(bodies_of(a)) for a in (arm.with_payload(1.0), arm))
-        return more - less
-
-    def _generator(self) -> dict[str, str]:
-        """Return the state of the sensors' random numbers, two integers of 128 bits."""
-        state = np.random.default_rng(self._experiment.seed).bit_generator.state["state"]
-        return {name: hex(value) for name, value in state.items()}
 
 
 def _places(arrays: dict[str, Any]) -> dict[str, int]:

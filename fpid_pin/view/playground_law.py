@@ -153,17 +153,12 @@ class Law:
     def _proportions(self, name: str, shape: tuple[int, ...]) -> dict[str, Any] | None:
         """Return the numbers that a field moves, over the field; None: not in proportion."""
         x = np.random.default_rng(0).uniform(0.3, 0.7, shape)
-        changes: list[dict[str, Any]]
-        changes = [{name: value[()]} for value in (np.full(shape, 0.25), np.full(shape, 0.5), x)]
-        low, high, found = (
-            self._numbers(replace(self.controller, **change), self._step) for change in changes
-        )
-        moved = [key for key in low if not np.array_equal(low[key], high[key])]
-        for key, value in found.items():
-            expected = 2.0 * x * high[key] if key and key in moved else low[key]
-            if not np.allclose(value, expected, rtol=1e-12):
-                return None
-        return {key: 2.0 * high[key] for key in moved}
+        tried: list[dict[str, Any]] = [{name: np.full(shape, 0.5)[()]}, {name: x[()]}]
+        half, found = (self._numbers(replace(self.controller, **y), self._step) for y in tried)
+        moved = [key for key in half if not np.array_equal(half[key], found[key])]
+        slopes = {key: 2.0 * half[key] for key in moved}
+        follows = (key and np.allclose(found[key], x * slopes[key], rtol=1e-12) for key in moved)
+        return slopes if all(follows) else None
 
     def _note(self, name: str, value: Any, slopes: Mapping[str, Any]) -> None:
         columns = self.state.record.names.index

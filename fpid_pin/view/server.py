@@ -17,7 +17,6 @@ from typing import Any
 
 import tornado.httpserver
 import tornado.ioloop
-import tornado.netutil
 import tornado.web
 from meshcat.servers.zmqserver import WebSocketHandler, ZMQWebSocketBridge, find_available_port
 
@@ -42,14 +41,11 @@ class LocalApplication(tornado.web.Application):
 
     def listen(self, port: int, *args: Any, **options: Any) -> tornado.httpserver.HTTPServer:
         """Listen on `port` or, where it is taken, on the next one that is free."""
-        sockets, self.port = find_available_port(
-            partial(tornado.netutil.bind_sockets, address=HOST), port
-        )
-        server = tornado.httpserver.HTTPServer(
-            self, max_header_size=8192, max_body_size=0, idle_connection_timeout=IDLE,
-            max_buffer_size=2**16,
-        )  # fmt: skip
-        server.add_sockets(sockets)
+        small: dict[str, Any]
+        small = {"max_header_size": 8192, "max_body_size": 0, "max_buffer_size": 2**16}
+        listen = partial(super().listen, address=HOST, idle_connection_timeout=IDLE, **small)
+        server: tornado.httpserver.HTTPServer
+        server, self.port = find_available_port(listen, port)
         return server
 
 
