@@ -149,7 +149,7 @@ class Problem:
             line = f"{error}; going on in this process, with the same results"
             warnings.warn(line, FpidWarning, stacklevel=2)
             self._executor = None
-            table = evaluate(experiments, runs, self.costs, progress=progress)
+            return self.costs_of(controllers, progress)
         cube = table.reshape(len(self.experiments), count, len(self.costs))
         columns = [over_scenarios(cost, cube[:, :, k]) for k, cost in enumerate(self.costs)]
         return np.stack(columns, axis=1)
