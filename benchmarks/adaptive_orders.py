@@ -254,4 +254,4 @@ def long(bench: Bench) -> None:
 
 
 if __name__ == "__main__":
-    run(__doc__, {"paper": paper, "noise": noise, "arms": arms, "long": long})
+    run(__doc__, paper, noise, arms, long)

@@ -18,7 +18,7 @@ import platform
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -82,8 +82,9 @@ class Bench:
 Part = Callable[[Bench], None]
 
 
-def run(doc: str | None, parts: Mapping[str, Part]) -> None:
+def run(doc: str | None, *functions: Part) -> None:
     """Read the command line, run the parts that it asks for, and store what they print."""
+    parts = {function.__name__: function for function in functions}
     path = Path(sys.argv[0])
     question = str(doc).splitlines()[0]
     parser = argparse.ArgumentParser(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -70,18 +69,12 @@ def error(horizon: int) -> np.ndarray:
 
 def precision(bench: Bench) -> None:
     """Print the table."""
-    worst = {}
-
-    def rows() -> Iterator[list[str]]:
-        for horizon in (20,) if bench.quick else (20, 200, 600, 3600):
-            i_e, d_e = error(horizon)
-            worst[horizon] = max(i_e, d_e)
-            yield [f"{horizon} s", f"{i_e:.1e}", f"{d_e:.1e}"]
-
-    bench.table(["horizon", "I^lambda e", "D^mu e"], rows())
-    longest = max(worst)
-    bench.say(f"In {longest} s the terms lose {worst[longest]:.1e} of their largest value.")
+    horizons = (20,) if bench.quick else (20, 200, 600, 3600)
+    found = {horizon: error(horizon) for horizon in horizons}
+    bench.say(f"In {horizons[-1]} s the terms lose {found[horizons[-1]].max():.1e} of their size.")
+    rows = ([f"{horizon} s", *(f"{x:.1e}" for x in pair)] for horizon, pair in found.items())
+    bench.table(["horizon", "I^lambda e", "D^mu e"], rows)
 
 
 if __name__ == "__main__":
-    run(__doc__, {"precision": precision})
+    run(__doc__, precision)

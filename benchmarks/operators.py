@@ -55,10 +55,6 @@ class Signal(NamedTuple):
     function: Callable[[Any], Any]
     order: float
 
-    def at(self, shifted: bool) -> Callable[[Any], Any]:
-        """Return the function, or the one less its first value."""
-        return lambda t: self.function(t) - (self.f[0] if shifted else 0.0)
-
 
 Method = Callable[[Signal], Result]
 
@@ -143,8 +139,10 @@ def peers(quick: bool) -> dict[str, Method]:
 
             def by_pycaputo(s: Signal, kind: Any = kind, shifted: bool = shifted) -> Result:
                 points = make_uniform_points(s.f.size, a=0.0, b=HORIZON)
-                given = s.at(shifted)
-                return whole(lambda: diff(kind(s.order), given, points), s.f.size)
+                first = s.f[0] if shifted else 0.0
+                return whole(
+                    lambda: diff(kind(s.order), lambda t: s.function(t) - first, points), s.f.size
+                )
 
             methods[name] = by_pycaputo
     if find_spec("differint"):
@@ -291,5 +289,4 @@ def realisation(bench: Bench) -> None:
 
 
 if __name__ == "__main__":
-    run(__doc__, {"accuracy": accuracy, "population": population, "fits": fits,
-                  "realisation": realisation})  # fmt: skip
+    run(__doc__, accuracy, population, fits, realisation)

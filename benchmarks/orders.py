@@ -195,4 +195,4 @@ def published(bench: Bench) -> None:
 
 
 if __name__ == "__main__":
-    run(__doc__, {"published": published})
+    run(__doc__, published)

@@ -305,4 +305,4 @@ def sliding(bench: Bench) -> None:
 
 
 if __name__ == "__main__":
-    run(__doc__, {"pelican": pelican, "sliding": sliding})
+    run(__doc__, pelican, sliding)

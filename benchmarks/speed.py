@@ -290,5 +290,4 @@ def campaign(bench: Bench) -> None:
 
 
 if __name__ == "__main__":
-    run(__doc__, {"steps": steps, "ticks": ticks, "threads": threads, "compiling": compiling,
-                  "campaign": campaign})  # fmt: skip
+    run(__doc__, steps, ticks, threads, compiling, campaign)

@@ -141,4 +141,4 @@ def ur5(bench: Bench) -> None:
 
 
 if __name__ == "__main__":
-    run(__doc__, {"pushes": pushes, "wrong": wrong, "ur5": ur5})
+    run(__doc__, pushes, wrong, ur5)

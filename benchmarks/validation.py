@@ -335,4 +335,4 @@ def in_mujoco(bench: Bench) -> None:
 
 
 if __name__ == "__main__":
-    run(__doc__, {"machine": machine, "study": study, "in_mujoco": in_mujoco})
+    run(__doc__, machine, study, in_mujoco)

@@ -127,4 +127,4 @@ def slider(bench: Bench) -> None:
 
 
 if __name__ == "__main__":
-    run(__doc__, {"export": export, "frames": frames, "slider": slider})
+    run(__doc__, export, frames, slider)

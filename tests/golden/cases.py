@@ -86,111 +86,90 @@ COMPILED = {"dynamics": "compiled"}
 
 # --------------------------------------------------------------------------------------- the cases
 
+
+def fpid(**law: Any) -> Case:
+    """Return the paper's experiment under its law, but for some of the law's arguments."""
+    return Case(PAPER, replace(FPID_PAPER, **law))
+
+
+def guarded(*given: Any, experiment: fp.Experiment | None = None, **supervisor: Any) -> Case:
+    """Return the paper's law with a supervisor, under a push unless something else is said."""
+    guard = fp.Supervisor(*given, **supervisor)
+    return Case(experiment or pushed((30.0, 12.0)), replace(FPID_PAPER, supervisor=guard))
+
+
+def paper(law: fp.Controller = FPID_PAPER, **changes: Any) -> Case:
+    """Return the paper's experiment but for some of it; what a plant has is the plant's."""
+    own = ("arm", "effort_limit", "viscous_friction", "dry_friction", "disturbance")
+    plant = {key: changes.pop(key) for key in own if key in changes}
+    return Case(replace(PAPER, **changes, **({"plant": fp.Plant(**plant)} if plant else {})), law)
+
+
+def ur5(law: fp.Controller = FPID_UR5, **changes: Any) -> Case:
+    return Case(swing(UR5, **changes), law)
+
+
+def panda(law: fp.Controller = FPID_PANDA, **changes: Any) -> Case:
+    return Case(swing(PANDA, **changes), law)
+
+
+RUBBED = {"viscous_friction": (0.5, 0.3), "dry_friction": (1.5, 0.8)}
+PAPER_GUARD = {"kind": "paper", "disturbance_bound": (30.0, 12.0)}
+UR5_PUSHED = fp.Plant(disturbance=Pulse((60.0, 60.0, 30.0, 5.0, 5.0, 1.0), 0.2))
+PANDA_PUSHED = fp.Plant(disturbance=Pulse((30.0, 30.0, 20.0, 20.0, 3.0, 3.0, 0.3)))
+UNIT = {"scale": "inertia"}
+
 #: Sensors, friction and integrators under the paper's law, and every form of that law.
 TWO_LINK_FPID = {
-    "published orders": Case(PAPER, FPID_PAPER),
-    "integer orders": Case(
-        PAPER, replace(FPID_PAPER, integral_order=1.0, derivative_order=1.0)
+    "published orders": fpid(),
+    "integer orders": fpid(integral_order=1.0, derivative_order=1.0),
+    "orders at 0 and between": fpid(integral_order=(0.0, 0.5), derivative_order=(0.5, 0.0)),
+    "integer regressors": fpid(regressors="integer"),
+    "fixed gains": fpid(learning_rate=0.0),
+    "learning rates a gain": fpid(learning_rate=((30.0, 20.0), (10.0, 50.0), (5.0, 0.0)), k1=3.0),
+    "bounds": fpid(
+        safeguards=fp.Safeguards(
+            minimum=((9.0, 11.0), (24.0, 19.0), (19.0, 14.0)),
+            maximum=((10.5, 12.5), (26.0, 21.0), (20.5, 15.5)),
+        )
     ),
-    "orders at 0 and between": Case(
-        PAPER, replace(FPID_PAPER, integral_order=(0.0, 0.5), derivative_order=(0.5, 0.0))
+    "sigma": fpid(safeguards=fp.Safeguards(sigma=0.5)),
+    "e-modification": fpid(safeguards=fp.Safeguards(e_modification=0.05)),
+    "dead zone": fpid(safeguards=fp.Safeguards(dead_zone=0.1)),
+    "all safeguards, noise": paper(
+        replace(FPID_PAPER, safeguards=fp.Safeguards(8.0, 30.0, 0.1, 0.01, 0.02)),
+        sensors=NOISE, seed=3,
     ),
-    "integer regressors": Case(PAPER, replace(FPID_PAPER, regressors="integer")),
-    "fixed gains": Case(PAPER, replace(FPID_PAPER, learning_rate=0.0)),
-    "learning rates a gain": Case(
-        PAPER, replace(FPID_PAPER, learning_rate=((30.0, 20.0), (10.0, 50.0), (5.0, 0.0)), k1=3.0)
+    "scale by inertia": fpid(kp=40.0, ki=60.0, kd=12.0, **UNIT),
+    "start of Grunwald-Letnikov": fpid(initialisation="grunwald_letnikov"),
+    "CRONE": fpid(design=fp.fractional.Crone(n=5, widening=1.0)),
+    "CRONE, start of Grunwald-Letnikov": fpid(
+        design=fp.fractional.Crone(1e-2, 200.0, n=3), initialisation="grunwald_letnikov"
     ),
-    "bounds": Case(
-        PAPER,
-        replace(
-            FPID_PAPER,
-            safeguards=fp.Safeguards(
-                minimum=((9.0, 11.0), (24.0, 19.0), (19.0, 14.0)),
-                maximum=((10.5, 12.5), (26.0, 21.0), (20.5, 15.5)),
-            ),
-        ),
+    "32 modes": fpid(design=fp.fractional.ExponentialSum(modes=32)),
+    "adaptive orders": fpid(order_learning_rate=0.1),
+    "adaptive orders, bounds, dead zone": fpid(
+        order_learning_rate=((1.0, 0.5), (0.3, 0.0)), integral_order_bounds=(0.85, 0.95),
+        derivative_order_bounds=(0.9, 1.0), safeguards=fp.Safeguards(dead_zone=0.02, sigma=0.05),
     ),
-    "sigma": Case(PAPER, replace(FPID_PAPER, safeguards=fp.Safeguards(sigma=0.5))),
-    "e-modification": Case(
-        PAPER, replace(FPID_PAPER, safeguards=fp.Safeguards(e_modification=0.05))
-    ),
-    "dead zone": Case(PAPER, replace(FPID_PAPER, safeguards=fp.Safeguards(dead_zone=0.1))),
-    "all safeguards, noise": Case(
-        replace(PAPER, sensors=NOISE, seed=3),
-        replace(
-            FPID_PAPER,
-            safeguards=fp.Safeguards(
-                minimum=8.0, maximum=30.0, sigma=0.1, e_modification=0.01, dead_zone=0.02
-            ),
-        ),
-    ),
-    "scale by inertia": Case(
-        PAPER, replace(FPID_PAPER, kp=40.0, ki=60.0, kd=12.0, scale="inertia")
-    ),
-    "start of Grunwald-Letnikov": Case(
-        PAPER, replace(FPID_PAPER, initialisation="grunwald_letnikov")
-    ),
-    "CRONE": Case(PAPER, replace(FPID_PAPER, design=fp.fractional.Crone(n=5, widening=1.0))),
-    "CRONE, start of Grunwald-Letnikov": Case(
-        PAPER,
-        replace(
-            FPID_PAPER, design=fp.fractional.Crone(1e-2, 200.0, n=3),
-            initialisation="grunwald_letnikov",
-        ),
-    ),
-    "32 modes": Case(PAPER, replace(FPID_PAPER, design=fp.fractional.ExponentialSum(modes=32))),
-    "adaptive orders": Case(PAPER, replace(FPID_PAPER, order_learning_rate=0.1)),
-    "adaptive orders, bounds, dead zone": Case(
-        PAPER,
-        replace(
-            FPID_PAPER, order_learning_rate=((1.0, 0.5), (0.3, 0.0)),
-            integral_order_bounds=(0.85, 0.95), derivative_order_bounds=(0.9, 1.0),
-            safeguards=fp.Safeguards(dead_zone=0.02, sigma=0.05),
-        ),
-    ),
-    "feedforward": Case(PAPER, replace(FPID_PAPER, feedforward=True)),
-    "observer": Case(PAPER, replace(FPID_PAPER, observer=60.0)),
-    "feedforward, observer, heavier plant": Case(
-        replace(PAPER, plant=fp.Plant(arm=TWO_LINK.with_payload(0.5), viscous_friction=0.3)),
+    "feedforward": fpid(feedforward=True),
+    "observer": fpid(observer=60.0),
+    "feedforward, observer, heavier plant": paper(
         replace(FPID_PAPER, feedforward=True, observer=80.0),
+        arm=TWO_LINK.with_payload(0.5), viscous_friction=0.3,
     ),
-    "paper's supervisor, silent": Case(
-        PAPER,
-        replace(
-            FPID_PAPER,
-            supervisor=fp.Supervisor(
-                5.0, 1.0, kind="paper", disturbance_bound=(0.4, 0.6), gravity_bound=(27.44, 7.84)
-            ),
-        ),
+    "paper's supervisor, silent": guarded(
+        5.0, 1.0, experiment=PAPER, kind="paper", disturbance_bound=(0.4, 0.6),
+        gravity_bound=(27.44, 7.84),
     ),
-    "paper's supervisor, boundary layer": Case(
-        pushed((30.0, 12.0)),
-        replace(
-            FPID_PAPER,
-            supervisor=fp.Supervisor(
-                2.5, 1.0, kind="paper", disturbance_bound=(30.0, 12.0), boundary_layer=3.0
-            ),
-        ),
+    "paper's supervisor, boundary layer": guarded(2.5, 1.0, **PAPER_GUARD, boundary_layer=3.0),
+    "paper's supervisor, sgn": guarded(
+        2.5, 1.0, experiment=pushed((30.0, 12.0), duration=1.0), **PAPER_GUARD,
+        gravity_bound=(27.44, 7.84),
     ),
-    "paper's supervisor, sgn": Case(
-        pushed((30.0, 12.0), duration=1.0),
-        replace(
-            FPID_PAPER,
-            supervisor=fp.Supervisor(
-                2.5, 1.0, kind="paper", disturbance_bound=(30.0, 12.0), gravity_bound=(27.44, 7.84)
-            ),
-        ),
-    ),
-    "sampled supervisor": Case(
-        pushed((30.0, 12.0)),
-        replace(FPID_PAPER, supervisor=fp.Supervisor(2.5, 1.0, disturbance_bound=(3.0, 1.0))),
-    ),
-    "sampled supervisor, look-ahead, trigger": Case(
-        pushed((30.0, 12.0)),
-        replace(
-            FPID_PAPER,
-            supervisor=fp.Supervisor(2.5, 1.0, lookahead=0.005, target=0.9, trigger=0.8),
-        ),
+    "sampled supervisor": guarded(2.5, 1.0, disturbance_bound=(3.0, 1.0)),
+    "sampled supervisor, look-ahead, trigger": guarded(
+        2.5, 1.0, lookahead=0.005, target=0.9, trigger=0.8
     ),
     "quiet supervisor": Case(
         pushed((30.0, 12.0)), replace(FPID_PAPER, supervisor=fp.Supervisor.quiet(2.5, 1.0))
@@ -201,74 +180,46 @@ TWO_LINK_FPID = {
             FPID_PAPER, supervisor=fp.Supervisor.quiet(2.5, 1.0), feedforward=True, observer=100.0
         ),
     ),
-    "compiled": Case(replace(PAPER, **COMPILED), FPID_PAPER),
-    "rk4": Case(replace(PAPER, integrator="rk4"), FPID_PAPER),
-    "compiled, rk4": Case(replace(PAPER, integrator="rk4", **COMPILED), FPID_PAPER),
-    "steps of 0.25 ms": Case(replace(PAPER, step=2.5e-4, duration=0.5), FPID_PAPER),
-    "steps of 4 ms": Case(replace(PAPER, step=4e-3, duration=4.0), FPID_PAPER),
-    "viscous and dry friction": Case(
-        replace(PAPER, plant=fp.Plant(viscous_friction=(0.5, 0.3), dry_friction=(1.5, 0.8))),
-        FPID_PAPER,
+    "compiled": paper(**COMPILED),
+    "rk4": paper(integrator="rk4"),
+    "compiled, rk4": paper(integrator="rk4", **COMPILED),
+    "steps of 0.25 ms": paper(step=2.5e-4, duration=0.5),
+    "steps of 4 ms": paper(step=4e-3, duration=4.0),
+    "viscous and dry friction": paper(**RUBBED),
+    "compiled, viscous and dry friction": paper(**RUBBED, **COMPILED),
+    "effort limits": paper(effort_limit=(32.0, 7.0)),
+    "noise": paper(sensors=NOISE, seed=7),
+    "encoders": paper(sensors=ENCODERS),
+    "compiled, encoders, effort limits": paper(
+        sensors=ENCODERS, effort_limit=(32.0, 7.0), **COMPILED
     ),
-    "compiled, viscous and dry friction": Case(
-        replace(
-            PAPER, plant=fp.Plant(viscous_friction=(0.5, 0.3), dry_friction=(1.5, 0.8)), **COMPILED
-        ),
-        FPID_PAPER,
-    ),
-    "effort limits": Case(
-        replace(PAPER, plant=fp.Plant(effort_limit=(32.0, 7.0))), FPID_PAPER
-    ),
-    "noise": Case(replace(PAPER, sensors=NOISE, seed=7), FPID_PAPER),
-    "encoders": Case(replace(PAPER, sensors=ENCODERS), FPID_PAPER),
-    "compiled, encoders, effort limits": Case(
-        replace(PAPER, sensors=ENCODERS, plant=fp.Plant(effort_limit=(32.0, 7.0)), **COMPILED),
-        FPID_PAPER,
-    ),
-    "pulses": Case(
-        replace(
-            PAPER,
-            plant=fp.Plant(
-                disturbance=Sum((Pulse((5.0, -2.0), 0.3, 0.6), Cosine(1.0, 20.0, 0.4)))
-            ),
-        ),
-        FPID_PAPER,
-    ),
+    "pulses": paper(disturbance=Sum((Pulse((5.0, -2.0), 0.3, 0.6), Cosine(1.0, 20.0, 0.4)))),
 }  # fmt: skip
 
 #: The paper's arm under the other laws.
 TWO_LINK_OTHERS = {
-    "gravity only": Case(PAPER, fp.GravityOnly()),
-    "PID, effort limits": Case(
-        replace(PAPER, plant=fp.Plant(effort_limit=(30.0, 7.0))), fp.Pid(100.0, 80.0, 30.0)
+    "gravity only": paper(fp.GravityOnly()),
+    "PID, effort limits": paper(fp.Pid(100.0, 80.0, 30.0), effort_limit=(30.0, 7.0)),
+    "PD and gravity with integral": paper(fp.PdGravity(60.0, 20.0, ki=30.0)),
+    "computed torque": paper(fp.ComputedTorque()),
+    "computed torque with observer, dry friction": paper(
+        fp.ComputedTorque(k0=50.0, k1=15.0, observer=50.0), dry_friction=(1.5, 0.8)
     ),
-    "PD and gravity with integral": Case(PAPER, fp.PdGravity(60.0, 20.0, ki=30.0)),
-    "computed torque": Case(PAPER, fp.ComputedTorque()),
-    "computed torque with observer, dry friction": Case(
-        replace(PAPER, plant=fp.Plant(dry_friction=(1.5, 0.8))),
-        fp.ComputedTorque(k0=50.0, k1=15.0, observer=50.0),
+    "computed torque with integral, heavier plant": paper(
+        fp.ComputedTorque(k0=50.0, k1=15.0, ki=40.0), arm=TWO_LINK.with_payload(0.5)
     ),
-    "computed torque with integral, heavier plant": Case(
-        replace(PAPER, plant=fp.Plant(arm=TWO_LINK.with_payload(0.5))),
-        fp.ComputedTorque(k0=50.0, k1=15.0, ki=40.0),
+    "sliding mode, switching": paper(
+        fp.SlidingMode(4.0, 10.0, boundary_layer=0.0), duration=1.0
     ),
-    "sliding mode, switching": Case(
-        replace(PAPER, duration=1.0), fp.SlidingMode(4.0, 10.0, boundary_layer=0.0)
+    "sliding mode with observer": paper(
+        fp.SlidingMode(4.0, 10.0, boundary_layer=0.3, observer=50.0)
     ),
-    "sliding mode with observer": Case(
-        PAPER, fp.SlidingMode(4.0, 10.0, boundary_layer=0.3, observer=50.0)
+    "Slotine-Li, nothing known": paper(
+        fp.SlotineLi(5.0, 10.0, adaptation_rate=3.0, initial=0.0, friction=False)
     ),
-    "Slotine-Li, nothing known": Case(
-        PAPER, fp.SlotineLi(5.0, 10.0, adaptation_rate=3.0, initial=0.0, friction=False)
-    ),
-    "Slotine-Li, effort limits": Case(
-        replace(PAPER, plant=fp.Plant(effort_limit=(30.0, 7.0))), fp.SlotineLi(5.0, 10.0)
-    ),
-    "runs away": Case(
-        replace(PAPER, plant=fp.Plant(disturbance=Pulse((20.0, 0.0))), runaway_speed=15.0),
-        fp.GravityOnly(),
-    ),
-    "unstable": Case(PAPER, fp.ComputedTorque(k0=100.0, k1=2050.0)),
+    "Slotine-Li, effort limits": paper(fp.SlotineLi(5.0, 10.0), effort_limit=(30.0, 7.0)),
+    "runs away": paper(fp.GravityOnly(), disturbance=Pulse((20.0, 0.0)), runaway_speed=15.0),
+    "unstable": paper(fp.ComputedTorque(k0=100.0, k1=2050.0)),
 }  # fmt: skip
 
 #: Six and seven joints, at rest and loaded, rubbing and bounded.
@@ -278,119 +229,98 @@ LARGER = {
             PLANAR,
             reference=Waypoints((0.0, 0.5, 1.0), [(0, 0, 0), (0.5, -0.4, 0.8), (0.2, 0.4, 0)]),
         ),
-        fp.AdaptiveFpid(
-            100.0, 200.0, 20.0, 0.9, 0.9, learning_rate=100.0, scale="inertia"
-        ),
+        fp.AdaptiveFpid(100.0, 200.0, 20.0, 0.9, 0.9, learning_rate=100.0, **UNIT),
     ),
     "planar: computed torque, rk4": Case(
         swing(PLANAR, integrator="rk4"), fp.ComputedTorque(100.0, 20.0)
     ),
-    "ur5: FPID": Case(swing(UR5), FPID_UR5),
-    "ur5: FPID, compiled": Case(swing(UR5, **COMPILED), FPID_UR5),
-    "ur5: FPID, rk4": Case(swing(UR5, integrator="rk4", duration=0.5), FPID_UR5),
-    "ur5: adaptive integer PID": Case(
-        swing(UR5), replace(FPID_UR5, integral_order=1.0, derivative_order=1.0, kd=20.0)
+    "ur5: FPID": ur5(),
+    "ur5: FPID, compiled": ur5(**COMPILED),
+    "ur5: FPID, rk4": ur5(integrator="rk4", duration=0.5),
+    "ur5: adaptive integer PID": ur5(
+        replace(FPID_UR5, integral_order=1.0, derivative_order=1.0, kd=20.0)
     ),
-    "ur5: FPID, CRONE, effort limits": Case(
-        swing(UR5, plant=fp.Plant(effort_limit=(60.0, 60.0, 25.0, 5.0, 5.0, 1.0))),
+    "ur5: FPID, CRONE, effort limits": ur5(
         replace(FPID_UR5, design=fp.fractional.Crone()),
+        plant=fp.Plant(effort_limit=(60.0, 60.0, 25.0, 5.0, 5.0, 1.0)),
     ),
-    "ur5: FPID, adaptive orders": Case(
-        swing(UR5),
+    "ur5: FPID, adaptive orders": ur5(
         replace(
             FPID_UR5, order_learning_rate=np.outer((0.3, 0.03), np.ones(6)),
             integral_order_bounds=(0.02, 0.9), derivative_order_bounds=(0.3, 0.95),
-        ),
+        )
     ),
-    "ur5: FPID, feedforward, observer, loaded": Case(
-        swing(UR5, plant=UR5_LOADED), replace(FPID_UR5, feedforward=True, observer=40.0)
+    "ur5: FPID, feedforward, observer, loaded": ur5(
+        replace(FPID_UR5, feedforward=True, observer=40.0), plant=UR5_LOADED
     ),
-    "ur5: FPID, observer, compiled, noise": Case(
-        swing(UR5, sensors=NOISE, plant=UR5_LOADED, **COMPILED), replace(FPID_UR5, observer=40.0)
+    "ur5: FPID, observer, compiled, noise": ur5(
+        replace(FPID_UR5, observer=40.0), sensors=NOISE, plant=UR5_LOADED, **COMPILED
     ),
-    "ur5: FPID, quiet supervisor": Case(
-        swing(UR5, plant=fp.Plant(disturbance=Pulse((60.0, 60.0, 30.0, 5.0, 5.0, 1.0), 0.2))),
-        replace(FPID_UR5, supervisor=fp.Supervisor.quiet(0.75, 0.67)),
+    "ur5: FPID, quiet supervisor": ur5(
+        replace(FPID_UR5, supervisor=fp.Supervisor.quiet(0.75, 0.67)), plant=UR5_PUSHED
     ),
-    "ur5: FPID, paper's supervisor": Case(
-        swing(UR5, plant=fp.Plant(disturbance=Pulse((60.0, 60.0, 30.0, 5.0, 5.0, 1.0), 0.2))),
+    "ur5: FPID, paper's supervisor": ur5(
         replace(
             FPID_UR5, supervisor=fp.Supervisor(0.75, 0.67, 1.0, kind="paper", boundary_layer=50.0)
         ),
+        plant=UR5_PUSHED,
     ),
-    "ur5: PID": Case(swing(UR5), fp.Pid(100.0, 200.0, 20.0, scale="inertia")),
-    "ur5: PID, compiled, encoders": Case(
-        swing(UR5, sensors=ENCODERS, **COMPILED), fp.Pid(100.0, 200.0, 20.0, scale="inertia")
+    "ur5: PID": ur5(fp.Pid(100.0, 200.0, 20.0, **UNIT)),
+    "ur5: PID, compiled, encoders": ur5(
+        fp.Pid(100.0, 200.0, 20.0, **UNIT), sensors=ENCODERS, **COMPILED
     ),
-    "ur5: PD and gravity, a move": Case(
-        swing(UR5, reference=Quintic(0.0, 0.6, 0.7, begin=0.1), plant=UR5_LOADED),
-        fp.PdGravity(100.0, 20.0, scale="inertia"),
+    "ur5: PD and gravity, a move": ur5(
+        fp.PdGravity(100.0, 20.0, **UNIT), reference=Quintic(0.0, 0.6, 0.7, begin=0.1),
+        plant=UR5_LOADED,
     ),
-    "ur5: PD and gravity with observer, loaded": Case(
-        swing(UR5, plant=UR5_LOADED), fp.PdGravity(100.0, 20.0, scale="inertia", observer=30.0)
+    "ur5: PD and gravity with observer, loaded": ur5(
+        fp.PdGravity(100.0, 20.0, **UNIT, observer=30.0), plant=UR5_LOADED
     ),
-    "ur5: computed torque, noise": Case(
-        swing(UR5, sensors=NOISE, seed=5), fp.ComputedTorque(100.0, 20.0)
+    "ur5: computed torque, noise": ur5(fp.ComputedTorque(100.0, 20.0), sensors=NOISE, seed=5),
+    "ur5: computed torque, compiled": ur5(fp.ComputedTorque(100.0, 20.0), **COMPILED),
+    "ur5: computed torque with observer, loaded": ur5(
+        fp.ComputedTorque(100.0, 20.0, observer=40.0), plant=UR5_LOADED
     ),
-    "ur5: computed torque, compiled": Case(
-        swing(UR5, **COMPILED), fp.ComputedTorque(100.0, 20.0)
-    ),
-    "ur5: computed torque with observer, loaded": Case(
-        swing(UR5, plant=UR5_LOADED), fp.ComputedTorque(100.0, 20.0, observer=40.0)
-    ),
-    "ur5: sliding mode": Case(
-        swing(UR5, plant=UR5_LOADED), fp.SlidingMode(10.0, (60.0, 60.0, 30.0, 6.0, 6.0, 1.0), 0.5)
+    "ur5: sliding mode": ur5(
+        fp.SlidingMode(10.0, (60.0, 60.0, 30.0, 6.0, 6.0, 1.0), 0.5), plant=UR5_LOADED
     ),
     "ur5: Slotine-Li, rotors, loaded": Case(
         swing(UR5.with_armature(0.1), plant=fp.Plant(viscous_friction=0.5)),
-        fp.SlotineLi(10.0, 20.0, scale="inertia"),
+        fp.SlotineLi(10.0, 20.0, **UNIT),
     ),
-    "ur5: Slotine-Li, leakage": Case(
-        swing(UR5, plant=UR5_LOADED),
-        fp.SlotineLi(10.0, 20.0, 2.0, 0.8, friction=False, leakage=0.5, scale="inertia"),
+    "ur5: Slotine-Li, leakage": ur5(
+        fp.SlotineLi(10.0, 20.0, 2.0, 0.8, friction=False, leakage=0.5, **UNIT), plant=UR5_LOADED
     ),
-    "panda: FPID": Case(swing(PANDA), FPID_PANDA),
-    "panda: FPID, compiled, rk4": Case(
-        swing(PANDA, integrator="rk4", duration=0.5, **COMPILED), FPID_PANDA
+    "panda: FPID": panda(),
+    "panda: FPID, compiled, rk4": panda(integrator="rk4", duration=0.5, **COMPILED),
+    "panda: FPID, encoders": panda(sensors=ENCODERS),
+    "panda: FPID, a step of the set point, effort limits": panda(
+        replace(FPID_PANDA, initialisation="grunwald_letnikov"), reference=Hold(PANDA.home),
+        q0=np.array(PANDA.home) + 0.2,
+        plant=fp.Plant(effort_limit=(60.0, 60.0, 60.0, 40.0, 5.0, 5.0, 0.5)),
     ),
-    "panda: FPID, encoders": Case(swing(PANDA, sensors=ENCODERS), FPID_PANDA),
-    "panda: FPID, a step of the set point, effort limits": Case(
-        swing(
-            PANDA, reference=Hold(PANDA.home), q0=np.array(PANDA.home) + 0.2,
-            plant=fp.Plant(effort_limit=(60.0, 60.0, 60.0, 40.0, 5.0, 5.0, 0.5)),
-        ),
-        replace(FPID_PANDA, initialisation="grunwald_letnikov"),
+    "panda: FPID, feedforward, compiled": panda(
+        replace(FPID_PANDA, feedforward=True), **COMPILED
     ),
-    "panda: FPID, feedforward, compiled": Case(
-        swing(PANDA, **COMPILED), replace(FPID_PANDA, feedforward=True)
+    "panda: FPID, sampled supervisor": panda(
+        replace(FPID_PANDA, supervisor=fp.Supervisor(2.6, 2.5, observer=50.0)), plant=PANDA_PUSHED
     ),
-    "panda: FPID, sampled supervisor": Case(
-        swing(PANDA, plant=fp.Plant(disturbance=Pulse((30.0, 30.0, 20.0, 20.0, 3.0, 3.0, 0.3)))),
-        replace(FPID_PANDA, supervisor=fp.Supervisor(2.6, 2.5, observer=50.0)),
+    "panda: gravity only": panda(fp.GravityOnly(), v0=0.5),
+    "panda: PID": panda(fp.Pid(100.0, 200.0, 20.0, **UNIT)),
+    "panda: PD and gravity with integral": panda(
+        fp.PdGravity(100.0, 20.0, **UNIT, ki=150.0), plant=PANDA_LOADED
     ),
-    "panda: gravity only": Case(swing(PANDA, v0=0.5), fp.GravityOnly()),
-    "panda: PID": Case(swing(PANDA), fp.Pid(100.0, 200.0, 20.0, scale="inertia")),
-    "panda: PD and gravity with integral": Case(
-        swing(PANDA, plant=PANDA_LOADED), fp.PdGravity(100.0, 20.0, scale="inertia", ki=150.0)
+    "panda: computed torque with integral": panda(
+        fp.ComputedTorque(100.0, 20.0, ki=150.0), plant=PANDA_LOADED
     ),
-    "panda: computed torque with integral": Case(
-        swing(PANDA, plant=PANDA_LOADED), fp.ComputedTorque(100.0, 20.0, ki=150.0)
+    "panda: sliding mode with observer": panda(
+        fp.SlidingMode(10.0, 20.0, 0.2, **UNIT, observer=30.0), plant=PANDA_LOADED
     ),
-    "panda: sliding mode with observer": Case(
-        swing(PANDA, plant=PANDA_LOADED),
-        fp.SlidingMode(10.0, 20.0, 0.2, scale="inertia", observer=30.0),
-    ),
-    "panda: Slotine-Li": Case(
-        swing(PANDA, plant=PANDA_LOADED), fp.SlotineLi(10.0, 20.0, scale="inertia")
-    ),
+    "panda: Slotine-Li": panda(fp.SlotineLi(10.0, 20.0, **UNIT), plant=PANDA_LOADED),
     "xarm7: FPID, dry friction": Case(swing(XARM7), FPID_XARM7),
     "xarm7: FPID, dry friction, compiled": Case(swing(XARM7, **COMPILED), FPID_XARM7),
-    "z1: computed torque, dry friction": Case(
-        swing(Z1), fp.ComputedTorque(100.0, 20.0)
-    ),
-    "xarm7: Slotine-Li, dry friction": Case(
-        swing(XARM7), fp.SlotineLi(10.0, 20.0, scale="inertia")
-    ),
+    "z1: computed torque, dry friction": Case(swing(Z1), fp.ComputedTorque(100.0, 20.0)),
+    "xarm7: Slotine-Li, dry friction": Case(swing(XARM7), fp.SlotineLi(10.0, 20.0, **UNIT)),
     "z1: FPID, dry friction, encoders": Case(swing(Z1, sensors=ENCODERS), FPID_Z1),
     "z1: PID, dry friction, compiled": Case(
         swing(Z1, **COMPILED), fp.Pid(100.0, 200.0, 10.0, scale=FPID_Z1.scale)

@@ -10,6 +10,7 @@ import hashlib
 import io
 import itertools
 import json
+import os
 import re
 import shutil
 import sys
@@ -51,38 +52,35 @@ def search(folder):
     return lambda: tune(experiment, LAW, space, settings=settings)
 
 
-def command(*arguments):
-    def made(folder):
-        for name in ("short.toml", "run.npz"):
-            shutil.copyfile(folder.parent / name, folder / name)
-        rounds = itertools.count()
-
-        def run():
-            # An export never takes an older one's place: each has a folder of its own.
-            own = str(next(rounds))
-            words = [word.replace("@", str(folder)).replace("#", own) for word in arguments]
-            status = main(words)
-            if status:
-                raise FpidError(sys.stderr.getvalue())
-
-        return run
-
-    return made
-
-
-WORK = {
-    "Run.save": save,
-    "output_folder": results,
-    "tune()": search,
-    "run": command("run", "@/short.toml", "--out", "@/out", "--controller", "integer PID"),
-    "tune": command("tune", "@/short.toml", "--out", "@/out"),
-    "view --html": command("view", "@/run.npz", "--html", "@/page.html"),
-    "playground --html": command("playground", "@/short.toml", "--html", "@/playground.html"),
-    "export": command(
-        "export", "@/short.toml", "--controller", "integer PID", "--ticks", "5", "--out", "@/c#"
+#: What is run, from the folder above the disk; # is another number each time.
+COMMANDS = {
+    "run": ("run", "short.toml", "--controller", "integer PID", "--out", "disk/out"),
+    "compare": ("compare", "short.toml", "--out", "disk/out"),
+    "tune": ("tune", "short.toml", "--out", "disk/out"),
+    "demo": ("demo", "--out", "disk/out"),
+    "view": ("view", "run.npz", "--html", "disk/page.html"),
+    "operators": ("operators", "--order", "0.5", "--plot", "disk/plot.png"),
+    "playground": ("playground", "short.toml", "--html", "disk/playground.html"),
+    # An export never takes an older one's place: each has a folder of its own.
+    "export": (
+        "export", "short.toml", "--controller", "integer PID", "--ticks", "5", "--out", "disk/c#"
     ),
-    "operators --plot": command("operators", "--order", "0.5", "--plot", "@/plot.svg"),
-}
+}  # fmt: skip
+
+
+def command(words):
+    rounds = itertools.count()
+
+    def run():
+        own = str(next(rounds))
+        if main([word.replace("#", own) for word in words]):
+            raise FpidError(sys.stderr.getvalue())
+
+    return lambda folder: run
+
+
+WORK = {"Run.save": save, "output_folder": results, "tune()": search}
+WORK |= {name: command(words) for name, words in COMMANDS.items()}
 
 
 def contents(folder):
@@ -114,6 +112,7 @@ def attempt(work):
 
 
 def main_loop(root, what, every):
+    os.chdir(root)
     library = ctypes.CDLL(None)
     folder = root / "disk"
     for code, stay in ERRORS:

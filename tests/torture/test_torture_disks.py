@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from bounded import finished
+from faults import COMMANDS
 
 import fpid_pin as fp
 from fpid_pin.cli.configuration import demo_config
@@ -35,16 +36,15 @@ def written(folder):
 
 FULL = os.environ.get("FPID_TORTURE") == "full"
 #: What writes, and at which of its writes the disk fails: every so many, in full and in the suite.
-WORK = {
-    "Run.save": (1, 1), "output_folder": (1, 1), "tune()": (1, 9), "operators --plot": (1, 0),
-    "view --html": (1, 0), "playground --html": (1, 0), "export": (3, 0), "run": (3, 0),
-    "tune": (7, 0),
+WRITES = {
+    "Run.save": (1, 1), "output_folder": (1, 1), "tune()": (1, 9), "operators": (1, 0),
+    "view": (1, 0), "playground": (1, 0), "export": (3, 0), "run": (3, 0), "tune": (7, 0),
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("what", [what for what, steps in WORK.items() if FULL or steps[1]])
+@pytest.mark.parametrize("what", [what for what, steps in WRITES.items() if FULL or steps[1]])
 def test_a_disk_that_fails_at_any_write(what, shim, tmp_path, tally):
-    every = WORK[what][0 if FULL else 1]
+    every = WRITES[what][0 if FULL else 1]
     written(tmp_path)
     done = finished(
         [sys.executable, HERE / "faults.py", tmp_path, what, str(every)],
@@ -58,81 +58,56 @@ def test_a_disk_that_fails_at_any_write(what, shim, tmp_path, tally):
     assert sum(told == "refused" for *_, told, _ in rows) >= 5
 
 
-def command(folder, *arguments, **options):
-    done = finished([sys.executable, "-m", "fpid_pin.cli.main", *arguments], cwd=folder, **options)
-    said = [line for line in done.stderr.splitlines() if "generation" not in line]
-    return done.returncode, said
+@pytest.fixture
+def disk(request, tmp_path):
+    """Return a folder that will take no more, and how to run a program that writes into it."""
+    place, options = tmp_path / "disk", {}
+    place.mkdir()
+    written(tmp_path)
+    mounted = request.param != "limited"
+    if mounted:
+        mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(place)]
+        if finished(mount).returncode:
+            pytest.skip("tmpfs may not be mounted here")
+        # A page has a megabyte of its own; a figure has not.
+        (place / "ballast").write_bytes(bytes(900_000))
+    else:  # as a quota has it; needs no rights of an administrator
+        sizes = (15_000, 15_000)
+        options["preexec_fn"] = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, sizes)
+    (place / "out").mkdir()
+    (place / "out" / ".fpid_pin").write_text("")
+    (place / "out" / "older").write_text("results")
+    if request.param == "read-only":
+        finished(["mount", "-o", "remount,ro", str(place)], check=True)
+    yield place, options
+    if mounted:
+        finished(["umount", str(place)], check=True)
 
 
 def snapshot(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-COMMANDS = {
-    "run": ("run", "short.toml", "--controller", "integer PID", "--out", "disk/out"),
-    "compare": ("compare", "short.toml", "--out", "disk/out"),
-    "tune": ("tune", "short.toml", "--out", "disk/out"),
-    "demo": ("demo", "--out", "disk/out"),
-    "view": ("view", "run.npz", "--html", "disk/page.html"),
-    "operators": ("operators", "--order", "0.5", "--plot", "disk/plot.png"),
-    "playground": ("playground", "short.toml", "--html", "disk/playground.html"),
-    "export": ("export", "short.toml", "--controller", "integer PID", "--out", "disk/c"),
-}
+FEW = {"full": ["run"], "read-only": ["operators"], "limited": ["compare"]}
 
 
-@pytest.fixture
-def disk(tmp_path):
-    place = tmp_path / "disk"
-    place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(place)]
-    if finished(mount).returncode:
-        pytest.skip("tmpfs may not be mounted here")
-    yield place
-    finished(["umount", str(place)], check=True)
-
-
-@pytest.mark.parametrize("state", ["full", "read-only"])
+@pytest.mark.parametrize(("state", "disk"), [(state, state) for state in FEW], indirect=["disk"])
 def test_a_full_and_a_read_only_disk(state, disk, tmp_path, tally):
-    written(tmp_path)
-    (disk / "out").mkdir()
-    (disk / "out" / ".fpid_pin").write_text("")
-    (disk / "out" / "older").write_text("results")
-    # The page has a megabyte of its own; a figure has not.
-    (disk / "ballast").write_bytes(bytes(900_000))
-    if state == "read-only":
-        finished(["mount", "-o", "remount,ro", str(disk)], check=True)
-    before = snapshot(disk)
-    for name in COMMANDS if FULL else ["run" if state == "full" else "operators"]:
-        status, said = command(tmp_path, *COMMANDS[name])
-        after = snapshot(disk)
-        extra = {path: after[path] for path in after.keys() - before.keys()}
+    place, options = disk
+    before = snapshot(place)
+    why = "File too large" if state == "limited" else "cannot be written"
+    for name in COMMANDS if FULL else FEW[state]:
+        program = [sys.executable, "-m", "fpid_pin.cli.main", *COMMANDS[name]]
+        done = finished(program, cwd=tmp_path, **options)
+        said = [line for line in done.stderr.splitlines() if "generation" not in line]
+        after = snapshot(place)
+        extra = {path for path in after if path not in before}
         checkpoint = {path for path in extra if path.name == "out.checkpoint.npz"}
         fault = ""
-        if status != 2 or len(said) != 1 or "cannot be written" not in said[0]:
-            fault = f"status {status}, {said}"
-        elif extra.keys() - checkpoint or any(after[path] != before[path] for path in before):
+        if done.returncode != 2 or len(said) != 1 or why not in said[0]:
+            fault = f"status {done.returncode}, {said}"
+        elif extra - checkpoint or any(after[path] != before[path] for path in before):
             fault = f"left {sorted(map(str, extra))}"
         tally(f"{state} disk", fault and f"{name}: {fault}")
         for path in checkpoint:
             path.unlink()
-
-
-@pytest.mark.skipif(not FULL, reason="FPID_TORTURE=full")
-def test_a_limit_on_the_size_of_files(tmp_path, tally):
-    """As a quota has it; needs no rights of an administrator."""
-    written(tmp_path)
-    (tmp_path / "disk").mkdir()
-    before = snapshot(tmp_path)
-
-    def limited():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (15_000, 15_000))
-
-    for name in COMMANDS:
-        status, said = command(tmp_path, *COMMANDS[name], preexec_fn=limited)
-        after = snapshot(tmp_path)
-        for path in list(after):
-            if path.name == "out.checkpoint.npz":
-                path.unlink()
-                del after[path]
-        whole = status == 2 and len(said) == 1 and "File too large" in said[0] and after == before
-        tally("file size limit", "" if whole else f"{name}: {status}, {said}")
