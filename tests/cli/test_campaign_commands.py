@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from fpid_pin.cli.configuration import demo_config, load, parse
+from fpid_pin.cli.configuration import demo_config, parse
 from fpid_pin.cli.main import main
 from fpid_pin.cli.plans import read_campaign
 from fpid_pin.exceptions import ConfigError
@@ -74,16 +74,13 @@ def test_attack_ends_with_the_command_that_shows_it(config, capsys):
     assert "a new file" in capsys.readouterr().err
 
 
-def test_the_table_is_the_study(config):
-    study, runs = read_campaign(load(config))
-    assert runs == 8
-    assert study.names == ("FPID, published orders", "integer PID")
-    assert study.experiment.dynamics == "compiled"
-    assert study.scenarios.seed == 4
-    text = SHORT + CAMPAIGN.replace("runs = 8", 'dynamics = "pinocchio"')
-    slow = parse(text, "x", config.parent)
-    assert read_campaign(slow)[0].experiment.dynamics == "pinocchio"
-    assert read_campaign(slow)[1] == 1000
+def test_the_table_is_the_study(tmp_path):
+    for dynamics, runs in (("compiled", 8), ("pinocchio", 1000)):
+        table = CAMPAIGN if runs == 8 else CAMPAIGN.replace("runs = 8", 'dynamics = "pinocchio"')
+        study, planned = read_campaign(parse(SHORT + table, "x", tmp_path))
+        assert (study.experiment.dynamics, planned) == (dynamics, runs)
+        assert study.names == ("FPID, published orders", "integer PID")
+        assert study.scenarios.seed == 4
 
 
 def test_every_fault_of_the_table_is_a_line_with_its_key(tmp_path):

@@ -40,29 +40,6 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
-def test_compare_writes_runs_tables_figures_and_report(config, capsys):
-    config.write_text(f"{SHORT}\n{MOVING}")
-    assert main(["compare", str(config)]) == 0
-    out = config.parent / "runs" / "short"
-    names = {path.name for path in out.iterdir()}
-    assert {"report.html", "summary.md", "summary.csv", "joints.csv", "config.toml"} <= names
-    assert {"fpid-published-orders.npz", "integer-pid.npz", "moving.npz"} <= names
-    printed = capsys.readouterr().out
-    assert "integer PID" in printed
-    assert "report.html" in printed
-    run = fp.Run.load(out / "integer-pid.npz")
-    rows = {row["controller"]: row for row in rows_of(out / "summary.csv")}
-    assert float(rows["integer PID"]["cost (33)"]) == QuadraticCost().of(run.metrics)
-    assert (out / "config.toml").read_text() == config.read_text()
-    # Orders that move are drawn.
-    assert {name for name in names if name.startswith("gains")} == {"gains-moving.svg"}
-    report = (out / "report.html").read_text("utf-8")
-    assert "Adapted gains, and orders where they move: moving" in report
-    run = fp.Run.load(out / "moving.npz")
-    assert run.controller.order_learning_rate.tolist() == [[0.5, 0.5], [1.0, 1.0]]
-    assert run.derivative_order.shape == run.q.shape
-
-
 CONDITIONS = """
 [[condition]]
 name = "nominal"
@@ -72,22 +49,34 @@ plant = { payload = { mass = 1.0 } }
 """
 
 
-def test_compare_begins_with_the_answer_by_the_metric_asked_for(config, capsys):
-    config.write_text(SHORT + CONDITIONS)
+def test_compare_begins_with_the_answer_and_writes_runs_tables_figures_and_report(config, capsys):
+    config.write_text(SHORT + MOVING + CONDITIONS)
     assert main(["compare", str(config), "--metric", "peak"]) == 0
     out = config.parent / "runs" / "short"
-    first, head = capsys.readouterr().out.splitlines()[0], "Least peak torque (worst joint): "
+    names = {path.name for path in out.iterdir()}
+    assert {"report.html", "summary.md", "joints.csv", "ranking.svg"} <= names
+    assert (out / "config.toml").read_text() == config.read_text()
+    printed = capsys.readouterr().out
+    assert "integer PID" in printed
+    assert "report.html" in printed
+    first, head = printed.splitlines()[0], "Least peak torque (worst joint): "
+    report = (out / "report.html").read_text("utf-8")
+    assert first in report
     rows = rows_of(out / "summary.csv")
     for condition in ("nominal", "payload"):
-        found = {row["controller"]: float(row["peak (worst joint) [N m]"])
-                 for row in rows if row["condition"] == condition}  # fmt: skip
-        best = min(found, key=found.get)
+        here = {row["controller"]: row for row in rows if row["condition"] == condition}
+        best = min(here, key=lambda name: float(here[name]["peak (worst joint) [N m]"]))
         (told,) = (part for part in first.removeprefix(head).split(";") if condition in part)
         assert best in told
-        marked = [r["controller"] for r in rows if r["best"] and r["condition"] == condition]
-        assert marked == [best]
-    assert (out / "ranking.svg").is_file()
-    assert first in (out / "report.html").read_text("utf-8")
+        assert [name for name, row in here.items() if row["best"]] == [best]
+        run = fp.Run.load(out / f"{condition}-integer-pid.npz")
+        assert float(here["integer PID"]["cost (33)"]) == QuadraticCost().of(run.metrics)
+    # Orders that move are drawn.
+    assert {name for name in names if name.startswith("gains")} == {"gains-moving.svg"}
+    assert "Adapted gains, and orders where they move: moving" in report
+    run = fp.Run.load(out / "payload-moving.npz")
+    assert run.controller.order_learning_rate.tolist() == [[0.5, 0.5], [1.0, 1.0]]
+    assert run.derivative_order.shape == run.q.shape
 
 
 def test_run_takes_one_controller_by_name_and_says_whether_all_joints_are_meant(config, capsys):
@@ -124,18 +113,6 @@ def test_the_demo_is_the_paper_s_comparison(tmp_path, monkeypatch, capsys):
     assert not any(name.endswith(".png") for name in names)
 
 
-def test_results_are_replaced_whole(config):
-    command = ["run", str(config), "--controller", "integer PID", "--out", "kept"]
-    assert main([*command, "--png"]) == 0
-    stale, notes = (config.parent / "kept" / name for name in ("error.png", "notes.txt"))
-    assert stale.with_suffix(".svg").exists()
-    assert stale.exists()
-    notes.write_text("mine")
-    assert main([*command, "--no-figures"]) == 0
-    assert not stale.exists()
-    assert notes.read_text() == "mine"
-
-
 def test_a_diverged_run_is_a_result(config, capsys):
     config.write_text(SHORT.replace("kd = [20.0, 15.0]", "kd = [9000.0, 9000.0]", 1))
     assert main(["compare", str(config), "--no-figures"]) == 0
@@ -152,8 +129,8 @@ def test_a_diverged_run_is_a_result(config, capsys):
         (["operators", "--order", "0.5"], "0.5"),
         (["arms"], "ur5"),
         (["--version"], f"fpid-pin {fp.__version__}\n"),
-        (["-h"], "Usage: "),
-        (["tune", "-h"], "Usage: "),
+        (["-h"], "Usage: fpid-pin [OPTIONS] COMMAND"),
+        (["tune", "-h"], "Usage: fpid-pin tune [OPTIONS] {CONFIG.toml}"),
     ],
 )
 def test_what_prints(words, said, capsys):
@@ -161,12 +138,12 @@ def test_what_prints(words, said, capsys):
     assert said in capsys.readouterr().out
 
 
-def test_a_page_is_made_of_a_run(tmp_path):
-    run = fp.simulate(fp.paper_experiment(duration=0.1), fp.paper_controller())
-    path = run.save(tmp_path / "r.npz")
-    assert main(["view", str(path), "--html", str(tmp_path / "page.html")]) == 0
-    page = (tmp_path / "page.html").read_text()
-    assert page.lstrip().lower().startswith("<!doctype html")
+@pytest.mark.parametrize("words", [[], ["campaign"]])
+def test_where_nothing_is_asked_for_the_help_is_shown_as_it_is(words, capsys):
+    assert main(words) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == " ".join(["Usage: fpid-pin", *words, "[OPTIONS] COMMAND [ARGS]..."])
+    assert any(line.startswith("  run ") for line in lines)
 
 
 def test_compiling_is_said_where_nothing_is_compiled_yet(config, capsys, monkeypatch):
@@ -179,22 +156,26 @@ def test_compiling_is_said_where_nothing_is_compiled_yet(config, capsys, monkeyp
         (config.parent / "cache" / "a.nbi").touch()
 
 
-def test_what_a_command_leaves_behind_is_as_little_as_is_wanted(config, capsys):
-    one = ["--controller", "integer PID", "--no-figures"]
-    assert main(["run", str(config), *one, "--out", "all"]) == 0
-    whole = fp.Run.load(config.parent / "all" / "integer-pid.npz")
-    assert main(["run", str(config), *one, "--every", "5", "--out", "some"]) == 0
-    names = {path.name for path in (config.parent / "some").iterdir()}
-    assert not any(name.endswith((".svg", ".png")) for name in names)
-    thin = fp.Run.load(config.parent / "some" / "integer-pid.npz")
+def test_results_are_replaced_whole_and_are_as_few_as_is_wanted(config):
+    out, one = config.parent / "out", ["run", str(config), "--controller", "integer PID"]
+
+    def names():
+        return {path.name for path in out.iterdir()}
+
+    assert main([*one, "--out", "out", "--png"]) == 0
+    assert {"error.svg", "error.png"} <= names()
+    whole, table = fp.Run.load(out / "integer-pid.npz"), (out / "joints.csv").read_bytes()
+    (out / "notes.txt").write_text("mine")
+    assert main([*one, "--out", "out", "--no-figures", "--every", "5"]) == 0
+    assert not any(name.endswith((".svg", ".png")) for name in names())
+    assert (out / "notes.txt").read_text() == "mine"
+    thin = fp.Run.load(out / "integer-pid.npz")
     assert (thin.q == whole.q[::5]).all()
-    for name in ("summary.csv", "joints.csv"):  # of all rows
-        assert (config.parent / "some" / name).read_bytes() == (
-            config.parent / "all" / name).read_bytes()  # fmt: skip
-    assert main(["run", str(config), *one, "--no-runs", "--out", "none"]) == 0
-    assert not list((config.parent / "none").glob("*.npz"))
-    assert "file" not in rows_of(config.parent / "none" / "summary.csv")[0]
-    assert (config.parent / "none" / "report.html").exists()
+    assert (out / "joints.csv").read_bytes() == table  # of all rows
+    assert main([*one, "--out", "out", "--no-figures", "--no-runs"]) == 0
+    assert "report.html" in names()
+    assert not any(name.endswith(".npz") for name in names())
+    assert "file" not in rows_of(out / "summary.csv")[0]
 
 
 def test_a_condition_is_chosen_by_name_and_what_is_left_out_is_said(tmp_path, monkeypatch, capsys):

@@ -15,6 +15,7 @@ from fpid_pin.cli.plans import read_plan
 from fpid_pin.exceptions import ConfigError
 
 TEXT = demo_config().text
+RECORDED = re.compile(r"(?<=\[reference\]).*?(?=\[\[disturbance)", re.S)
 DEEP, AMPLITUDE = "not valid TOML: nested too deeply", "[0.4, 0.6]"
 
 
@@ -79,6 +80,8 @@ def test_the_demo_s_file_is_the_api_s_paper_experiment():
         (AMPLITUDE, "[" * 100 + "]" * 100, "disturbance.0.amplitude: expected numbers, got"),
         (AMPLITUDE, "1" * 5000, "not valid TOML: .* 5000 digits"),
         (re.compile("$"), "\n[" + "a." * 5000 + "a]\nb = 1", DEEP),
+        (RECORDED, '\nkind = "recorded"\npath = "/dev/zero"\n', "a CSV file, got something that"),
+        (RECORDED, '\nkind = "recorded"\npath = "a\\u0000b"\n', "a CSV file, got no such file"),
     ],
 )  # fmt: skip
 def test_bad_files(old, new, message):
@@ -141,14 +144,6 @@ def test_all_faults_are_reported_at_once_with_their_paths():
     lines = faults(bad.replace(f"amplitude = {AMPLITUDE}", 'amplitude = "x"'))
     paths = ["controller.0.kk", "controller.0.supervisor.m_x", "disturbance.0.amplitude"]
     assert sorted(line.split(":")[0] for line in lines) == paths
-
-
-def test_a_recorded_reference_is_a_file_and_no_device():
-    start, end = TEXT.index("[reference]"), TEXT.index("[[disturbance]]")
-    for path, got in (("/dev/zero", "something that is no file"), ("a\\u0000b", "no such file")):
-        recorded = f'[reference]\nkind = "recorded"\npath = "{path}"\n'
-        (line,) = faults(TEXT[:start] + recorded + TEXT[end:])
-        assert line.endswith(f"expected a CSV file, got {got}")
 
 
 def test_a_urdf_s_path_starts_at_the_configuration_s_folder(tmp_path):

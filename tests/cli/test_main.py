@@ -62,46 +62,46 @@ def test_output_that_takes_no_more_is_one_line_and_status_2(arguments, where):
     assert child.returncode == 2
 
 
-@pytest.mark.parametrize("where", ["ours", "destructor", "library"])
-def test_ctrl_c_is_heard_also_where_it_would_be_lost(monkeypatch, capsys, where):
-    class Careless:
-        def __del__(self):
-            signal.raise_signal(signal.SIGINT)
+class Careless:
+    def __del__(self):
+        signal.raise_signal(signal.SIGINT)
 
+
+class HalfMade:
+    def __init__(self):
+        signal.raise_signal(signal.SIGINT)
+        self.pointer = 1
+
+    def __del__(self):
+        self.pointer += 1
+
+
+@pytest.mark.parametrize("where", ["ours", "a destructor", "a library", "a constructor"])
+def test_ctrl_c_is_heard_also_where_it_would_be_lost_and_nothing_complains(
+    monkeypatch, capsys, where
+):
     def work():
-        if where == "destructor":
+        if where == "a destructor":
             Careless()  # Python prints what a destructor raises, and goes on.
+        elif where == "a constructor":
+            HalfMade()
         else:
             try:
                 signal.raise_signal(signal.SIGINT)
             except KeyboardInterrupt:
-                if where == "library":
+                if where == "a library":
                     raise ImportError("initialisation failed") from None
                 raise
         time.sleep(10.0)
         pytest.fail("Ctrl-C was lost")
 
+    told = []
+    monkeypatch.setattr(sys, "unraisablehook", told.append)
     before = signal.getsignal(signal.SIGINT), sys.unraisablehook
     monkeypatch.setattr("fpid_pin.cli.arms.arm_rows", work)
     assert main(["arms"]) == 130
-    assert capsys.readouterr().err.strip() == "fpid-pin: stopped"
-    assert (signal.getsignal(signal.SIGINT), sys.unraisablehook) == before
-
-
-def test_what_ctrl_c_has_left_half_made_does_not_complain(monkeypatch, capsys):
-    class HalfMade:
-        def __init__(self):
-            signal.raise_signal(signal.SIGINT)
-            self.pointer = 1
-
-        def __del__(self):
-            self.pointer += 1
-
-    told = []
-    monkeypatch.setattr(sys, "unraisablehook", told.append)
-    monkeypatch.setattr("fpid_pin.cli.arms.arm_rows", HalfMade)
-    assert main(["arms"]) == 130
     assert capsys.readouterr().err == "fpid-pin: stopped\n"
+    assert (signal.getsignal(signal.SIGINT), sys.unraisablehook) == before
     assert told == []
 
 

@@ -37,17 +37,6 @@ class MyPd(fp.Controller):
         return c.kp * c.e + c.kd * c.e_dot
 
 
-@fp.described("my_python_pd")
-@dataclass(frozen=True, eq=False)
-class MyPythonPd(fp.Controller):
-    kp: float = 10.0
-    kd: float = 2.0
-    name: str = "mine"
-
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.arm.gravity_vector(q)
-
-
 @fp.described("my_ramp", "Reference")
 @dataclass(frozen=True, eq=False)
 class Ramp:
@@ -64,6 +53,13 @@ class Peak(fp.costs.Cost):
     def of(self, metrics):
         return float(metrics.peak_torque.max())
 '''
+COMPILED = OWN[OWN.index("    uses_model") : OWN.index('@fp.described("my_ramp')]
+PYTHON = """
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.arm.gravity_vector(q)
+
+
+"""
 CONFIG = """
 format = 1
 import = "own.py"
@@ -118,29 +114,29 @@ def test_nothing_is_run_that_was_not_allowed_nor_by_a_script_that_calls_commands
     contextvars.copy_context().run(script)
 
 
-@pytest.mark.parametrize("name", ["MyPd", "MyPythonPd"])
-def test_a_law_a_reference_and_a_cost_of_one_s_own(config, name, capsys):
-    config.write_text(CONFIG.replace("my_pd", "my_python_pd" if "Python" in name else "my_pd"))
+@pytest.mark.parametrize("form", [COMPILED, PYTHON], ids=["compiled", "Python"])
+def test_a_law_a_reference_and_a_cost_of_one_s_own(config, form, capsys):
+    (config.parent / "own.py").write_text(OWN.replace(COMPILED, form))
     out = config.parent / "out"
     assert main(["run", str(config), "--out", str(out), *QUICK]) == 0
     run = fp.Run.load(out / "mine.npz")
     assert run.q_ref[-1] == pytest.approx([0.04, 0.04])
     # Loaded again it is the same law, since this process knows its kind.
-    assert type(run.controller).__name__ == name
+    assert type(run.controller).__name__ == "MyPd"
     assert run.controller.kp == 30
-    if name == "MyPd":
+    if form == COMPILED:
         # Where it is not known what is missing is named.
         code = f"import fpid_pin as fp; fp.Run.load({str(out / 'mine.npz')!r}).controller"
         assert "my_pd" in finished([sys.executable, "-c", code]).stderr.splitlines()[-1]
     tuned = config.parent / "tuned"
     command = ["tune", str(config), "--out", str(tuned), "--allow-import"]
-    if name == "MyPythonPd":  # in processes, which must be told of the file as well
+    if form == PYTHON:  # in processes, which must be told of the file as well
         command += ["--workers", "2"]
     with warnings.catch_warnings():
         warnings.simplefilter("always")
         assert main(command) == 0
-    told = "warning: MyPythonPd is a law in plain Python: 4 candidates" in capsys.readouterr().err
-    assert told == (name == "MyPythonPd")
+    told = "warning: MyPd is a law in plain Python: 4 candidates" in capsys.readouterr().err
+    assert told == (form == PYTHON)
     again = [str(tuned / "tuned.toml"), "--out", str(config.parent / "again")]
     assert main(["run", *again, *QUICK]) == 0
     peak = np.abs(fp.Run.load(config.parent / "again" / "tuned.npz").torque).max()
