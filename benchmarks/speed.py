@@ -34,7 +34,7 @@ from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
 from fpid_pin.campaign.driver import CHUNK
 from fpid_pin.control import Derivative, Integral
 from fpid_pin.references import Sinusoid
-from fpid_pin.simulation.batch import advance_all, start_robots
+from fpid_pin.simulation.entry import advance_all, start_robots
 
 #: Steps of the shorter and the longer run, of one robot and of each of sixty.
 STEPS = {1: (500, 2500), 60: (100, 500)}
@@ -230,7 +230,7 @@ def compiling(bench: Bench) -> None:
         "def timed(c):\n"
         "    t = time.process_time(); fp.evaluate(fp.paper_experiment(duration=.01), c)\n"
         "    return time.process_time() - t\n"
-        "import fpid_pin.simulation.batch\n"
+        "import fpid_pin.simulation.engine\n"
         "laws = [fp.Pid(1, 1, 1), fp.paper_controller(), fp.ComputedTorque(),"
         " fp.SlidingMode(1, 1), fp.SlotineLi(1, 1)]\n"
         "print(*[f'{timed(c):.2f}' for c in laws])"

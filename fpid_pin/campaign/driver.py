@@ -22,8 +22,8 @@ from fpid_pin.exceptions import ArgumentError, FpidError, SimulationError, Worke
 from fpid_pin.files import locked
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation import Experiment, Run, simulate
-from fpid_pin.simulation.entry import executor_of, warm
-from fpid_pin.simulation.workers import spread
+from fpid_pin.simulation.entry import measure, warm
+from fpid_pin.simulation.workers import executor_of, spread
 
 #: Runs of a task.
 CHUNK = 64
@@ -115,9 +115,6 @@ def run_chunk(study: Study, numbers: Sequence[int]) -> list[Row]:
 
 def _ends(study: Study, number: int, sample: FloatArray) -> list[Ended]:
     """Simulate a run under every controller; what fails under one leaves the others alone."""
-    # Imported late: it loads numba.
-    from fpid_pin.simulation.batch import measure
-
     experiment: Experiment | None = None
     ends = []
     for law in study.laws:

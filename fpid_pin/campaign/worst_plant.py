@@ -17,8 +17,7 @@ from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Controller
 from fpid_pin.progress import Progress, ProgressCallback
-from fpid_pin.simulation.entry import executor_of
-from fpid_pin.simulation.workers import spread, workers_of
+from fpid_pin.simulation.workers import executor_of, spread, workers_of
 
 
 def attack(

@@ -24,8 +24,9 @@ from fpid_pin.cli.screen import Row, comma_separated, print_table, progress_bar,
 from fpid_pin.control import AdaptiveFpid, Controller
 from fpid_pin.exceptions import FpidError
 from fpid_pin.files import discard, replacing
-from fpid_pin.simulation import Comparison, cost_of, entry
+from fpid_pin.simulation import Comparison, cost_of
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
+from fpid_pin.simulation.workers import executor_of as pool_of
 from fpid_pin.tuning import Profile, TuningResult, cost_map, profile, tune
 from fpid_pin.tuning.problem import over_scenarios
 
@@ -65,7 +66,7 @@ def run_tuning(
         _take_up(checkpoint, out / KEPT, resume)
         with (
             scheduler as far,
-            entry.executor_of(far, workers, experiments, [plan.controller]) as pool,
+            pool_of(far, workers, experiments, [plan.controller]) as pool,
         ):
             settings = dataclasses.replace(
                 plan.table.settings, executor=pool, checkpoint=checkpoint, resume=resume

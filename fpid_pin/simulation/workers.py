@@ -20,14 +20,17 @@ from concurrent.futures import (
     Executor,
     Future,
     ProcessPoolExecutor,
+    ThreadPoolExecutor,
     wait,
 )
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from fpid_pin import checks, own_code
+from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidError, TuningError, WorkersDied
+from fpid_pin.simulation.experiment import Experiment
 
 T = TypeVar("T")
 
@@ -158,6 +161,25 @@ def check_workers(executor: Executor | None, workers: int | None) -> None:
             raise ArgumentError("workers", "workers or executor, not both", workers)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise ArgumentError("executor", "an Executor", type(executor).__name__)
+
+
+def executor_of(
+    executor: Executor | None,
+    workers: int | None,
+    experiments: Sequence[Experiment],
+    controllers: Sequence[Controller],
+) -> AbstractContextManager[Executor | None]:
+    """Return the caller's executor, which stays open, or workers of our own, which are closed.
+
+    Compiled work lets go of the interpreter's lock, so that threads share it out; a law in Python,
+    or Pinocchio's dynamics, needs processes.
+    """
+    check_workers(executor, workers)
+    if executor is not None or workers is None:
+        return nullcontext(executor)
+    holds = any(c.control is not None for c in controllers)
+    holds = holds or any(e.dynamics == "pinocchio" for e in experiments)
+    return WorkerPool(workers) if holds else ThreadPoolExecutor(workers)
 
 
 def workers_of(executor: Executor | None) -> int:

@@ -20,7 +20,7 @@ from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, FpidWarning, WorkersDied
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment, Plant, evaluate
-from fpid_pin.simulation.entry import executor_of
+from fpid_pin.simulation.workers import executor_of
 from fpid_pin.tuning.space import Space
 
 REDUCTIONS = ("mean", "worst")

@@ -15,9 +15,9 @@ from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.disturbances import Cosine, Pulse
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
-from fpid_pin.simulation import batch, cost_of, entry
+from fpid_pin.simulation import cost_of, entry
 from fpid_pin.simulation.engine import Simulation
-from fpid_pin.simulation.workers import WorkerPool
+from fpid_pin.simulation.workers import WorkerPool, executor_of
 
 ARM = fp.Arm.two_link()
 PAPER = fp.paper_experiment(duration=0.25)
@@ -191,7 +191,7 @@ def test_a_run_has_the_same_bits_in_blocks_of_any_size(dynamics, monkeypatch):
     whole = fp.simulate(experiments, controllers)
     costs = fp.evaluate(experiments, controllers, COSTS)
     for rows in (128, 2048):
-        monkeypatch.setattr(batch, "BLOCK_ROWS", rows)
+        monkeypatch.setattr(entry, "BLOCK_ROWS", rows)
         for run, other in zip(whole, fp.simulate(experiments, controllers), strict=True):
             assert_same(run, other)
         # A cost of its own adds up what a block comes to.
@@ -360,10 +360,10 @@ def test_threads_do_compiled_work_and_processes_what_holds_the_lock():
         (PAPER, FPID, True), (PAPER.with_dynamics("pinocchio"), FPID, False),
         (PAPER, InPython(), False),
     ):  # fmt: skip
-        with entry.executor_of(None, 1, [experiment, PAPER], [FPID, law]) as pool:
+        with executor_of(None, 1, [experiment, PAPER], [FPID, law]) as pool:
             assert isinstance(pool, ThreadPoolExecutor) == threads
             assert isinstance(pool, WorkerPool) != threads
-    with entry.executor_of(None, None, [PAPER], [FPID]) as pool:
+    with executor_of(None, None, [PAPER], [FPID]) as pool:
         assert pool is None
     with pytest.raises(ArgumentError, match="workers or executor, not both"):
         fp.evaluate(PAPER, FPID, executor=ThreadPoolExecutor(1), workers=1)
