@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -206,12 +206,13 @@ class _Tick:
         design: Design | None,
     ) -> None:  # fmt: skip
         # Imported late: it loads numba.
-        from fpid_pin.control.state import State
+        from fpid_pin.control import state as engine
 
         # A feedforward is constant at rest.
         law = dataclasses.replace(law, supervisor=None, feedforward=False)
         free = arm.with_limits(effort=np.zeros(arm.n))
-        self.state = state = State(law, free, step=step, horizon=horizon)
+        self._engine: Any = engine
+        self.state = state = engine.State(law, free, step=step, horizon=horizon)
         self.pose, self.n, self._held = np.asarray(q, dtype=float), arm.n, np.zeros(arm.n)
         self.design = law.fractional_design if design is None else design
         if state.orders.size:
@@ -252,7 +253,7 @@ class _Tick:
 
         Outputs of operators and what they are given come operator by operator, all joints of one.
         """
-        state, n, c, ops = self.state, self.n, self.state.c, self.ops[0]
+        parts, state, n, c, ops = self._engine, self.state, self.n, self.state.c, self.ops[0]
         q, v, outputs, memory = np.split(shift, [n, 2 * n, 2 * n + self.ops.size])
         before, y = self._rest.copy(), outputs.reshape(-1, n).T
         before[self._memory] += memory
@@ -261,16 +262,16 @@ class _Tick:
         c.own[...] = before[c.numbers.size :].reshape(c.own.shape)
         c.numbers[:, ops["output"][self._early]] = y[:, self._early]
         state.inputs[:3] = self.pose + q, v, self.pose
-        state.make(state.SIGNALS | state.MODEL)
+        state.make(parts.SIGNALS | parts.MODEL)
         sources = c.numbers[:, ops["source"]].T
         rates = np.where(ops["rate"] >= 0, c.numbers[:, ops["rate"]], 0.0).T
         c.numbers[:, ops["output"][~self._early]] = y[:, ~self._early]
         if state.in_python:
             state.ask_python()
         c.robot["feedforward"], c.terms[FEEDFORWARD] = 1, self._held
-        state.make(state.TORQUES)
+        state.make(parts.TORQUES)
         torque = state.torque.copy()
-        state.make(state.ADAPT)
+        state.make(parts.ADAPT)
         left = self._left()[self._memory]
         return np.concatenate([torque, left, sources.reshape(-1), rates.reshape(-1)])
 

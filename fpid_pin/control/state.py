@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 #: Rates of given signals.
 RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
-
-
+#: Parts of a tick, for `kernels.rollout.step_tick`.
+SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 #: Orders at which the table is laid out that orders which vary are interpolated in: a cubic on this
 #: grid is within 1e-7 of the operator, as the operator of 24 modes is of the exact one.
 NODES = 201
@@ -64,9 +64,6 @@ class State:
     memory, shown : dict
         For laws in plain Python: what they remember; signals for the record, (n,) arrays.
     """
-
-    #: Parts of a tick, for `kernels.rollout.step_tick`.
-    SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 
     def __init__(self, controller: Any, arm: Arm, *, step: float, horizon: float) -> None:
         self.controller, self.arm, self.n = controller, arm, arm.n
@@ -253,17 +250,17 @@ class State:
         """
         # Gains move by the signals of the last tick, so that until then they are those that made
         # its torque.
-        first = (self.ADAPT if self._ticked else 0) | self.SIGNALS
+        first = (ADAPT if self._ticked else 0) | SIGNALS
         self._ticked = True
         if model is None and not self.in_python:
-            self.make(first | self.MODEL | self.TORQUES)
+            self.make(first | MODEL | TORQUES)
             return
-        self.make(first if model is not None else first | self.MODEL)
+        self.make(first if model is not None else first | MODEL)
         if model is not None:
             model(self)
         if self.in_python:
             self.ask_python()
-        self.make(self.TORQUES)
+        self.make(TORQUES)
 
     def ask_python(self) -> None:
         """Have a law in plain Python say its torques."""

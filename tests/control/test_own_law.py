@@ -1,7 +1,7 @@
 """A law of one's own in its three forms; what the engine does for it; that its faults are its own.
 
 tests/control/own_laws.py has the laws. That they are the loops that are written out is in
-test_laws_by_hand.py, that a law runs as it stands in its file in test_law_files.py.
+test_laws.py, that a law runs as it stands in its file in test_law_files.py.
 """
 
 import dataclasses
