@@ -57,8 +57,6 @@ class TailCost(Cost):
 
     quiet: float  # total variation allowed [N m]
 
-    needs = ("rms_tail", "total_variation")
-
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`."""
         rms = float(np.sqrt(np.mean(metrics.rms_tail**2)))
