@@ -273,6 +273,11 @@ def compare(
     progress
         Called as the work goes on.
 
+    Returns
+    -------
+    Comparison
+        Printed, it says who is best where; its rows are those of ``fpid-pin compare``.
+
     Raises
     ------
     ArgumentError
