@@ -1,4 +1,4 @@
-"""A run that diverges ends with a cause and leaves the others alone."""
+"""A run that diverges ends with a cause and leaves the others alone; limits are watched."""
 
 import dataclasses
 
@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
+from fpid_pin.control import GravityOnly
 from fpid_pin.exceptions import ArgumentError, SimulationError
+from fpid_pin.references import Hold
+from fpid_pin.simulation import limit_report
 from fpid_pin.simulation.engine import Simulation
 
 EXPERIMENT = fp.paper_experiment(duration=2.0)
@@ -63,7 +66,7 @@ def test_an_overflow_behind_an_effort_limit_is_a_cause_and_not_a_run(law, where,
     limited = arm.with_limits(effort=(50.0, 50.0))
     plant = fp.Plant(effort_limit=50.0)
     experiment = fp.Experiment(
-        limited if where == "nominal limit" else arm, fp.references.Hold(0.0), q0=(3.0, -3.0),
+        limited if where == "nominal limit" else arm, Hold(0.0), q0=(3.0, -3.0),
         plant=None if where == "nominal limit" else plant, duration=0.1, dynamics=dynamics,
     )  # fmt: skip
     run = fp.simulate(experiment, law)
@@ -133,3 +136,69 @@ def test_a_law_in_python_that_gives_way_ends_its_run_or_its_tick(dynamics):
         simulation.tick()
     with pytest.raises(SimulationError, match=cause):
         simulation.tick()
+
+
+# ---------------------------------------------------------------------- limits
+
+
+def falling(arm, **others):
+    experiment = fp.Experiment(arm=arm, reference=Hold(arm.home), duration=0.4, **others)
+    return fp.simulate(experiment, GravityOnly())
+
+
+def test_a_joint_that_drifts_passes_its_limits_when_kinematics_say():
+    arm = fp.Arm.from_example("asr_twodof").with_limits(velocity=(1.5, 0.0))
+    speed = np.array([2.0, 0.0])
+    run = falling(arm, q0=(2.8, 0.0), v0=speed)
+    found = limit_report(run)
+    first, second = found[0], found[1]
+    assert (first.quantity, first.joint, first.time) == ("velocity", arm.joint_names[0], 0.0)
+    assert second.quantity == "position"
+    assert second.limit == pytest.approx(3.14)
+    passed = run.t[np.argmax(run.q[:, 0] > arm.upper[0])]
+    assert second.time == passed
+    assert second.value == pytest.approx(run.q[:, 0].max())
+    assert second.part == pytest.approx(np.mean(run.q[:, 0] > arm.upper[0]))
+    assert "position beyond 3.14 rad at" in str(second)
+
+
+def test_lower_limits_count_too():
+    arm = fp.Arm.from_example("z1")
+    run = falling(arm, q0=arm.home + np.array([0, -0.5, 0, 0, 0, 0, 0]))
+    first = limit_report(run)[0]
+    assert (first.joint, first.limit, first.time) == ("joint2", 0.0, 0.0)
+    assert first.value == pytest.approx(run.q[:, 1].min())
+
+
+def test_an_arm_within_its_limits_has_nothing_to_report():
+    assert limit_report(falling(fp.Arm.from_example("panda"))) == []
+
+
+def test_torque_at_its_limit_is_listed_with_its_share():
+    arm = fp.Arm.two_link().with_limits(effort=(20.0, 0.0))
+    with pytest.warns(fp.FpidWarning, match="joint joint1: gravity at the start is 27"):
+        run = falling(arm)
+    (found,) = [item for item in limit_report(run) if item.quantity == "effort"]
+    assert found.joint == "joint1"
+    assert found.part == pytest.approx(np.mean(np.abs(run.torque[:, 0]) == 20.0))
+    assert "at its effort limit of 20 N m" in str(found)
+
+
+def test_a_drive_too_weak_for_the_true_arm_at_the_start_pose_is_named():
+    arm = fp.Arm.two_link().with_limits(effort=(20.0, 10.0))
+    (line,) = fp.Experiment(arm, Hold(0.0)).joints_that_fall()
+    assert line.endswith(
+        "joint joint1: gravity at the start is 27.4 N m, beyond its effort limit of 20 N m"
+    )
+    assert fp.Experiment(arm, Hold((np.pi / 2.0, 0.0))).joints_that_fall() == []
+    strong = arm.with_limits(effort=(30.0, 10.0))
+    assert fp.Experiment(strong, Hold(0.0)).joints_that_fall() == []
+    loaded = fp.Plant(arm=strong.with_payload(0.5))
+    lines = fp.Experiment(strong, Hold(0.0), plant=loaded).joints_that_fall()
+    assert [line.split(":")[1] for line in lines] == [" joint joint1", " joint joint2"]
+
+
+def test_a_limit_that_the_plant_was_given_by_hand_is_meant_and_needs_no_warning():
+    weak = fp.Experiment(fp.Arm.two_link(), Hold(0.0), plant=fp.Plant(effort_limit=5.0))
+    assert len(weak.joints_that_fall()) == 2
+    assert weak.joints_that_fall(by_hand=False) == []
