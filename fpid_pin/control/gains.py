@@ -17,7 +17,7 @@ from fpid_pin.control.damping import SLACK, FrozenLoops, damped_box, nearest_gai
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
 from fpid_pin.control.law import Controller
 from fpid_pin.control.observer_bandwidth import suggest_observer
-from fpid_pin.control.poses import seeded_poses
+from fpid_pin.control.poses import joints_that_fall, seeded_poses
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import FpidWarning
 
@@ -225,22 +225,16 @@ def explain_gains(
 
 def impossible_joints(arm: Arm) -> list[str]:
     """Return a line for every joint that its drive cannot move at home, whatever the gains."""
-    found = []
-    weight = np.abs(arm.gravity_vector(arm.home))
-    for j, joint in enumerate(arm.joint_names):
-        who, limit = f"{arm.name}: joint {joint}", arm.effort_limit[j]
-        unit = arm.effort_units[j]
-        if weight[j] > limit:
-            found.append(
-                f"{who}: gravity at home is {weight[j]:.3g} {unit}, beyond its effort limit of "
-                f"{limit:.3g} {unit}; it cannot hold the arm there"
-            )
-        if limit <= arm.dry_friction[j]:
-            found.append(
-                f"{who}: dry friction of {arm.dry_friction[j]:.3g} {unit} is not below its effort "
-                f"limit of {limit:.3g} {unit}; it cannot be moved"
-            )
-    return found
+    falling = joints_that_fall(arm, arm.home, arm.effort_limit, "at home")
+    each = zip(
+        arm.joint_names, arm.dry_friction, arm.effort_limit, arm.effort_units, strict=True
+    )  # fmt: skip
+    return [f"{line}; it cannot hold the arm there" for line in falling] + [
+        f"{arm.name}: joint {joint}: dry friction of {dry:.3g} {unit} is not below its effort "
+        f"limit of {limit:.3g} {unit}; it cannot be moved"
+        for joint, dry, limit, unit in each
+        if limit <= dry
+    ]
 
 
 def _nominal(

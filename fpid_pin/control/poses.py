@@ -56,3 +56,16 @@ def gravity_stiffness(arm: Arm, q: FloatArray) -> FloatArray:
     shifts = STIFFNESS_STEP * np.eye(arm.n)
     ends = [arm.gravity_vector(q + x) - arm.gravity_vector(q - x) for x in shifts]
     return np.stack(ends, axis=1) / (2.0 * STIFFNESS_STEP)
+
+
+def joints_that_fall(arm: Arm, q: FloatArray, limit: FloatArray, when: str) -> list[str]:
+    """Return a line for each joint whose weight at a pose is beyond its limit, (n,) [N m]."""
+    weight = np.abs(arm.gravity_vector(q))
+    return [
+        f"{arm.name}: joint {joint}: gravity {when} is {load:.3g} {unit}, beyond its effort limit "
+        f"of {most:.3g} {unit}"
+        for joint, load, most, unit in zip(
+            arm.joint_names, weight, limit, arm.effort_units, strict=True
+        )
+        if load > most
+    ]

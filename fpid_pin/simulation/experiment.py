@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint, Whole
+from fpid_pin.control.poses import joints_that_fall
 from fpid_pin.descriptions import Description, described
 from fpid_pin.disturbances import Disturbance
 from fpid_pin.exceptions import ArgumentError
@@ -193,13 +194,7 @@ class Experiment(Description):
         limit = (
             self.torque_limit if by_hand else np.minimum(arm.effort_limit, self.arm.effort_limit)
         )
-        weight = np.abs(arm.gravity_vector(np.asarray(self.q0)))
-        return [
-            f"{arm.name}: joint {joint}: gravity at the start is {weight[j]:.3g} {unit}, "
-            f"beyond its effort limit of {limit[j]:.3g} {unit}"
-            for j, (joint, unit) in enumerate(zip(arm.joint_names, arm.effort_units, strict=True))
-            if weight[j] > limit[j]
-        ]
+        return joints_that_fall(arm, np.asarray(self.q0), limit, "at the start")
 
     def with_dynamics(self, dynamics: str) -> Experiment:
         """Return the experiment with its dynamics written out: these where it does not say."""
