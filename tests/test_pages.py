@@ -1,6 +1,7 @@
 """What README, CONTRIBUTING, docs and examples show runs, prints what they say, leads somewhere."""
 
 import contextlib
+import importlib.util
 import io
 import re
 import sys
@@ -140,3 +141,12 @@ def test_the_table_is_the_house():
     rows = re.findall(r"^\| (`.*?) \|", CONTRIBUTING, re.MULTILINE)
     told = [set(re.findall(r"`(\w+)`", row)) for row in rows]
     assert told == [{room for room in tier if is_module(room)} for tier in TIERS]
+
+
+def test_the_reference_of_configurations_is_as_the_package_has_it():
+    path = ROOT / "docs" / "configuration.py"
+    spec = importlib.util.spec_from_file_location("configuration_page", path)
+    page = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(page)
+    written = path.with_suffix(".md").read_text(encoding="utf-8")
+    assert page.page() == written, "write it anew: python docs/configuration.py"

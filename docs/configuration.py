@@ -1,0 +1,216 @@
+"""Write `configuration.md`, every table and key of a TOML file, from the package's descriptions.
+
+    python docs/configuration.py
+
+`tests/test_pages.py` compares the page with what this writes.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import fpid_pin as fp
+from fpid_pin import checks, descriptions
+from fpid_pin.arms.tables import _KINDS
+from fpid_pin.campaign import Distribution, Scenarios
+from fpid_pin.campaign.quantities import QUANTITIES
+from fpid_pin.cli.configuration import Payload
+from fpid_pin.cli.plans import CampaignTable, TuneTable
+from fpid_pin.control.gains import explain_gains
+from fpid_pin.disturbances import Disturbance
+from fpid_pin.fractional.design import Design
+from fpid_pin.references import Reference
+from fpid_pin.text import shown
+from fpid_pin.tuning import SearchSettings
+
+PAGE = Path(__file__).parent / "configuration.md"
+INTRODUCTION = """\
+# Every table and key of a configuration
+
+Written by `docs/configuration.py` from the package's own descriptions; not edited by hand.
+
+```toml
+format = 1                 # always
+title = "My study"         # of reports; default: the file's name
+import = "mine.py"         # kinds of one's own; read only with --allow-import
+
+[arm]                      # which arm the controllers believe in
+[reference]                # what it is to follow
+[simulation]               # step, duration, integrator, ...
+[plant]                    # the true robot, where it is another
+[sensors]                  # imperfect measurements
+[[disturbance]]            # torques from outside; several add up
+[[controller]]             # one table a law
+[[condition]]              # name, and plant, sensors, disturbance in place of those above
+[tune]                     # what `fpid-pin tune` does
+[campaign]                 # what `fpid-pin campaign run` does
+```
+
+`fpid-pin init ARM` writes such a file. Keys are the constructors' arguments, so what holds here
+holds in Python. A number that may differ from joint to joint is one number, or a list with one for
+each joint. Files' paths start at the folder of the file that names them.
+"""
+
+
+#: Where more is said of a table's keys.
+ALSO: dict[type, Any] = {
+    fp.SuggestedFpid: explain_gains, TuneTable: SearchSettings, CampaignTable: Scenarios,
+}  # fmt: skip
+
+
+def described_fields(*things: Any) -> dict[str, str]:
+    """Return what docstrings say of each parameter: the later ones' words, unless they refer."""
+    found: dict[str, str] = {}
+    for base in things:
+        text = inspect.cleandoc(base.__doc__ or "")
+        section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-{3,}$|\Z)", text, re.M | re.S)
+        for names, body in re.findall(
+            r"^(\S[^\n]*)\n((?:[ ]{4}[^\n]*\n?|\n)+)", section[1] + "\n" if section else "", re.M
+        ):
+            said = " ".join(body.split())
+            for name in names.split(" : ")[0].split(", "):
+                if not re.match(r"See `\w+`", said):
+                    found[name] = said
+    return found
+
+
+def brief(value: Any) -> str:
+    """Return a value as TOML has it."""
+    kind = getattr(type(value), "_kind", None)
+    if value is None:
+        return ""
+    if kind is not None:
+        return f'`kind = "{kind}"`'
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, str):
+        return f'`"{value}"`' if value else ""
+    if np.size(value) == 0:
+        return ""
+    return f"`{shown(np.asarray(value).tolist() if not np.isscalar(value) else value)}`"
+
+
+def allowed(key: descriptions.Key) -> str:
+    """Return what a key takes: its shape and its bounds."""
+    said = []
+    for check in key.checks or ((key.plain,) if key.plain else ()):
+        bounds = dict(check.bounds)
+        if check.function is checks.choice:
+            said.append(", ".join(f'`"{option}"`' for option in bounds["options"]))
+        elif check.function in (
+            checks.number,
+            checks.scalar_or_joints,
+            checks.floats,
+            checks.integer,
+        ):
+            limits = (bounds.get(name) for name in ("low", "high", "above"))
+            where = checks._interval(*limits).replace("finite", "")
+            shape = str(bounds.get("shape", "")).replace("None", "K")
+            what = "a whole number" if check.function is checks.integer else "a number"
+            what = f"numbers {shape}".strip() if check.function is checks.floats else what
+            each = ", or one a joint" if check.function is checks.scalar_or_joints else ""
+            said.append(f"{what} {where}".strip() + each)
+        elif "expected" in bounds:
+            said.append(str(bounds["expected"]))
+    if key.family is not None:
+        kinds = list(descriptions.kinds(key.family))
+        many = {None: "a table", list: "tables"}.get(key.several, "tables")
+        said.append(f"{many}: {', '.join(f'`{kind}`' for kind in kinds)}" if kinds else many)
+    return "; ".join(said)
+
+
+def cell(text: str) -> str:
+    """Return a text as one cell of a table."""
+    return re.sub(r"``?", "`", text).replace("|", "\\|")
+
+
+def fields(cls: type, leave: Iterable[str] = ()) -> list[str]:
+    """Return the table of a description's keys."""
+    said = described_fields(ALSO.get(cls), *reversed(cls.__mro__))
+    lines = ["| key | what | unit | default | |", "| --- | --- | --- | --- | --- |"]
+    for key in descriptions.keys(cls).values():
+        if key.name in leave:
+            continue
+        name = "variant" if key.name == "kind" else key.name
+        unit = next((check.unit for check in key.checks if check.unit), "")
+        default = "**needed**" if key.required else brief(key.default)
+        row = (f"`{name}`", allowed(key), unit, default, said.get(key.name, ""))
+        lines.append(f"| {' | '.join(map(cell, row))} |")
+    return [*lines, ""] if lines[2:] else []
+
+
+def first_line(thing: Any) -> str:
+    """Return the first paragraph of a docstring, on one line."""
+    return re.sub(
+        r"``", "`", " ".join(inspect.cleandoc(thing.__doc__ or "").split("\n\n")[0].split())
+    )
+
+
+def family(title: str, base: type, words: str, leave: Iterable[str] = ()) -> list[str]:
+    """Return a section for all kinds of one family."""
+    lines = [f"## {title}", "", words, ""]
+    for kind, cls in descriptions.kinds(base).items():
+        lines += [f'### `kind = "{kind}"`', "", first_line(cls), "", *fields(cls, leave)]
+    return lines
+
+
+def arms() -> list[str]:
+    """Return the section on arms, whose keys are the arguments of `Arm`'s constructors."""
+    lines = ["## `[arm]`", "", "Which arm: one kind, and `changes`, a list of tables.", ""]
+    for kind, make in _KINDS.items():
+        if kind == "model":
+            continue
+        said = described_fields(*fp.Arm.__mro__, make)
+        what = first_line(make).removeprefix("Return ")
+        lines += [f'### `kind = "{kind}"`', "", what[0].upper() + what[1:], ""]
+        parameters = inspect.signature(make).parameters.values()
+        if parameters:
+            lines += ["| key | default | |", "| --- | --- | --- |"]
+            for p in parameters:
+                default = "**needed**" if p.default is p.empty else brief(p.default)
+                row = (f"`{p.name}`", default, said.get(p.name, ""))
+                lines.append(f"| {' | '.join(map(cell, row))} |")
+            lines.append("")
+    return lines
+
+
+def page() -> str:
+    """Return the whole page."""
+    lines = [INTRODUCTION, *arms()]
+    lines += family("`[reference]`", Reference, "The trajectory to follow: one kind.")
+    simulation = ("arm", "reference", "plant", "sensors")
+    lines += ["## `[simulation]`", "", "Clock, start and integration.", ""]
+    lines += fields(fp.Experiment, simulation)
+    lines += ["## `[plant]`", "", first_line(fp.Plant), "", *fields(fp.Plant, ("payload",))]
+    lines += ["### `payload`", "", first_line(Payload), "", *fields(Payload)]
+    lines += ["## `[sensors]`", "", first_line(fp.Sensors), "", *fields(fp.Sensors)]
+    lines += family("`[[disturbance]]`", Disturbance, "Torques from outside; several add up.")
+    common = [name for name in descriptions.keys(fp.Controller) if name != "name"]
+    lines += ["## `[[controller]]`", "", "What every law has, beside its own keys:", ""]
+    lines += fields(fp.Controller)
+    lines += family("Laws", fp.Controller, "One kind each.", (*common, "name"))[2:]
+    for title, cls in (("supervisor", fp.Supervisor), ("safeguards", fp.Safeguards)):
+        lines += [f"### `{title}`", "", first_line(cls), "", *fields(cls)]
+    lines += family("`design` of an adaptive FPID", Design, "How its operators are made.")
+    lines += ["## `[tune]`", "", "What `fpid-pin tune` searches.", "", *fields(TuneTable)]
+    lines += family("`[tune.cost]`", fp.costs.Cost, "What is made small.")
+    lines += ["## `[campaign]`", "", "What `campaign run` draws.", "", *fields(CampaignTable)]
+    words = "A distribution for each of these quantities, all of them or a few:"
+    quantities = [
+        f"| `{name}` | {quantity.unit} | {'one number' if quantity.single else 'one a joint'} |"
+        for name, quantity in QUANTITIES.items()
+    ]
+    heads = ["| quantity | unit | |", "| --- | --- | --- |"]
+    lines += ["## `[campaign.uncertain]`", "", words, "", *heads, *quantities, ""]
+    lines += family("Distributions", Distribution, "One kind each.")[2:]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")
