@@ -1,0 +1,49 @@
+"""A hook of mkdocs: pages that stand outside of `docs` are part of the site, too.
+
+The record of the benchmarks with its results, CONTRIBUTING and CHANGELOG stay where a repository has
+them, and links between them and the pages work in both places.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from mkdocs.structure.files import File
+
+ROOT = Path(__file__).parents[1]
+OUTSIDE = ("CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/RECORD.md", "benchmarks/results/*")
+
+
+def on_files(files: Any, config: Any) -> Any:
+    """Add the pages and pictures from outside."""
+    for pattern in OUTSIDE:
+        for path in sorted(ROOT.glob(pattern)):
+            name = path.relative_to(ROOT).as_posix()
+            files.append(File.generated(config, name, abs_src_path=str(path)))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:
+    """Let links lead to where a page has come to; to files that are no pages, nowhere."""
+    own = Path(page.file.src_uri)
+    inside = not any(own.match(pattern) for pattern in OUTSIDE)
+    folder = ROOT / "docs" / own.parent if inside else ROOT / own.parent
+
+    def moved(match: re.Match[str]) -> str:
+        text, target, anchor = match.groups()
+        place = (folder / target).resolve()
+        if not place.is_relative_to(ROOT):
+            return match[0]
+        name = place.relative_to(ROOT).as_posix().removeprefix("docs/")
+        if files.get_file_from_path(name) is None:
+            return text if text[0] != "!" else ""
+        up = "../" * (len(own.parts) - 1)
+        return f"{text}({up}{name}{anchor or ''})"
+
+    def bare(match: re.Match[str]) -> str:
+        said = moved(match)
+        return said if said != match[1] else match[1].strip("![]")
+
+    return re.sub(r"(!?\[[^\]]*\])\(([^)#:\s]+)(#[^)\s]*)?\)", bare, markdown)
