@@ -1,7 +1,7 @@
 """A hook of mkdocs: pages that stand outside of `docs` are part of the site, too.
 
-The record of the benchmarks with its results, CONTRIBUTING and CHANGELOG stay where a repository has
-them, and links between them and the pages work in both places.
+The record of the benchmarks with its results, CONTRIBUTING and CHANGELOG stay where a repository
+has them, and links between them and the pages work in both places.
 """
 
 from __future__ import annotations
