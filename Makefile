@@ -4,6 +4,8 @@
 # `make bench` runs every script of benchmarks/ and writes its RECORD.md; `make bench QUICK=--quick`
 # runs them in small, in three minutes, and writes into runs/bench.
 # `make torture` makes all attacks of which the tests make a few, and prints a table of them.
+# `make docs` builds the documentation into site/; `make package` builds wheel and source archive
+# into dist/ and runs the demo of the wheel in an empty folder.
 
 PYTHON ?= python3
 VENV := .venv
@@ -12,7 +14,7 @@ BIN := $(VENV)/bin
 RUN_STAMP := $(VENV)/.installed
 TEST_STAMP := $(VENV)/.installed-test
 
-.PHONY: demo test lint check coverage torture bench clean
+.PHONY: demo test lint check coverage torture bench docs package clean
 
 demo: $(RUN_STAMP)
 	$(BIN)/fpid-pin demo
@@ -54,5 +56,15 @@ $(TEST_STAMP): pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --disable-pip-version-check -q -e '.[test]'
 	@touch $@ $(RUN_STAMP)
 
+docs: $(TEST_STAMP)
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q
+
+package: $(TEST_STAMP)
+	rm -rf dist build/package
+	$(BIN)/python -m hatchling build
+	$(PYTHON) -m venv build/package
+	build/package/bin/python -m pip install --disable-pip-version-check -q dist/*.whl
+	cd build/package && bin/fpid-pin demo --out demo --force
+
 clean:
-	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) site build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis

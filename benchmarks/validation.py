@@ -316,7 +316,7 @@ def in_mujoco(bench: Bench) -> None:
         ):
             seen, data = fp.simulate(experiment, law), mujoco.MjData(model)
             data.qpos[:], data.qvel[:] = seen.q[0], seen.v[0]
-            loop, apart = law.start(arm, step=1e-3, horizon=seconds), 0.0
+            loop, apart = law.start(arm, step=1e-3, horizon=20.0), 0.0  # as runs up to 20 s
             references = motion.sample(seen.t)
             for k in range(len(seen.t) - 1):
                 data.qfrc_applied[:] = loop.torque(
