@@ -19,7 +19,7 @@ import fpid_pin as fp
 from fpid_pin import checks, descriptions
 from fpid_pin.arms.tables import _KINDS
 from fpid_pin.campaign import Distribution, Scenarios
-from fpid_pin.campaign.quantities import QUANTITIES
+from fpid_pin.campaign.uncertain import QUANTITIES
 from fpid_pin.cli.configuration import Payload
 from fpid_pin.cli.plans import CampaignTable, TuneTable
 from fpid_pin.control.gains import explain_gains

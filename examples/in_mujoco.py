@@ -29,4 +29,5 @@ for q_ref, v_ref, a_ref in zip(*reference.sample(1e-3 * np.arange(4000)), strict
     mujoco.mj_step(model, data)
     worst = max(worst, np.abs(q_ref - data.qpos).max())
 print(f"effort limits as MuJoCo has them: {arm.effort_limit} N m")
-print(f"largest error {1e3 * worst:.1f} mrad, at the end {1e3 * np.abs(q_ref - data.qpos).max():.2f}")
+last = np.abs(q_ref - data.qpos).max()
+print(f"largest error {1e3 * worst:.1f} mrad, at the end {1e3 * last:.2f} mrad")

@@ -9,9 +9,7 @@ experiment = fp.Experiment(
 )
 laws = {
     "FPID": fp.suggest_gains(arm),
-    "FPID + feedforward + observer": fp.suggest_gains(
-        arm, feedforward=True, observer="suggested"
-    ),
+    "FPID + feedforward + observer": fp.suggest_gains(arm, feedforward=True, observer="suggested"),
 }
 uncertain = {
     "mass": Uniform(low=0.8, high=1.2),  # of the nominal ones, each link its own
