@@ -12,8 +12,5 @@ print(sorted(path.name for path in folder.iterdir()))
 if shutil.which("cc"):
     command = "cc -std=c99 -O2 -ffp-contract=off fpid.c fpid_parameters.c fpid_check.c -lm -o check"
     subprocess.run(command.split(), cwd=folder, check=True)
-    print(
-        subprocess.run(
-            ["./check", "vectors.bin"], cwd=folder, capture_output=True, text=True
-        ).stdout.strip()
-    )
+    done = subprocess.run(["./check", "vectors.bin"], cwd=folder, capture_output=True, text=True)
+    print(done.stdout.strip())
