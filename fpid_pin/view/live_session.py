@@ -12,7 +12,6 @@ import time
 from array import array
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -148,40 +147,37 @@ def urgent() -> Iterator[bool]:
         os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
-class Keyboard:
-    """Reads keys without waiting; a context manager. Without a terminal it reads nothing.
+@contextlib.contextmanager
+def keyboard() -> Iterator[Callable[[], str]]:
+    """Yield what returns the keys pressed since last asked; it never waits.
 
+    Without a terminal there are none. The terminal is as it was before when the block ends, and
     Ctrl-C still interrupts.
     """
+    terminal = -1
+    # No terminal, no standard input, or a system without either.
+    with contextlib.suppress(ImportError, OSError, ValueError, AttributeError):
+        import termios
+        import tty
 
-    _descriptor = -1
+        descriptor = sys.stdin.fileno()
+        # A background job would be stopped for touching the terminal.
+        if os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp():
+            before = termios.tcgetattr(descriptor)
+            tty.setcbreak(descriptor)
+            terminal = descriptor
 
-    def __enter__(self) -> Keyboard:
-        # No terminal, no standard input, or a system without either.
-        with contextlib.suppress(ImportError, OSError, ValueError, AttributeError):
-            import termios
-            import tty
-
-            descriptor = sys.stdin.fileno()
-            # A background job would be stopped for touching the terminal.
-            if os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp():
-                self._before: Any = termios.tcgetattr(descriptor)
-                tty.setcbreak(descriptor)
-                self._descriptor = descriptor
-        return self
-
-    def keys(self) -> str:
-        """Return the keys pressed since last asked."""
-        if self._descriptor < 0 or not select.select([self._descriptor], [], [], 0.0)[0]:
+    def keys() -> str:
+        if terminal < 0 or not select.select([terminal], [], [], 0.0)[0]:
             return ""
-        return os.read(self._descriptor, 64).decode("utf-8", errors="ignore")
+        return os.read(terminal, 64).decode("utf-8", errors="ignore")
 
-    def __exit__(self, *exception: object) -> None:
-        if self._descriptor >= 0:
-            import termios
-
+    try:
+        yield keys
+    finally:
+        if terminal >= 0:
             with contextlib.suppress(termios.error):
-                termios.tcsetattr(self._descriptor, termios.TCSADRAIN, self._before)
+                termios.tcsetattr(terminal, termios.TCSADRAIN, before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -341,10 +337,10 @@ def live(
             scene = experiment_scene(experiment, title, _PREVIEW) | {"live": True}
             page = render(scene, title)
             link = stack.enter_context(LiveLink(page, port=port, announce=announce))
-        keyboard = stack.enter_context(Keyboard())
+        pressed = stack.enter_context(keyboard())
 
         def idle() -> bool:
-            keys = keyboard.keys()
+            keys = pressed()
             if link is not None:
                 start = time.perf_counter()
                 link.send(simulation.t, [(robot.q, simulation.q_ref, robot.torque)])

@@ -13,7 +13,7 @@ from bounded import wait_until
 from fpid_pin import paper_controller, paper_experiment
 from fpid_pin.view import live, live_session
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.live_session import Keyboard, keep_time
+from fpid_pin.view.live_session import keep_time, keyboard
 
 
 class Clock:
@@ -99,10 +99,10 @@ def test_keys_are_read_from_a_terminal_which_is_restored(monkeypatch):
     with open(follower, "rb", buffering=0) as terminal:
         monkeypatch.setattr(sys, "stdin", terminal)
         monkeypatch.setattr(os, "tcgetpgrp", lambda descriptor: os.getpgrp())
-        with Keyboard() as keyboard:
-            assert keyboard.keys() == ""
+        with keyboard() as keys:
+            assert keys() == ""
             os.write(leader, b"2+")
-            assert wait_until(lambda: keyboard.keys() == "2+")
+            assert wait_until(lambda: keys() == "2+")
             assert not termios.tcgetattr(follower)[3] & termios.ICANON
         assert termios.tcgetattr(follower) == before
     os.close(leader)
@@ -111,8 +111,8 @@ def test_keys_are_read_from_a_terminal_which_is_restored(monkeypatch):
 def test_without_a_terminal_there_are_no_keys(monkeypatch, tmp_path):
     with (tmp_path / "empty").open("w+") as file:
         monkeypatch.setattr(sys, "stdin", file)
-        with Keyboard() as keyboard:
-            assert keyboard.keys() == ""
+        with keyboard() as keys:
+            assert keys() == ""
 
 
 def test_ctrl_c_before_the_first_tick_is_a_clean_end(monkeypatch):
