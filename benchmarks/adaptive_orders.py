@@ -22,8 +22,8 @@ from fpid_pin.tuning import Space, tune
 
 COST = QuadraticCost(1.0, 1e-4)
 TWO_LINK = fp.Arm.two_link()
-STARTS: dict[str, tuple[float, float] | None] = {
-    "published, (0.90, 0.93), (0.92, 0.93)": None,
+STARTS: dict[str, tuple[Any, Any]] = {
+    "published, (0.90, 0.93), (0.92, 0.93)": (PAPER.integral_order, PAPER.derivative_order),
     "integer, 1, 1": (1.0, 1.0),
     "0.5, 0.7": (0.5, 0.7),
     "0.1, 0.4": (0.1, 0.4),
@@ -44,10 +44,8 @@ SENSORS = {
 }
 
 
-def starting(law: fp.AdaptiveFpid, orders: tuple[float, float] | None) -> fp.AdaptiveFpid:
-    """Return a law with other orders, lambda and mu; None: with its own."""
-    if orders is None:
-        return law
+def starting(law: fp.AdaptiveFpid, orders: tuple[Any, Any]) -> fp.AdaptiveFpid:
+    """Return a law with other orders, lambda and mu."""
     return dataclasses.replace(law, integral_order=orders[0], derivative_order=orders[1])
 
 

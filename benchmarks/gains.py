@@ -56,7 +56,7 @@ FIRST_RUN = [
 ]  # fmt: skip
 QUIET = fp.Sensors(position_noise=2e-5, velocity_noise=0.01)  # [rad], [rad/s]
 LOUD = fp.Sensors(position_noise=1e-4, velocity_noise=0.05, delay=2)
-SEED, DURATION, CHUNK = 20, 12.0, 100
+SEED, DURATION = 20, 12.0
 BOXES = [
     "arm", "step [ms]", "mu", "least bandwidth [rad/s]", "damping at home", "at other poses",
     "Kp high/low", "Ki", "Kd", "unstable by poles", "by simulation", "least damping drawn", "s",
@@ -207,15 +207,8 @@ def box_of(name: str, step: float, draws: int) -> tuple[int, list[Any]]:
     # Dry friction would only help, and torque limits have no place in a kick of 1e-6 rad/s.
     free = arm.with_friction(dry=0.0).with_limits(effort=0.0)
     fixed = dataclasses.replace(law, learning_rate=0.0, safeguards=None)
-    growth = np.concatenate([
-        fp.evaluate(
-            [kicked(free, step, q) for q in poses[k : k + CHUNK]],
-            [dataclasses.replace(fixed, kp=x[0], ki=x[1], kd=x[2])
-             for x in (g / scale for g in gains[k : k + CHUNK])],
-            Growth(),
-        )
-        for k in range(0, draws, CHUNK)
-    ])  # fmt: skip
+    laws = [dataclasses.replace(fixed, kp=p, ki=i, kd=d) for p, i, d in (x / scale for x in gains)]
+    growth = fp.evaluate([kicked(free, step, q) for q in poses], laws, Growth())
     by_poles, by_simulation = int(np.sum(ratios <= 0.0)), int(np.sum(~(growth <= 1.0)))
     return by_poles + by_simulation, [
         name, f"{1e3 * step:g}", f"{float(np.asarray(law.derivative_order)):g}",

@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import Bench, on_reference, run, tail, variation
+from common import Bench, Part, on_reference, run, tail, variation
 
 import fpid_pin as fp
 from fpid_pin import descriptions
@@ -279,17 +279,13 @@ def plants(bench: Bench) -> None:
     bench.table(["law", "success, 95 %", "median [mrad]", "90 % [mrad]", "best on"], rows)
 
 
-def two_link(bench: Bench) -> None:
-    referee("two_link", bench)
+def case_part(name: str) -> Part:
+    def judge(bench: Bench) -> None:
+        referee(name, bench)
 
-
-def ur5(bench: Bench) -> None:
-    referee("ur5", bench)
-
-
-def panda(bench: Bench) -> None:
-    referee("panda", bench)
+    judge.__name__ = name
+    return judge
 
 
 if __name__ == "__main__":
-    run(__doc__, two_link, ur5, panda, plants)
+    run(__doc__, *map(case_part, ("two_link", "ur5", "panda")), plants)

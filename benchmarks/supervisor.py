@@ -61,10 +61,6 @@ def rows(first: str, experiments: Sequence[fp.Experiment], chosen: dict[str, Any
     return found
 
 
-def steps(bench: Bench) -> Sequence[float]:
-    return STEPS[1:2] if bench.quick else STEPS
-
-
 def pushes(bench: Bench) -> None:
     """Print what two pushes do, by the step."""
     # The pushes are beyond r_min, on purpose.
@@ -76,7 +72,7 @@ def pushes(bench: Bench) -> None:
         ("(30, 12) cos t", PUSH, Cosine(PUSH, 1.0)), ("(40, 20)", CONSTANT, Pulse(CONSTANT)),
     ):  # fmt: skip
         tables[title] = []
-        for step in steps(bench):
+        for step in STEPS[1:2] if bench.quick else STEPS:
             chosen = guards(push)
             layer = dataclasses.replace(chosen["sgn, eq. (20)"], boundary_layer=2.0)
             chosen["the same, boundary layer 2"] = layer
@@ -130,7 +126,7 @@ def ur5(bench: Bench) -> None:
               "F": fp.Supervisor.quiet(2.3, 0.3),
               "F, observer 200 rad/s": fp.Supervisor.quiet(2.3, 0.3, observer=200.0)}  # fmt: skip
     found = []
-    for step in steps(bench) if bench.quick else STEPS[1:]:
+    for step in STEPS[1 : 2 if bench.quick else None]:
         experiment = fp.Experiment(
             arm, reference, **on_reference(reference), step=step, duration=4.0, dynamics="compiled",
             plant=fp.Plant(disturbance=Cosine(UR5_PUSH, 1.0)),
