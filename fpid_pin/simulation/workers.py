@@ -133,7 +133,7 @@ def fit_for_workers() -> Iterator[None]:
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
         for name in _THREAD_SETTINGS:
-            del os.environ[name]
+            os.environ.pop(name, None)
         os.environ.update(before)
 
 
