@@ -287,9 +287,9 @@ def study(bench: Bench) -> None:
             "-" if printed is None else f"{printed[0]}, {printed[1]:.5f}, {printed[2]:.5f}",
         ))  # fmt: skip
     bench.say(
-        "Of the thirteen scenarios of a planar two-link "
+        f"Of {len(errors['FPID'])} scenarios of a planar two-link "
         + ", ".join(f"{name} passes {passed[name]}" for name in laws)
-        + "; the study printed 8 for its manual PID and 10 for its optimised one."
+        + "; of all 13 the study printed 8 for its manual PID, 10 for its optimised one."
     )
     heads = ["law", "passed", "both joints' RMS error, mean [rad]", "largest [rad]", "printed"]
     bench.table(heads, rows)
