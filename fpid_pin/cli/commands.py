@@ -129,18 +129,19 @@ def tune(
     config: ConfigFile,
     out: option.OutputPath = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
+    controller: option.Chosen = None,
+    condition: option.Condition = None,
     workers: option.Workers = None,
     dask: option.Dask = None,
     png: option.Png = False,
     allow_import: AllowImport = False,
 ) -> None:
-    """Search orders and gains, as the table [tune] says."""
+    """Search orders and gains, as the table [tune] says, under all conditions or one."""
     from fpid_pin.cli.results import OutputOptions
     from fpid_pin.cli.tune import run_tuning
 
-    run_tuning(
-        config, out or results_path(config, "-tuned"), resume, workers, OutputOptions(png=png), dask
-    )
+    out, options = out or results_path(config, "-tuned"), OutputOptions(png=png)
+    run_tuning(config, out, resume, workers, options, dask, condition, controller)
 
 
 @app.command()

@@ -27,7 +27,8 @@ from fpid_pin.files import discard, replacing
 from fpid_pin.simulation import Comparison, cost_of
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
 from fpid_pin.simulation.workers import executor_of as pool_of
-from fpid_pin.tuning import Profile, TuningResult, cost_map, profile, tune
+from fpid_pin.text import named
+from fpid_pin.tuning import Profile, RobustCost, TuningResult, cost_map, profile, tune
 from fpid_pin.tuning.problem import over_scenarios
 
 if TYPE_CHECKING:
@@ -46,8 +47,12 @@ def run_tuning(
     workers: int | None = None,
     options: OutputOptions | None = None,
     dask: str | None = None,
+    condition: str | None = None,
+    controller: str | None = None,
 ) -> TuningResult:
     """Search as a configuration says, and write the folder `out`.
+
+    One condition, or all of them; from one controller, or from what the table names.
 
     The search's checkpoint lies beside `out` until the folder is written, with it inside.
 
@@ -58,7 +63,12 @@ def run_tuning(
     """
     scheduler = executor_of(workers, dask)
     config = load(path)
-    plan = read_plan(config)
+    if condition is not None:
+        config = config.under(condition)
+    plan = read_plan(config, controller)
+    if len(plan.experiments) > 1:
+        over = plan.cost.reduce if isinstance(plan.cost, RobustCost) else "mean"
+        say(f"Tuned for the {over} of {', '.join(map(named, plan.experiments))}.")
     experiments = list(plan.experiments.values())
     checkpoint = out.with_name(f"{out.name}.checkpoint.npz")
     # Entered before hours are spent: what cannot be written is told now.
@@ -139,7 +149,7 @@ def _drop_copy(checkpoint: Path, kept: Path) -> None:
 def rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
     """Return the tuned controller and, by other labels, those it has to be better than."""
 
-    def named(name: str, **changes: object) -> Controller:
+    def called(name: str, **changes: object) -> Controller:
         return dataclasses.replace(cast("Any", base), name=name, **changes)  # type: ignore[no-any-return]
 
     base = plan.controller
@@ -148,7 +158,7 @@ def rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
     if label in (_TUNED, _PUBLISHED, _INTEGER):
         # As one that was tuned before is called, by its tuned.toml.
         label = f"{label}, as configured"
-    found = {_TUNED: result.controller, label: named(label)}
+    found = {_TUNED: result.controller, label: called(label)}
     if adaptive:
         arm = next(iter(plan.experiments.values())).arm
         integer = ((1.0,) * arm.n,) * 2
@@ -156,7 +166,7 @@ def rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
         for name, orders in ((_PUBLISHED, PUBLISHED_ORDERS["symbol"]), (_INTEGER, integer)):
             own = name == _INTEGER or of_paper(arm)
             if own and here != [list(order) for order in orders]:
-                found[name] = named(name, integral_order=orders[0], derivative_order=orders[1])
+                found[name] = called(name, integral_order=orders[0], derivative_order=orders[1])
     return found
 
 

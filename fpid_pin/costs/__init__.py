@@ -9,6 +9,7 @@ from fpid_pin.costs.cost import (
     Rows,
     SettlingCost,
     ToolCost,
+    TrackingCost,
     tool_distance,
 )
 from fpid_pin.costs.metrics import (
@@ -22,5 +23,6 @@ from fpid_pin.costs.metrics import (
 
 __all__ = [
     "METRICS", "REDUCTIONS", "SETTLING_BAND", "Cost", "FromRows", "Metric", "MetricCost", "Metrics",
-    "QuadraticCost", "RowCost", "Rows", "SettlingCost", "ToolCost", "over_joints", "tool_distance",
+    "QuadraticCost", "RowCost", "Rows", "SettlingCost", "ToolCost", "TrackingCost", "over_joints",
+    "tool_distance",
 ]  # fmt: skip

@@ -94,6 +94,28 @@ class MetricCost(Cost):
         return over_joints(each, self.joints)
 
 
+@described("tracking_cost")
+@dataclass(frozen=True, eq=False)
+class TrackingCost(Cost):
+    """``I = max_j rms_tail_j max(1, V/limit)^2``: tracking, while the torque stays quiet.
+
+    V is the total variation of all joints' torques. An error alone can always be made smaller by
+    gains that turn noise into torque; by the square of the excess that never pays.
+
+    Parameters
+    ----------
+    variation_limit
+        [N m]; inf: none.
+    """
+
+    variation_limit: Annotated[float, Number("N m", above=0.0, finite=False)] = np.inf
+
+    def of(self, metrics: Metrics) -> float:
+        """See `Cost.of`."""
+        excess = float(np.add.reduce(metrics.total_variation)) / self.variation_limit
+        return float(np.max(metrics.rms_tail)) * max(1.0, excess) ** 2
+
+
 @dataclass(frozen=True, eq=False)
 class Rows:
     """Some consecutive rows of one run, K of them, whose torque was applied.

@@ -20,6 +20,7 @@ from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.resources import require_memory
 from fpid_pin.simulation.experiment import Experiment, Outcome
+from fpid_pin.simulation.paper import default_cost
 from fpid_pin.simulation.recorded import describe_run
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.workers import executor_of, spread, workers_of
@@ -163,7 +164,8 @@ def evaluate(
     experiments, controllers
         As for `simulate`.
     cost
-        One cost gives (runs,), a sequence gives (runs, costs); None: eq. (33).
+        One cost gives (runs,), a sequence gives (runs, costs); None: eq. (33) on the paper's arm,
+        on others `TrackingCost`, the worst joint's RMS error over the last half.
     executor
         Any `concurrent.futures.Executor`; the runs are dealt out to it, at most 64 a task. The
         result is the same to the last bit.
@@ -183,9 +185,9 @@ def evaluate(
         Workers of the executor died twice over the same runs.
     """
     es, cs = _pairs(experiments, controllers)
-    costs: list[Cost] = (
-        [QuadraticCost()] if cost is None else [cost] if isinstance(cost, Cost) else list(cost)
-    )
+    if cost is None:
+        cost = default_cost(e.arm for e in es)
+    costs: list[Cost] = [cost] if isinstance(cost, Cost) else list(cost)
     table, done = np.empty((len(es), len(costs))), 0
 
     def tell(rows: float) -> None:

@@ -49,8 +49,10 @@ def tune(
     space
         Parameters to be changed, with bounds.
     cost
-        To be made small; None: eq. (33) with its default weights. Over several experiments a
-        `RobustCost` says how to reduce, any other cost is averaged.
+        To be made small; None: eq. (33) on the paper's arm, on others the worst joint's RMS error
+        over the last half, at no more variation of the torque than the controller has now
+        (`TrackingCost`); of several experiments the worst. A `RobustCost` says how to reduce, any
+        other cost is averaged.
     settings
         How to search; None: the paper's population, generations and probabilities.
     progress
@@ -69,7 +71,9 @@ def tune(
     FileFormatError
         A checkpoint cut short or altered, or a folder that cannot be written.
     """
-    search = Search(Problem(experiment, controller, space, cost), settings)
+    problem = Problem(experiment, controller, space, cost)
+    search = Search(problem, settings)
+    problem.warn_of_one_sided()
     search.run(progress)
     bound, bests = search.space, [int(np.argmin(e.costs[:, 0])) for e in search.evolutions]
     points = [e.points[k] for e, k in zip(search.evolutions, bests, strict=True)]

@@ -7,7 +7,8 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -15,15 +16,18 @@ import numpy as np
 from fpid_pin import checks, descriptions
 from fpid_pin.checks import FloatArray, OneOf
 from fpid_pin.control.law import Controller
-from fpid_pin.costs import Cost, Metrics, QuadraticCost, RowCost
+from fpid_pin.costs import Cost, MetricCost, Metrics, QuadraticCost, RowCost, TrackingCost
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, FpidWarning, WorkersDied
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment, Plant, evaluate
+from fpid_pin.simulation.paper import default_cost
 from fpid_pin.simulation.workers import executor_of
 from fpid_pin.tuning.space import Space
 
 REDUCTIONS = ("mean", "worst")
+#: Of a cost's two terms, the most that one may be at the start without a warning.
+MOST_SHARE = 0.9
 
 
 @described("robust_cost")
@@ -34,14 +38,14 @@ class RobustCost(Cost):
     Parameters
     ----------
     cost
-        Of each run.
+        Of each run; None: what `tune` takes by default.
     reduce
         ``"mean"`` or ``"worst"`` over the experiments; a run that diverges makes both +inf.
     """
 
     _path = "robust_cost"
 
-    cost: Cost = field(default_factory=QuadraticCost)
+    cost: Cost | None = None
     reduce: Annotated[str, OneOf(*REDUCTIONS)] = "worst"
 
     def __post_init__(self) -> None:
@@ -51,11 +55,17 @@ class RobustCost(Cost):
 
     def of(self, metrics: Metrics) -> float:
         """See `Cost.of`: the cost of one run alone."""
-        return self.cost.of(metrics)
+        return self._each.of(metrics)
 
     def streamed(self) -> RowCost | None:
         """See `Cost.streamed`."""
-        return self.cost.streamed()
+        return self._each.streamed()
+
+    @property
+    def _each(self) -> Cost:
+        if self.cost is None:
+            raise ArgumentError("robust_cost.cost", "a cost, outside of tune", "none")
+        return self.cost
 
 
 def over_scenarios(cost: Cost, table: FloatArray) -> FloatArray:
@@ -77,10 +87,10 @@ class Problem:
     ----------
     experiments
         All that every candidate goes through; where they do not say their dynamics, compiled.
-    costs
-        One, by default eq. (33) with its default weights; or `several`.
     space
-        On the controller.
+        On the controller. A law that depends on the arm (`SuggestedFpid`) is first made what it is
+        there, unless the space has parameters of its own, so that a candidate costs no new search
+        for gains.
     """
 
     def __init__(
@@ -106,13 +116,56 @@ class Problem:
             raise ArgumentError("cost", "one cost (several: use pareto)", f"{len(cost)}")
         if several and (not isinstance(cost, Sequence) or len(cost) < 2):
             raise ArgumentError("costs", "at least two costs (one: use tune)", "one")
-        given = cost if isinstance(cost, Sequence) else [QuadraticCost() if cost is None else cost]
-        self.costs: list[Cost] = list(given)
-        for k, one in enumerate(self.costs):
-            checks.instance(f"costs.{k}" if several else "cost", one, Cost, "a Cost")
+        self._given = list(cost) if isinstance(cost, Sequence) else [cost]
+        for k, one in enumerate(self._given):
+            if one is not None or several:
+                checks.instance(f"costs.{k}" if several else "cost", one, Cost, "a Cost")
         self.experiments = [each.with_dynamics("compiled") for each in experiments]
-        self.space = space.bind(controller, sizes[0])
+        self.space = space.bind(resolved(controller, self.experiments[0], space), sizes[0])
         self._executor: Executor | None = None
+
+    @cached_property
+    def costs(self) -> list[Cost]:
+        """What is made small, with a default for what was left open: see `tune`."""
+        found: list[Cost] = []
+        for cost in self._given:
+            if cost is None and len(self.experiments) > 1:
+                cost = RobustCost()
+            if cost is None:
+                cost = self._default()
+            elif isinstance(cost, RobustCost) and cost.cost is None:
+                cost = dataclasses.replace(cost, cost=self._default())
+            found.append(cost)
+        return found
+
+    def _default(self) -> Cost:
+        """Return the default cost: where that is tracking, at no more variation than the start."""
+        cost = default_cost(each.arm for each in self.experiments)
+        if isinstance(cost, QuadraticCost):
+            return cost
+        variation = evaluate(self.experiments, self.space.base, MetricCost("total_variation"))
+        finite = variation[np.isfinite(variation) & (variation > 0.0)]
+        return TrackingCost(float(finite.max())) if finite.size else cost
+
+    def warn_of_one_sided(self) -> None:
+        """Warn where error or energy is nearly all of (33) at the start: it alone is made small."""
+        for cost in self.costs:
+            each = cost.cost if isinstance(cost, RobustCost) else cost
+            if not isinstance(each, QuadraticCost):
+                continue
+            parts = [dataclasses.replace(each, w2=0.0), dataclasses.replace(each, w1=0.0)]
+            sums = evaluate(self.experiments, self.space.base, parts).sum(axis=0)
+            total = float(sums.sum())
+            share = float(sums.max()) / total if 0.0 < total < np.inf else 0.0
+            if share > MOST_SHARE and (sums > 0.0).all():
+                large, small = ("the error", "the energy")[:: 1 if sums[0] > sums[1] else -1]
+                warnings.warn(
+                    f"{large} is {100.0 * share:.1f} % of the cost at the start, so that the "
+                    f"search hardly looks at {small}: weigh them by w1 and w2, or take "
+                    "TrackingCost",
+                    FpidWarning,
+                    stacklevel=3,
+                )
 
     def to_dict(self) -> dict[str, Any]:
         """Return all that decides what a candidate costs, and which there are."""
@@ -120,7 +173,8 @@ class Problem:
             "experiment": [descriptions.to_dict(each) for each in self.experiments],
             "controller": descriptions.to_dict(self.space.base),
             "space": self.space.space.to_dict(),
-            "cost": [descriptions.to_dict(cost) for cost in self.costs],
+            # A default follows from the others.
+            "cost": [{} if cost is None else descriptions.to_dict(cost) for cost in self._given],
         }
 
     @contextmanager
@@ -153,6 +207,17 @@ class Problem:
         cube = table.reshape(len(self.experiments), count, len(self.costs))
         columns = [over_scenarios(cost, cube[:, :, k]) for k, cost in enumerate(self.costs)]
         return np.stack(columns, axis=1)
+
+
+def resolved(controller: Controller, experiment: Experiment, space: Space) -> Controller:
+    """Return what a law is on an arm, where that has all parameters of a space."""
+    # Imported late: it loads numba.
+    from fpid_pin.simulation.engine import horizon_of
+
+    law = controller.on(
+        experiment.arm, step=experiment.step, horizon=horizon_of(experiment.duration)
+    )
+    return law if set(space.genes) <= set(descriptions.keys(type(law))) else controller
 
 
 def scenarios(

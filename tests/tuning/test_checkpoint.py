@@ -39,12 +39,14 @@ def test_a_search_can_be_made_longer_to_the_same_bits(tmp_path, search):
 @pytest.fixture
 def checkpoint(tmp_path):
     path = tmp_path / "search.npz"
-    tune(EXPERIMENT, CONTROLLER, ORDERS, settings=small(generations=2, checkpoint=path))
+    given = small(generations=2, checkpoint=path)
+    tune(EXPERIMENT, CONTROLLER, ORDERS, QuadraticCost(), given)
     return path
 
 
 def resume(path, **changes):
     given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS}
+    given["cost"] = QuadraticCost()
     asked = {"generations": 3, "checkpoint": path, "resume": True}
     for name, value in changes.items():
         (asked if hasattr(SearchSettings, name) else given)[name] = value

@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
+from fpid_pin.control import gains
 from fpid_pin.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError, TuningError
 from fpid_pin.references import Hold
@@ -35,6 +36,40 @@ def bits(result):
 @pytest.fixture(scope="module")
 def found():
     return tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3)))
+
+
+def test_by_default_the_better_tracker_costs_less_but_on_the_paper_s_arm_it_is_eq_33():
+    arm = fp.Arm.from_example("ur5")
+    motion = fp.references.Sinusoid(0.3, 1.0, offset=arm.home)
+    e = fp.Experiment(arm, motion, duration=1.0, step=2e-3)
+    slow, fast = (fp.suggest_gains(arm, bandwidth, step=2e-3) for bandwidth in (4.0, 10.0))
+    runs = fp.simulate(e.with_dynamics("compiled"), [slow, fast])
+    costs = fp.evaluate(e, [slow, fast])
+    assert costs.tolist() == [run.metrics.rms_tail.max() for run in runs]
+    assert costs[1] < 0.7 * costs[0]
+    assert fp.evaluate(EXPERIMENT, [CONTROLLER]) == fp.evaluate(
+        EXPERIMENT, [CONTROLLER], QuadraticCost()
+    )
+    # What is found varies no more than the start, or it would cost the square of the excess.
+    space = Space(kp=(20, 200, "log", "shared"))
+    found = tune(e, slow, space, settings=small(population=6, generations=2))
+    run = fp.simulate(e.with_dynamics("compiled"), found.controller)
+    excess = run.metrics.total_variation.sum() / runs[0].metrics.total_variation.sum()
+    assert found.cost == pytest.approx(run.metrics.rms_tail.max() * max(1.0, excess) ** 2)
+    with pytest.warns(fp.FpidWarning, match=r"energy is 9\d\.\d % .* hardly looks at the error"):
+        tune(e, slow, space, QuadraticCost(), small(population=4, generations=1))
+
+
+def test_gains_are_suggested_once_for_a_search_over_what_they_have(monkeypatch):
+    calls = []
+    suggest = gains.explain_gains
+    monkeypatch.setattr(
+        gains, "explain_gains", lambda *args, **more: calls.append(1) or suggest(*args, **more)
+    )
+    space = Space(integral_order=(0, 1, "shared"), kp=(20, 200, "log", "shared"))
+    found = tune(EXPERIMENT, fp.SuggestedFpid(), space, TRACKING, small(generations=2))
+    assert isinstance(found.controller, fp.AdaptiveFpid)
+    assert len(calls) == 1
 
 
 def test_the_result_is_what_it_says(found):

@@ -67,7 +67,7 @@ def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["out", "study.toml"]
 
 
-def test_a_robust_search_on_another_arm_goes_through_every_condition(tmp_path):
+def test_a_robust_search_on_another_arm_goes_through_every_condition(tmp_path, capsys):
     conditions = """
 [[condition]]
 name = "bare"
@@ -76,7 +76,7 @@ name = "bare"
 name = "loaded"
 plant = { payload = { mass = 0.5 } }
 """
-    tune = TUNE.replace("map_points = 3", 'map_points = 3\nprofile_points = 0\nreduce = "worst"')
+    tune = TUNE.replace("map_points = 3", "map_points = 3\nprofile_points = 0")
     tune = tune.replace("seeds = [0, 1]", "seeds = [0]")
     path = written(tmp_path, tune, conditions)
     text = path.read_text("utf-8")
@@ -87,6 +87,7 @@ plant = { payload = { mass = 0.5 } }
     plan = read_plan(load(path))
     assert list(plan.experiments) == ["bare", "loaded"]
     result = run_tuning(tmp_path / "study.toml", tmp_path / "out")
+    assert capsys.readouterr().out.startswith("Tuned for the worst of 'bare', 'loaded'.\n")
     each = [
         fp.evaluate(e, [result.controller], QuadraticCost(1, 0))[0]
         for e in plan.experiments.values()
@@ -97,6 +98,13 @@ plant = { payload = { mass = 0.5 } }
     assert not (out / "profile.svg").exists()
     summary = (out / "summary.md").read_text("utf-8")
     assert "## Parameters" in summary
+    # One condition, and another law to start from, where the command says so.
+    one = run_tuning(
+        tmp_path / "study.toml", tmp_path / "one", condition="bare", controller="integer PID"
+    )
+    bare = plan.experiments["bare"]
+    assert one.cost == fp.evaluate(bare, [one.controller], QuadraticCost(1, 0))[0]
+    assert (tmp_path / "one" / "integer-pid.npz").exists()
     # The paper's orders are no rivals on another arm, nor marks of its map.
     assert not (out / "loaded-published-orders.npz").exists()
 
