@@ -1,6 +1,6 @@
 """Write `configuration.md`, every table and key of a TOML file, from the package's descriptions.
 
-    python docs/configuration.py
+    python docs/configuration.py [PATH]
 
 `tests/test_pages.py` compares the page with what this writes.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -213,4 +214,4 @@ def page() -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    Path(sys.argv[1] if sys.argv[1:] else PAGE).write_text(page(), encoding="utf-8")
