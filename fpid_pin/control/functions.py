@@ -17,14 +17,12 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numba.core.caching import FunctionCache
 from numba.core.ccallback import CFunc
 from numba.core.sigutils import normalize_signature
 
 from fpid_pin.exceptions import FpidError, SimulationError
 from fpid_pin.kernels import compiled
-from fpid_pin.kernels.call import PLAIN
-from fpid_pin.kernels.compiled import compile_plain, globals_of
+from fpid_pin.kernels.compiled import PLAIN, compile_law, globals_of
 from fpid_pin.kernels.records import BODY, LINK
 
 _numba: Any = numba
@@ -47,7 +45,7 @@ ARGUMENTS = {"joint": ("c",), "torque": ("c",), "robot": ("joints", "own", "mode
 
 
 def address_of(function: Any, record: Any, role: str, *, columns: int = 0) -> int:
-    """Return the address of a law's function, for `kernels.call`; the same one for the same code.
+    """Return the address of a law's function, for `compiled.call_law`; the same one for the same code.
 
     `record` is the type of a joint's record, `role` one of `ARGUMENTS`, `columns` those of the
     law's own arrays. A function that cannot be compiled is a SimulationError that names its line.
@@ -84,7 +82,7 @@ def _bind(
         )
         return address, None
     try:
-        called = _over_arrays(compile_plain(function, cache=False), role, columns, _numba.carray)
+        called = _over_arrays(compile_law(function), role, columns, _numba.carray)
         return _compiled(called, record, role, digest)
     except FpidError:
         raise
@@ -163,17 +161,6 @@ def _over_arrays(inner: Any, role: str, columns: int, carray: Any) -> Callable[.
     return call_each
 
 
-class _Cache(FunctionCache):
-    """numba's cache on disk, with a key of our own in place of the code's bytes."""
-
-    def __init__(self, function: Any, key: str) -> None:
-        self._own_key = key
-        super().__init__(function)  # type: ignore[no-untyped-call]
-
-    def _index_key(self, sig: Any, codegen: Any) -> Any:
-        return (sig, codegen.magic_tuple(), self._own_key)
-
-
 def _compiled(called: Any, record: Any, role: str, digest: str | None) -> tuple[int, Any]:
     """Return the address of a function with the arguments of `call_law`, and what keeps it."""
     types = _numba.types
@@ -182,18 +169,10 @@ def _compiled(called: Any, record: Any, role: str, digest: str | None) -> tuple[
     arguments = (pointers[0], reals, *pointers[1:], reals, reals, types.int64, types.int64)
     signature = _normalized(types.void(*arguments))
     result: Any = _CFunc(called, signature, {}, {"error_model": "numpy"})
-    if digest is not None and compiled.CACHE is not None:
-        before = _numba.config.CACHE_DIR
-        _numba.config.CACHE_DIR = str(compiled.CACHE)
-        try:
-            # An index of its own for each function: what breaks one leaves the others alone.
-            called.__qualname__ = f"law_{role}_{digest[:16]}"
-            result._cache = _Cache(called, digest)
-            compiled._forgive(result._cache)
-        except RuntimeError:
-            pass
-        finally:
-            _numba.config.CACHE_DIR = before
+    if digest is not None:
+        # An index of its own for each function: what breaks one leaves the others alone.
+        called.__qualname__ = f"law_{role}_{digest[:16]}"
+        compiled.keep(result, called, digest)
     result.compile()
     return int(result.address), result
 

@@ -30,11 +30,7 @@ class Loop:
     """
 
     def __init__(self, start: Callable[[], State], controller: Any) -> None:
-        # Imported late: it loads numba.
-        from fpid_pin.kernels.limits import finite
-
         self.controller, self._start = controller, start
-        self._finite: Any = finite
         self._record: Record | None
         self.reset()
 
@@ -47,6 +43,7 @@ class Loop:
         self._last = round(state.horizon / state.step) + 1 if state.orders.size else 0
         self._shape, self._rest = (state.n,), np.zeros(state.n)
         self._rows, self._flat = tuple(state.inputs), state.inputs.reshape(-1)
+        self._zeros = np.zeros(self._flat.size)
 
     def torque(
         self,
@@ -82,7 +79,8 @@ class Loop:
             else:
                 self._take(given)
                 break
-        if not self._finite(self._flat):
+        # What is not finite is NaN times 0.
+        if self._flat.dot(self._zeros) != 0.0:
             self._take(self._rows)
         if self._ticks == self._last > 0:
             warnings.warn(

@@ -18,8 +18,7 @@ from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
-from fpid_pin.kernels.layout import record_type
-from fpid_pin.kernels.records import ESTIMATES, GIVEN, INERTIA, SLOPES
+from fpid_pin.kernels.records import ESTIMATES, GIVEN, INERTIA, SLOPES, record_type
 from fpid_pin.kernels.rollout import step_tick
 
 if TYPE_CHECKING:

@@ -136,8 +136,7 @@ def metrics_of(run: Any, band: float = SETTLING_BAND) -> Metrics:
     sums = np.zeros(run.q.shape[1], MEASURE)
     sums["band"] = checks.number("band", band, above=0.0)
     sums["limit"] = run.meta["effort_limit"]
-    q, q_ref, torque = (
-        np.ascontiguousarray(getattr(run, name)[:planned]) for name in ("q", "q_ref", "torque")
-    )
-    measure(sums, q, q_ref, torque, planned // 2, run.step)
+    motion = np.stack([getattr(run, name)[:planned] for name in ("q", "v", "torque")])
+    reference = np.array(run.q_ref[np.newaxis, :planned])
+    measure(sums, reference, motion, planned // 2, run.step)
     return metrics_from(sums, planned, run.step)

@@ -51,7 +51,7 @@ def stand_ins(controller: Controller, joints: str = "joints") -> Mapping[Any, An
     `joints` is the array of the controller that has the joints' whole records.
     """
     from fpid_pin.control.functions import plain_function
-    from fpid_pin.kernels.call import call_law
+    from fpid_pin.kernels.compiled import call_law
 
     def in_place(arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
         address, numbers, own = arguments[:3]

@@ -191,7 +191,7 @@ class Bank:
             df = np.ascontiguousarray(rate, dtype=np.float64).reshape(samples, -1)
             last = np.concatenate([df[:1], df[:-1]])
         out = np.empty_like(f)
-        self._kernels.record(*self._fitted(), f, df, last, out, self.step)
+        self._kernels.record(*self._fitted(), f, np.empty_like(f[0]), df, last, out, self.step)
         return out.reshape(samples, *self.shape)
 
     def _copy(self, name: str, given: ArrayLike, to: FloatArray) -> None:

@@ -1,4 +1,4 @@
-"""The one decorator of this room: scalar Python compiled by numba, and kept compiled.
+"""Scalar Python compiled by numba, and kept compiled; calls of a law's functions.
 
 Numba sees whether the file of a cached function has changed, but not whether another file has
 whose functions it calls. So the cache lies in a folder named after the contents of all kernels: an
@@ -14,18 +14,20 @@ import os
 import shutil
 import tempfile
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from types import CellType, CodeType, FunctionType
-from typing import Any, TypeVar, cast, overload
+from typing import Any
 
 import numba
+from llvmlite import ir
+from numba.core import types
+from numba.core.caching import FunctionCache
+from numba.core.compiler_lock import global_compiler_lock
+from numba.extending import intrinsic
 
 # Typed in some versions and not in others.
 _numba: Any = numba
-
-F = TypeVar("F", bound=Callable[..., Any])
-
 _HERE = Path(__file__).parent
 
 
@@ -39,25 +41,17 @@ def source_stamp() -> str:
     return digest.hexdigest()[:16]
 
 
-def _roots() -> list[Path]:
-    """Return where compiled kernels may be kept, the best first."""
-    asked = _numba.config.CACHE_DIR
-    if asked:
-        return [Path(asked)]
+def _cache_folder() -> Path | None:
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return [_HERE / "__pycache__", Path(home) / "fpid_pin"]
-
-
-def cache_folder() -> Path | None:
-    """Return the folder that compiled kernels are kept in; None where none can be written."""
-    for root in _roots():
+    asked, own = _numba.config.CACHE_DIR, _HERE / "__pycache__"
+    for root in [Path(asked)] if asked else [own, Path(home) / "fpid_pin"]:
         folder = root / f"kernels-{source_stamp()}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
         except OSError:
             continue
-        if root.parent == _HERE:
+        if root == own:
             # What earlier states of this very room have left behind.
             for old in set(root.glob("kernels-*")) - {folder}:
                 shutil.rmtree(old, ignore_errors=True)
@@ -66,7 +60,7 @@ def cache_folder() -> Path | None:
 
 
 #: Where compiled kernels are kept; None: nowhere, they are compiled anew in every process.
-CACHE = cache_folder()
+CACHE = _cache_folder()
 
 
 def is_cold() -> bool:
@@ -74,19 +68,55 @@ def is_cold() -> bool:
     return CACHE is None or next(CACHE.rglob("*.nbi"), None) is None
 
 
-@overload
-def kernel(function: F) -> F: ...
-@overload
-def kernel(*, inline: bool) -> Callable[[F], F]: ...
-@overload
-def kernel(function: F, *, inline: bool) -> F: ...
+class _Cache(FunctionCache):
+    """Numba's cache of one function; where it cannot be used, that costs time and nothing else."""
+
+    def __init__(self, function: Any, key: str | None) -> None:
+        self._key = key
+        super().__init__(function)
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        if self._key is not None:
+            return (sig, codegen.magic_tuple(), self._key)
+        return super()._index_key(sig, codegen)
+
+    def load_overload(self, *arguments: Any) -> Any:
+        return self._attempt(super().load_overload, *arguments)
+
+    def save_overload(self, *arguments: Any) -> None:
+        self._attempt(super().save_overload, *arguments)
+
+    def _attempt(self, method: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return method(*arguments)
+        except Exception:  # a full disk; whatever a broken file raises
+            # Nothing could be written beside it either, in any later process.
+            with contextlib.suppress(Exception):
+                self.flush()
+            return None
 
 
-def kernel(function: F | None = None, *, inline: bool = False) -> F | Callable[[F], F]:
+def keep(compiled: Any, function: Any, key: str | None = None) -> None:
+    """Let what numba compiles of a function be kept in `CACHE`.
+
+    `key` names what it is made of, where the function's own code does not say all of that.
+    """
+    if CACHE is None:
+        return
+    before = _numba.config.CACHE_DIR
+    _numba.config.CACHE_DIR = str(CACHE)
+    # A function that was typed in stands in no file whose changes could be seen: a RuntimeError.
+    with contextlib.suppress(RuntimeError):
+        compiled._cache = _Cache(function, key)
+    _numba.config.CACHE_DIR = before
+
+
+def kernel(function: Any = None, *, inline: bool = False) -> Any:
     """Compile a scalar function at its first call, for the types that it is called with.
 
-    No fast mathematics: sums stay in the order in which they are written, products and sums are
-    rounded one by one, and a division by zero gives inf or NaN as in C.
+    So are the functions in plain Python that it calls: where there are any, all that it calls must
+    be defined before it. No fast mathematics: sums stay in the order in which they are written,
+    products and sums are rounded one by one, and a division by zero gives inf or NaN as in C.
 
     Parameters
     ----------
@@ -95,9 +125,64 @@ def kernel(function: F | None = None, *, inline: bool = False) -> F | Callable[[
     inline
         Whether it becomes part of the kernels that call it: for what stands in their inner loops.
     """
-    if function is None:
-        return partial(_compile, inline=inline)
-    return _compile(function, inline=inline)
+    return partial(_kernel, inline=inline) if function is None else _kernel(function, inline)
+
+
+@cache
+def _kernel(function: Any, inline: bool) -> Any:
+    # Kernels allocate nothing: no reference is counted. Nothing calls them through C pointers.
+    options = {"_nrt": False, "no_cfunc_wrapper": True}
+    compiled = _compile(function, partial(_kernel, inline=True), forceinline=inline, **options)
+    if compiled is not function:
+        keep(compiled, compiled.py_func)
+    return compiled
+
+
+def compile_law(function: Any, *, inline: bool = False) -> Any:
+    """Compile a function of a user's law, and those in plain Python that it calls."""
+    return _compile(function, partial(compile_law, inline=True), forceinline=inline)
+
+
+def _compile(function: Any, compile_called: Callable[[Any], Any], **options: Any) -> Any:
+    """Compile a function that calls functions in plain Python, compiled by `compile_called`.
+
+    LLVM inlines them: numba's own inlining would type and lower a function once for each call.
+    """
+    if _numba.config.DISABLE_JIT:
+        return function
+    known = globals_of(function)
+    cells = [cell.cell_contents for cell in function.__closure__ or ()]
+    if any(isinstance(value, FunctionType) for value in (*known.values(), *cells)):
+
+        def ready(value: Any) -> Any:
+            return compile_called(value) if isinstance(value, FunctionType) else value
+
+        plain, known = function, {name: ready(value) for name, value in known.items()}
+        function = FunctionType(
+            plain.__code__, plain.__globals__ | known, plain.__name__, plain.__defaults__,
+            tuple(CellType(ready(value)) for value in cells),
+        )  # fmt: skip
+        function.__qualname__, function.__module__ = plain.__qualname__, plain.__module__
+    compiled: Any = _numba.njit(function, error_model="numpy", nogil=True, **options)
+    compile_one = compiled.compile
+
+    def compile_scalar(signature: Any) -> Any:
+        """Compile for types of arguments, without turning loops into vector loops.
+
+        Loops over joints are short. A vector loop first checks that its arrays do not overlap,
+        which takes longer than the loop itself: a tenth to a fifth of a step. numba knows this as
+        a setting of a process, which is put back, as a user's own functions may want it.
+        """
+        with global_compiler_lock:
+            before = _numba.config.LOOP_VECTORIZE
+            _numba.config.LOOP_VECTORIZE = 0
+            try:
+                return compile_one(signature)
+            finally:
+                _numba.config.LOOP_VECTORIZE = before
+
+    compiled.compile = compile_scalar
+    return compiled
 
 
 def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
@@ -106,42 +191,11 @@ def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
     It does not look up the types of its arguments again, which takes most of a short call with many
     arrays: whoever calls it sees to it that they stay the same.
     """
-    if not hasattr(function, "overloads"):
-        return cast("Callable[..., Any]", function)
-    types = tuple(_numba.typeof(argument) for argument in arguments)
-    function.compile(types)
-    return cast("Callable[..., Any]", function.overloads[types].entry_point)
-
-
-def compile_plain(function: F, *, cache: bool = True, inline: bool = False) -> F:
-    """Compile a function in plain Python, and the functions in plain Python that it calls.
-
-    Parameters
-    ----------
-    function
-        Of the subset; not one that is compiled already.
-    cache
-        Whether to keep it for other processes, which do not see edits outside this room.
-    inline
-        Whether it becomes part of what calls it; what it calls itself becomes part of it.
-    """
-    plain: Any = function
-
-    def compiled(value: Any) -> Any:
-        if isinstance(value, FunctionType):
-            return compile_plain(value, cache=cache, inline=True)
-        return value
-
-    names = {name: compiled(value) for name, value in globals_of(plain).items()}
-    cells = tuple(CellType(compiled(cell.cell_contents)) for cell in plain.__closure__ or ())
-    rebuilt = FunctionType(
-        plain.__code__, plain.__globals__ | names, plain.__name__, plain.__defaults__, cells
-    )
-    rebuilt.__qualname__, rebuilt.__module__ = plain.__qualname__, plain.__module__
-    if cache:
-        return cast("F", _compile(rebuilt, inline=inline))
-    options = {"error_model": "numpy", "nogil": True, "forceinline": inline}
-    return cast("F", _without_vectorising(_numba.njit(rebuilt, **options)))
+    if _numba.config.DISABLE_JIT:
+        return function  # type: ignore[no-any-return]
+    kinds = tuple(_numba.typeof(argument) for argument in arguments)
+    function.compile(kinds)
+    return function.overloads[kinds].entry_point  # type: ignore[no-any-return]
 
 
 def globals_of(function: Any) -> dict[str, Any]:
@@ -161,73 +215,41 @@ def _global_names(code: CodeType) -> frozenset[str]:
     return frozenset(found.union(*map(_global_names, inner)))
 
 
-def _compile(function: F, *, inline: bool) -> F:
-    options = {
-        "error_model": "numpy", "nogil": True,
-        # Kernels allocate nothing: no reference is counted.
-        "_nrt": False,
-        # LLVM inlines: numba's own inlining would type and lower a function once for each call.
-        "forceinline": inline,
-        # Nothing calls kernels through C pointers.
-        "no_cfunc_wrapper": True,
-    }  # fmt: skip
-    if CACHE is None:
-        return cast("F", _without_vectorising(_numba.njit(function, **options)))
-    before = _numba.config.CACHE_DIR
-    _numba.config.CACHE_DIR = str(CACHE)
-    try:
-        compiled = _numba.njit(function, cache=True, **options)
-    except RuntimeError:
-        # A function that was typed in stands in no file whose changes could be seen.
-        compiled = _numba.njit(function, **options)
-    finally:
-        _numba.config.CACHE_DIR = before
-    _forgive(getattr(compiled, "_cache", None))
-    return cast("F", _without_vectorising(compiled))
+# Calls of a law's functions. The engine is compiled once, whatever laws there are: a law's
+# functions are compiled apart and called by their addresses. numba's own first-class functions do
+# the same, but an argument of that kind takes 25 microseconds at each call from Python.
 
 
-def _without_vectorising(compiled: Any) -> Any:
-    """Let numba compile a function without turning its loops into vector loops.
+@intrinsic
+def _call_compiled(typing_context, address, numbers, own, bodies, links, motions, gravity):
+    """Type and generate a call of `call_law`."""
+    arrays = (numbers, own, bodies, links, motions, gravity)
 
-    Loops over joints are short. A vector loop first checks that its arrays do not overlap, which
-    takes longer than the loop itself: a tenth to a fifth of a step. numba knows this as a setting
-    of a process, which is put back, as a user's own functions may want it.
-    """
-    compile_one = getattr(compiled, "compile", None)
-    if compile_one is None:  # NUMBA_DISABLE_JIT: nothing is compiled
-        return compiled
+    def generate(context, builder, signature, arguments):
+        pointer, size = ir.IntType(8).as_pointer(), ir.IntType(64)
+        given = [
+            context.make_array(kind)(context, builder, value)
+            for kind, value in zip(signature.args[1:], arguments[1:], strict=True)
+        ]
+        data = [builder.bitcast(array.data, pointer) for array in given]
+        # How many joints there are, and rows of the law's own arrays.
+        sizes = [builder.extract_value(array.shape, 0) for array in given[:2]]
+        kinds = [pointer] * len(data) + [size] * len(sizes)
+        function = ir.FunctionType(ir.VoidType(), kinds).as_pointer()
+        builder.call(builder.inttoptr(arguments[0], function), data + sizes)
+        return context.get_dummy_value()
 
-    def compile_scalar(signature: Any) -> Any:
-        from numba.core.compiler_lock import global_compiler_lock
-
-        with global_compiler_lock:
-            before = _numba.config.LOOP_VECTORIZE
-            _numba.config.LOOP_VECTORIZE = 0
-            try:
-                return compile_one(signature)
-            finally:
-                _numba.config.LOOP_VECTORIZE = before
-
-    compiled.compile = compile_scalar
-    return compiled
+    return types.void(types.int64, *arrays), generate
 
 
-def _forgive(cache: Any) -> None:
-    """Let a cache that cannot be read or written (a full disk) cost time and nothing else."""
+#: Functions by address where nothing is compiled (NUMBA_DISABLE_JIT=1).
+PLAIN: dict[int, Callable[..., None]] = {}
 
-    def forgiving(method: Callable[..., Any]) -> Callable[..., Any]:
-        def attempt(*arguments: Any) -> Any:
-            try:
-                return method(*arguments)
-            except Exception:  # whatever a broken file raises
-                # Nothing could be written beside it either, in any later process.
-                with contextlib.suppress(Exception):
-                    cache.flush()
-                return None
 
-        return attempt
+def _call_plain(address, *arrays):
+    PLAIN[int(address)](*arrays)
 
-    for name in ("load_overload", "save_overload"):
-        method = getattr(cache, name, None)
-        if method is not None:
-            setattr(cache, name, forgiving(method))
+
+#: ``call_law(address, numbers, own, bodies, links, motions, gravity)``, arrays as in
+#: `records.Controller`.
+call_law: Any = _call_plain if _numba.config.DISABLE_JIT else _call_compiled

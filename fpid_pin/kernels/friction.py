@@ -22,6 +22,17 @@ BLOCK_ROUNDS = 8
 
 
 @kernel(inline=True)
+def is_at_fault(c, speed, side, force, response):
+    """Return whether a joint that sticks would break loose, or one that slides would turn round."""
+    if c.stuck:
+        fault = abs(force) > c.dry * (1.0 + SLACK)
+    else:
+        # Speeds below this are zero: a rounding of what its own friction would do to it.
+        fault = c.dry > 0.0 and side * speed < -SLACK * c.dry * response
+    return fault
+
+
+@kernel(inline=True)
 def solve_sticking(matrix, right, joints):
     """Solve the rows and columns of joints that stick, of a symmetric positive definite system.
 
@@ -45,53 +56,6 @@ def solve_sticking(matrix, right, joints):
             for j in range(i + 1, n):
                 right[i] -= matrix[i, j] * right[j]
             right[i] /= matrix[i, i]
-
-
-@kernel
-def apply_dry_friction(factored, joints, v, room, h):
-    """Turn the free speeds v of one robot into those that dry friction leaves, in place.
-
-    First every joint is taken to slide on as it does; only where one would turn round is the box
-    problem solved.
-
-    Parameters
-    ----------
-    factored
-        M + h F_v of the plant, as `factor_symmetric` left it.
-    joints
-        PLANT, (n,): their F_d; whether they stick (a guess from the last step, then the answer);
-        their friction torques.
-    v
-        Joint speeds, (n,) [rad/s].
-    room
-        See `records.Plant`.
-    h
-        Step [s].
-    """
-    n = v.size
-    speed = room[0]
-    for j in range(n):
-        joints[j].friction = joints[j].dry * sign(v[j])
-        speed[j] = joints[j].friction
-    solve_symmetric(factored, speed)
-    turns = False
-    for j in range(n):
-        c = joints[j]
-        speed[j] = v[j] - h * speed[j]
-        if c.dry > 0.0 and not sign(v[j]) * speed[j] > 0.0:
-            turns = True
-            c.stuck = 1
-    if turns:
-        response = room[ROOM : ROOM + n]
-        for i in range(n):
-            for j in range(n):
-                response[i, j] = h if i == j else 0.0
-            solve_symmetric(factored, response[i])
-        stick_slip(response, joints, v, room[0], room[1], room[2], room[ROOM + n : ROOM + 2 * n])
-    for j in range(n):
-        if not turns:
-            joints[j].stuck = 0
-        v[j] = speed[j]
 
 
 @kernel(inline=True)
@@ -147,12 +111,35 @@ def stick_slip(response, joints, v_free, speed, side, force, matrix):
             speed[j] = 0.0
 
 
-@kernel(inline=True)
-def is_at_fault(c, speed, side, force, response):
-    """Return whether a joint that sticks would break loose, or one that slides would turn round."""
-    if c.stuck:
-        fault = abs(force) > c.dry * (1.0 + SLACK)
-    else:
-        # Speeds below this are zero: a rounding of what its own friction would do to it.
-        fault = c.dry > 0.0 and side * speed < -SLACK * c.dry * response
-    return fault
+@kernel
+def apply_dry_friction(factored, joints, v, room, h):
+    """Turn the free speeds v of one robot into those that dry friction leaves, in place.
+
+    First every joint is taken to slide on as it does; only where one would turn round is the box
+    problem solved. `factored` is M + h F_v of the plant, as `factor_symmetric` left it, `room` as
+    in `records.Plant`. Whether a joint sticks is a guess from the last step, then the answer.
+    """
+    n = v.size
+    speed = room[0]
+    for j in range(n):
+        joints[j].friction = joints[j].dry * sign(v[j])
+        speed[j] = joints[j].friction
+    solve_symmetric(factored, speed)
+    turns = False
+    for j in range(n):
+        c = joints[j]
+        speed[j] = v[j] - h * speed[j]
+        if c.dry > 0.0 and not sign(v[j]) * speed[j] > 0.0:
+            turns = True
+            c.stuck = 1
+    if turns:
+        response = room[ROOM : ROOM + n]
+        for i in range(n):
+            for j in range(n):
+                response[i, j] = h if i == j else 0.0
+            solve_symmetric(factored, response[i])
+        stick_slip(response, joints, v, room[0], room[1], room[2], room[ROOM + n : ROOM + 2 * n])
+    for j in range(n):
+        if not turns:
+            joints[j].stuck = 0
+        v[j] = speed[j]

@@ -40,8 +40,7 @@ def measure_joints(sums, reference, motion, k, number, half, h):
 
 
 @kernel
-def measure_rows(sums, q, q_ref, torque, half, h):
-    """Add the rows of a recorded run, (K, n), from its first on."""
-    for k in range(q.shape[0]):
-        for j in range(sums.size):
-            measure_row(sums[j], q_ref[k, j] - q[k, j], torque[k, j], k, half, h)
+def measure_rows(sums, reference, motion, half, h):
+    """Add all rows of a recorded run, in one block."""
+    for k in range(motion.shape[1]):
+        measure_joints(sums, reference, motion, k, k, half, h)

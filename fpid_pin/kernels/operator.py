@@ -91,20 +91,9 @@ def variable_order_derivative(op, table, poles, modes, f, f_, rate, rate_, h):
 def advance_operator(op, table, poles, modes, numbers, started, held, cut, h):
     """Take one sample of an operator of a law and write its output.
 
-    Parameters
-    ----------
-    op, table, poles, modes
-        Records of one operator; see `variable_order_derivative` for the table.
-    numbers
-        The law's numbers of this joint, among them signal, rate and output.
-    started
-        Whether this is not the first sample.
-    held
-        Whether all integrals are held, as while the paper's supervisor acts.
-    cut
-        By how much the last torque was cut: integrals that would wind up are held.
-    h
-        Sampling period [s].
+    `numbers` are the law's of this joint, among them signal, rate and output; `started` says
+    whether this is not the first sample, `held` whether integrals are held, as while the paper's
+    supervisor acts. So are those that would wind up a torque that was cut by `cut`.
     """
     f = numbers[op.source]
     stays = False
@@ -160,15 +149,11 @@ def sample(started, ops, poles, modes, f, f_, rate, rate_, out, h):
 
 
 @kernel
-def record(ops, poles, modes, f, rate, rate_, out, h):
+def record(ops, poles, modes, f, f_, rate, rate_, out, h):
     """Write D^alpha of recorded signals, (N, channels), into `out`.
 
-    In row k, `rate` and `rate_` are the rates at the ends of the step that leads to it.
+    In row k, `rate` and `rate_` are the rates at the ends of the step that leads to it; `f_` is
+    room, (channels,).
     """
-    for c in range(ops.size):
-        op = ops[c]
-        out[0, c] = initialise(op, modes[c], f[0, c], rate[0, c])
-        for k in range(1, f.shape[0]):
-            out[k, c] = derivative(
-                op, poles[op.row], modes[c], f[k, c], f[k - 1, c], rate[k, c], rate_[k, c], h
-            )
+    for k in range(f.shape[0]):
+        sample(k > 0, ops, poles, modes, f[k], f_, rate[k], rate_[k], out[k], h)

@@ -2,27 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
-from fpid_pin.kernels.layout import record_type
+import numpy as np
 
 
-def _named(names: str, meaning: str) -> dict[str, str]:
-    return dict.fromkeys(names.split(), meaning)
+def record_type(numbers: Iterable[str], integers: Iterable[str] = ()) -> np.dtype[Any]:
+    """Return the type of a record, whose fields a kernel reads and writes by name.
+
+    Parameters
+    ----------
+    numbers, integers
+        Names of the fields, real ones and whole ones (counts and flags). Below they are keys of
+        tables that say what each is; several names in one key share a meaning.
+
+    Raises
+    ------
+    ValueError
+        A name that would hide a method of NumPy's records, so that it could not be read by name.
+    """
+    fields: list[tuple[str, Any]] = [
+        (name, kind)
+        for keys, kind in ((numbers, np.float64), (integers, np.int64))
+        for key in keys
+        for name in key.split()
+    ]
+    taken = [name for name, _ in fields if hasattr(np.record, name)]
+    if taken:
+        raise ValueError(f"{taken}: without compilation these would be methods of a record")
+    return np.dtype((np.record, fields))
 
 
 #: A body and the joint that carries it, the joint's axis being z of its frame: constants.
 BODY = record_type(
     {
-        **_named(
-            "x0 x1 x2", "x axis of the joint's frame at q = 0, in the frame of the body before"
-        ),
-        **_named("y0 y1 y2", "its y axis"),
-        **_named("z0 z1 z2", "its z axis, the joint's"),
-        **_named("p0 p1 p2", "[m] its origin"),
+        "x0 x1 x2": "x axis of the joint's frame at q = 0, in the frame of the body before",
+        "y0 y1 y2": "its y axis",
+        "z0 z1 z2": "its z axis, the joint's",
+        "p0 p1 p2": "[m] its origin",
         "m": "[kg] mass",
-        **_named("h0 h1 h2", "[kg m] first moments, mass times centre of mass"),
-        **_named("j00 j01 j02 j11 j12 j22", "[kg m^2] inertia about the frame's origin"),
+        "h0 h1 h2": "[kg m] first moments, mass times centre of mass",
+        "j00 j01 j02 j11 j12 j22": "[kg m^2] inertia about the frame's origin",
         "armature": "[kg m^2] rotor inertia at the joint",
     },
     {"slides": "whether the joint is prismatic"},
@@ -30,24 +51,22 @@ BODY = record_type(
 #: Where a body is and what it takes to move it with all that it carries, in world coordinates.
 FRAME = record_type(
     {
-        **_named("x0 x1 x2 y0 y1 y2 z0 z1 z2", "axes"),
-        **_named("o0 o1 o2", "[m] origin"),
-        **_named("s0 s1 s2 r0 r1 r2", "what a unit of joint speed does, linear and angular"),
-        **_named("v0 v1 v2 w0 w1 w2", "velocity, linear and angular"),
-        **_named("a0 a1 a2 b0 b1 b2", "acceleration without joint accelerations"),
-        **_named(
-            "m h0 h1 h2 j00 j01 j02 j11 j12 j22", "inertia of the body, then with all it carries"
-        ),
-        **_named("f0 f1 f2 n0 n1 n2", "force and moment of the body, then with all it carries"),
+        "x0 x1 x2 y0 y1 y2 z0 z1 z2": "axes",
+        "o0 o1 o2": "[m] origin",
+        "s0 s1 s2 r0 r1 r2": "what a unit of joint speed does, linear and angular",
+        "v0 v1 v2 w0 w1 w2": "velocity, linear and angular",
+        "a0 a1 a2 b0 b1 b2": "acceleration without joint accelerations",
+        "m h0 h1 h2 j00 j01 j02 j11 j12 j22": "inertia of the body, then with all it carries",
+        "f0 f1 f2 n0 n1 n2": "force and moment of the body, then with all it carries",
     }
 )
 #: Where a body is, in coordinates of the one before, and what inverse dynamics needs of it.
 LINK = record_type(
     {
-        **_named("x0 x1 x2 y0 y1 y2 z0 z1 z2", "axes"),
-        **_named("p0 p1 p2", "[m] origin"),
-        **_named("a0 a1 a2 b0 b1 b2", "acceleration A, linear and angular"),
-        **_named("f0 f1 f2 n0 n1 n2", "force and moment F, of the body, then with all it carries"),
+        "x0 x1 x2 y0 y1 y2 z0 z1 z2": "axes",
+        "p0 p1 p2": "[m] origin",
+        "a0 a1 a2 b0 b1 b2": "acceleration A, linear and angular",
+        "f0 f1 f2 n0 n1 n2": "force and moment F, of the body, then with all it carries",
     }
 )
 
@@ -80,7 +99,7 @@ GIVEN = record_type(
         "predicted": "[rad/s] speed that the next sample should find",
         "lyapunov": "V of (14), the same for all joints",
         # The ten inertial numbers of the body that the joint carries, in this order: see BODY.
-        **_named("m h0 h1 h2 j00 j01 j02 j11 j12 j22", "inertia of the nominal arm"),
+        "m h0 h1 h2 j00 j01 j02 j11 j12 j22": "inertia of the nominal arm",
     }
 )
 #: Where these ten begin.
@@ -92,14 +111,11 @@ SLOPES = tuple(f"by_{name}" for name in GIVEN.names[INERTIA:])  # type: ignore[i
 ROBOT = record_type(
     {
         "h": "[s] sampling period",
-        "p11": "P of (15)",
-        "p12": "P of (15)",
-        "p22": "P of (15)",
-        "k0": "[1/s^2] the supervisor's error dynamics (39)",
-        "k1": "[1/s] the same",
+        "p11 p12 p22": "P of (15)",
+        "k0": "[1/s^2] of the supervisor's error dynamics (39)",
+        "k1": "[1/s] of the same",
         "threshold": "V_M of (16) of the paper's supervisor; inf: none",
         "layer": "boundary layer of (20)",
-        "value": "V of (14)",
         "lookahead": "[s] T of the sampled supervisor",
         "target": "V_T",
         "trigger": "V_on",
@@ -123,9 +139,7 @@ ROBOT = record_type(
         "paper": "whether the paper's supervisor is there",
         "sampled": "whether the sampled one is",
         "own_gravity": "whether G_u of (20) is |G(q)| of the model",
-        "surface": "address of the law's function; 0: none",
-        "torque": "address of the law's function; 0: none",
-        "adapt": "address of the law's function; 0: none",
+        "surface torque adapt": "address of the law's function; 0: none",
     },
 )
 
@@ -177,46 +191,24 @@ MODE = record_type({"weight": "g, of the mode in the output", "x": "the mode's v
 
 
 class Controller(NamedTuple):
-    """All arrays of one robot's controller.
+    """All arrays of one robot's controller."""
 
-    Attributes
-    ----------
-    robot
-        ROBOT, (1,).
-    joints
-        GIVEN, (n,): the first numbers of `numbers`, by name.
-    numbers
-        (n, words): given numbers, then the law's own.
-    own
-        The law's own arrays, (rows, columns), for laws of the whole robot.
-    ops, poles, modes, table
-        Its operators: OPERATOR (n, operators), POLE (rows, modes), MODE (n, operators, modes), and
-        the table of `operator.variable_order_derivative`.
-    bodies, links, motions, frames, gravity
-        The nominal arm: BODY (n,), LINK (n,) and room (3, n, 6) for inverse dynamics, FRAME
-        (n + 1,) for M, and g (3,).
-    mass, factored
-        M, its lower half, and its factors, (n, n).
-    terms
-        (TERMS, n): see above.
-    """
-
-    robot: Any
-    joints: Any
-    numbers: Any
-    own: Any
-    ops: Any
-    poles: Any
-    modes: Any
-    table: Any
-    bodies: Any
-    links: Any
-    motions: Any
-    frames: Any
-    gravity: Any
-    mass: Any
-    factored: Any
-    terms: Any
+    robot: Any  # ROBOT, (1,)
+    joints: Any  # GIVEN, (n,): the first of `numbers`, by name
+    numbers: Any  # (n, words): given numbers, then the law's own
+    own: Any  # arrays of a law of the whole robot, (rows, columns)
+    ops: Any  # OPERATOR, (n, operators)
+    poles: Any  # POLE, (rows, modes)
+    modes: Any  # MODE, (n, operators, modes)
+    table: Any  # see `operator.variable_order_derivative`
+    bodies: Any  # BODY, (n,): the nominal arm
+    links: Any  # LINK, (n,), for inverse dynamics
+    motions: Any  # velocities of the bodies, (3, n, 6), for inverse dynamics
+    frames: Any  # FRAME, (n + 1,), for M
+    gravity: Any  # (3,) [m/s^2]
+    mass: Any  # the lower half of M, (n, n)
+    factored: Any  # its factors, (n, n)
+    terms: Any  # (TERMS, n): see above
 
 
 PLANT = record_type(
@@ -232,36 +224,27 @@ PLANT = record_type(
 )
 
 
+#: Rows of a plant's room before its matrices.
+ROOM = 3
+
+
 class Plant(NamedTuple):
-    """All arrays of one robot's true arm.
+    """All arrays of one robot's true arm."""
 
-    Attributes
-    ----------
-    joints
-        PLANT, (n,).
-    q, v, a, tau
-        Angles, rates, accelerations and torques on the arm, (n,).
-    bodies, frames, gravity, mass
-        The true arm as in `Controller`; friction's h F_v is part of its rotor inertias.
-    room
-        Room to work in, (ROOM + 2 n + stages, n): for friction, its two matrices, and the
-        integrator's stages, none for semi-implicit Euler.
-    """
-
-    joints: Any
-    q: Any
-    v: Any
-    a: Any
-    tau: Any
-    bodies: Any
-    frames: Any
-    gravity: Any
-    mass: Any
+    joints: Any  # PLANT, (n,)
+    q: Any  # angles, (n,)
+    v: Any  # rates, (n,)
+    a: Any  # accelerations, (n,)
+    tau: Any  # torques on the arm, (n,)
+    bodies: Any  # BODY, (n,); friction's h F_v is part of the rotor inertias
+    frames: Any  # FRAME, (n + 1,)
+    gravity: Any  # (3,) [m/s^2]
+    mass: Any  # the lower half of M, or its factors, (n, n)
+    #: (ROOM + 2 n + stages, n): to work in for friction, its two matrices, and the stages of the
+    #: integrator, none for semi-implicit Euler.
     room: Any
 
 
-#: Rows of a plant's room before its matrices.
-ROOM = 3
 SENSOR = record_type(
     {
         "noise_q": "[rad] standard deviation of the angle's noise",
@@ -305,33 +288,19 @@ MEASURE = record_type(
 
 
 class Sensing(NamedTuple):
-    """A robot's sensors: SENSOR (n,) or none, true values (depth, 2, n), noise (K, 2, n)."""
+    """A robot's sensors."""
 
-    joints: Any
-    history: Any
-    noise: Any
+    joints: Any  # SENSOR, (n,); none: what is measured is exact
+    history: Any  # a ring of true values, (depth, 2, n)
+    noise: Any  # white noise, (K, 2, n); a tick's row is taken modulo K
 
 
 class Rows(NamedTuple):
-    """What a robot is given and what is kept of it, K rows.
+    """What a robot is given and what is kept of it, K rows."""
 
-    Attributes
-    ----------
-    reference
-        q_d, its rate and acceleration, (3, K, n).
-    forces
-        The disturbance d(t), (parts of the step, K, n).
-    motion
-        q, q' and the torque that the drives gave, (3, K, n).
-    columns, kept
-        Which columns of the controller's numbers are kept, (signals,), and they, (signals, K, n).
-    sums
-        Figures of merit, MEASURE (n,); none: they are not wanted.
-    """
-
-    reference: Any
-    forces: Any
-    motion: Any
-    columns: Any
-    kept: Any
-    sums: Any
+    reference: Any  # q_d, its rate and acceleration, (3, K, n)
+    forces: Any  # the disturbance d(t), (parts of the step, K, n)
+    motion: Any  # q, q' and the torque that the drives gave, (3, K, n)
+    columns: Any  # which columns of the controller's numbers are kept, (signals,)
+    kept: Any  # they, (signals, K, n)
+    sums: Any  # figures of merit, MEASURE (n,); none: they are not wanted

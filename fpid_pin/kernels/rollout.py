@@ -28,22 +28,11 @@ def keep_signals(numbers, columns, kept, k):
 
 @kernel
 def rollout(c, plant, sensing, rows, inputs, torque, counts):
-    """Make ticks of one robot.
+    """Make ticks of one robot, with room for one, (5, n) and (n,).
 
-    Parameters
-    ----------
-    c, plant, sensing, rows
-        See `records`.
-    inputs, torque
-        Room for a tick, (5, n) and (n,).
-    counts
-        Number of the first row, in the run; how many to make; at which of `rows` to begin; how many
-        rows of the run count for figures of merit; whether there is dry friction.
-
-    Returns
-    -------
-    int
-        The row, in the run, from which on nothing counts as a number was lost; -1: none.
+    `counts` are the number of the first row in the run; how many to make; at which of `rows` to
+    begin; how many rows of the run count for figures of merit; whether there is dry friction.
+    Returns the row, in the run, from which on nothing counts as a number was lost; -1: none.
     """
     h = c.robot[0].h
     ended = -1

@@ -6,15 +6,14 @@ operators of its signals; the model; the law's torque; feedforward, what cancels
 supervisor; the effort limit; the observer's prediction. Then the torque is applied and recorded,
 and the law adapts.
 
-A law's functions are called by address (`kernels.call`); 0 stands for none. The arrays of a
+A law's functions are called by address (`compiled.call_law`); 0 stands for none. The arrays of a
 controller c are those of `records.Controller`.
 """
 
 from __future__ import annotations
 
 from fpid_pin.kernels import newton_euler
-from fpid_pin.kernels.call import call_law
-from fpid_pin.kernels.compiled import compile_plain, kernel
+from fpid_pin.kernels.compiled import call_law, kernel
 from fpid_pin.kernels.limits import clip, winds_up
 from fpid_pin.kernels.observer import correct_observer, predict
 from fpid_pin.kernels.operator import advance_operator
@@ -44,10 +43,10 @@ from fpid_pin.kernels.supervisor import (
     paper_torque,
 )
 
-inverse_dynamics = compile_plain(newton_euler.inverse_dynamics)
-velocities = compile_plain(newton_euler.velocities)
-gradient = compile_plain(newton_euler.gradient)
-gravity_torques = compile_plain(newton_euler.gravity_torques)
+inverse_dynamics = kernel(newton_euler.inverse_dynamics)
+velocities = kernel(newton_euler.velocities)
+gradient = kernel(newton_euler.gradient)
+gravity_torques = kernel(newton_euler.gravity_torques)
 
 
 @kernel(inline=True)
@@ -64,7 +63,6 @@ def load_errors(robot, joints, inputs):
     if robot.supervised:
         for j in range(joints.size):
             value += energy(robot, inputs[2, j] - inputs[0, j], inputs[3, j] - inputs[1, j])
-    robot.value = value
     robot.acting = 1 if value >= robot.threshold else 0
     for j in range(joints.size):
         g = joints[j]

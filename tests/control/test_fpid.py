@@ -14,7 +14,7 @@ from fpid_pin.control import Safeguards, adapt_orders
 from fpid_pin.control.fpid import adapt_gains
 from fpid_pin.descriptions import from_dict, to_dict
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.kernels.compiled import compile_plain, kernel
+from fpid_pin.kernels.compiled import kernel
 
 STEP = 1e-3
 PAPER = fp.paper_controller(supervised=False)
@@ -181,7 +181,7 @@ def test_an_order_that_no_gain_or_surface_counts_stays():
 START = np.array([10.0, 20.0, 5.0])
 
 
-adapt = compile_plain(adapt_gains)
+adapt = kernel(adapt_gains)
 
 
 @kernel

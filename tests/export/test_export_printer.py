@@ -14,7 +14,7 @@ from fpid_pin.export import build, c99, javascript
 from fpid_pin.export.kinds import INT, REAL, Array, array_kind, bundle
 from fpid_pin.export.printer import Program
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.layout import record_type
+from fpid_pin.kernels.records import record_type
 
 PAIR = record_type({"x": "", "y": ""}, {"count": ""})
 BOUND = 3
@@ -285,9 +285,17 @@ class Arms(NamedTuple):
 ADDRESS = 7
 
 
+@kernel
 def by_address(address, pairs):
     """Stand for what has no text."""
     pairs[0].x = -1.0
+
+
+@kernel
+def raised(table):
+    """Write although what depends on it never happens."""
+    table[0, 0] += 7.0
+    return table[0, 0] > 0.0
 
 
 @kernel
@@ -306,13 +314,6 @@ def bundled(arms, k):
         row = part[i]
         row[1] += row[0] if first.count > 2 else arms.unused[0]
     return first.x
-
-
-@kernel
-def raised(table):
-    """Write although what depends on it never happens."""
-    table[0, 0] += 7.0
-    return table[0, 0] > 0.0
 
 
 def doubles(pairs):

@@ -99,7 +99,11 @@ def test_a_kernel_is_the_function_that_it_was(monkeypatch, tmp_path):
     def double(x):
         return 2.0 * x
 
+    def twice_double(x):
+        return double(double(x))
+
     assert compiled.kernel(double)(3.0) == 6.0
+    assert compiled.kernel(twice_double)(3.0) == 12.0
     monkeypatch.setattr(compiled, "CACHE", None)
     assert compiled.kernel(inline=True)(double)(3.0) == 6.0
     assert compiled.is_cold()
@@ -107,26 +111,6 @@ def test_a_kernel_is_the_function_that_it_was(monkeypatch, tmp_path):
     assert compiled.is_cold()
     (tmp_path / "one.nbi").write_text("")
     assert not compiled.is_cold()
-
-
-@pytest.mark.kernels
-def test_no_folder_at_all_is_found_out(monkeypatch, tmp_path):
-    monkeypatch.setattr(compiled, "_roots", lambda: [tmp_path / "file" / "x", tmp_path])
-    (tmp_path / "file").write_text("")
-    assert compiled.cache_folder().parent == tmp_path
-    monkeypatch.setattr(compiled, "_roots", lambda: [tmp_path / "file" / "x"])
-    assert compiled.cache_folder() is None
-    # The room's own folder is kept free of what earlier states left behind.
-    monkeypatch.setattr(compiled, "_HERE", tmp_path)
-    monkeypatch.setattr(compiled, "_roots", lambda: [tmp_path / "__pycache__"])
-    (tmp_path / "__pycache__" / "kernels-old").mkdir(parents=True)
-    assert compiled.cache_folder().exists()
-    assert not (tmp_path / "__pycache__" / "kernels-old").exists()
-    monkeypatch.undo()
-    monkeypatch.setattr(compiled._numba.config, "CACHE_DIR", str(tmp_path))
-    assert compiled._roots() == [tmp_path]
-    monkeypatch.setattr(compiled._numba.config, "CACHE_DIR", "")
-    assert len(compiled._roots()) == 2
 
 
 def test_a_function_that_was_typed_in_is_compiled_all_the_same():

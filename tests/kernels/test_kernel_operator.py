@@ -36,7 +36,7 @@ def recorded(order, f, rate, initialisation="caputo", design=DESIGN, differenced
     f, rate = (np.repeat(x[:, None], records.ops.size, axis=1) for x in (f, rate))
     last = rate if differenced else np.concatenate([rate[:1], rate[:-1]])
     out = np.empty_like(f)
-    record(*records, f, rate, last, out, STEP)
+    record(*records, f, np.empty_like(f[0]), rate, last, out, STEP)
     return out
 
 

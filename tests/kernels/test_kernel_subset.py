@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fpid_pin
-from fpid_pin.kernels.layout import record_type
+from fpid_pin.kernels.records import record_type
 
 KERNELS = Path(fpid_pin.__file__).parent / "kernels"
 SCALAR = {
