@@ -45,7 +45,7 @@ ARGUMENTS = {"joint": ("c",), "torque": ("c",), "robot": ("joints", "own", "mode
 
 
 def address_of(function: Any, record: Any, role: str, *, columns: int = 0) -> int:
-    """Return the address of a law's function, for `compiled.call_law`; the same one for the same code.
+    """Return the address of a law's function, for `call_law`; the same one for the same code.
 
     `record` is the type of a joint's record, `role` one of `ARGUMENTS`, `columns` those of the
     law's own arrays. A function that cannot be compiled is a SimulationError that names its line.
