@@ -5,6 +5,9 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,26 @@ MOST_SECONDS = 30 * 86400.0
 STEP_SECONDS = 3e-7
 # Where Linux tells a container how much it may have.
 _CONTAINER = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+
+
+@cache
+def _blas() -> Any:
+    # Both are there by then, each with a BLAS of its own.
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController()
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """Let BLAS work on one thread, in this block or the function that is decorated.
+
+    The matrices of an arm are small: shared out over threads they take longer, where other work
+    goes on up to thirty times as long, since each waits for the others.
+    """
+    with _blas().limit(limits=1, user_api="blas"):
+        yield
 
 
 def installed(module: str) -> bool:

@@ -1,6 +1,8 @@
 """What would take more than there is, in memory or in time, is refused before it starts."""
 
+import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import fpid_pin as fp
 from fpid_pin import resources
@@ -83,3 +85,16 @@ def test_no_command_starts_what_it_cannot_end(
     assert message in err
     assert len(err.splitlines()) == 1
     assert [p.name for p in tmp_path.iterdir()] == ["large.toml"]
+
+
+def test_small_matrices_are_worked_on_by_one_thread(monkeypatch):
+    def threads():
+        return {lib["num_threads"] for lib in threadpool_info() if lib["user_api"] == "blas"}
+
+    seen, eig = [], np.linalg.eig
+    monkeypatch.setattr(np.linalg, "eig", lambda a: seen.append(threads()) or eig(a))
+    law = fp.suggest_gains(fp.Arm.two_link())
+    with threadpool_limits(2, user_api="blas"):
+        fp.stability_report(fp.Arm.two_link(), law)
+        assert seen == [{1}]
+        assert threads() == {2}

@@ -14,6 +14,7 @@ from fpid_pin.control.poses import gravity_stiffness, seeded_poses, worst_pose
 from fpid_pin.control.stability import critical_gain, frequencies
 from fpid_pin.fractional import Design
 from fpid_pin.fractional.design import modes_of
+from fpid_pin.resources import one_blas_thread
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -160,6 +161,7 @@ def critical_derivative(design: Design, order: float, *, step: float, horizon: f
     return float(found.min()) if found.size else np.inf
 
 
+@one_blas_thread()
 def gain_ceilings(
     arm: Arm,
     controller: AdaptiveFpid,

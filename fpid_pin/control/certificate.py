@@ -32,6 +32,7 @@ from fpid_pin.control.linear import (
     linear_arm,
     linear_terms,
 )
+from fpid_pin.resources import one_blas_thread
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -81,6 +82,7 @@ class GainCertificate:
         )
 
 
+@one_blas_thread()
 def certify_gains(
     arm: Arm, controller: AdaptiveFpid, *, spread: ArrayLike = 1.0, step: float = 1e-3,
     horizon: float = 3600.0, poses: ArrayLike | None = None,

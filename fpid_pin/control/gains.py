@@ -20,6 +20,7 @@ from fpid_pin.control.observer_bandwidth import suggest_observer
 from fpid_pin.control.poses import joints_that_fall, seeded_poses
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import FpidWarning
+from fpid_pin.resources import one_blas_thread
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -114,6 +115,7 @@ def suggest_gains(
     return found.controller
 
 
+@one_blas_thread()
 def explain_gains(
     arm: Arm,
     bandwidth: float = 10.0,

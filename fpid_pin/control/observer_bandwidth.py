@@ -17,6 +17,7 @@ from fpid_pin.control.linear import LinearLaw, linear_arm, linearised
 from fpid_pin.control.poses import seeded_poses
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.fractional import ExponentialSum
+from fpid_pin.resources import one_blas_thread
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -34,6 +35,7 @@ POSES, LATEST, HALVINGS = 3, 16, 8
 ROUNDING = 1e-9
 
 
+@one_blas_thread()
 def suggest_observer(
     arm: Arm,
     controller: Controller,

@@ -12,6 +12,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.linear import ComplexArray, linear_arm, linearised
+from fpid_pin.resources import one_blas_thread
 from fpid_pin.text import Shown
 
 if TYPE_CHECKING:
@@ -102,6 +103,7 @@ class StabilityReport(Shown):
         return "\n".join(lines)
 
 
+@one_blas_thread()
 def stability_report(
     arm: Arm, controller: Controller, *, step: float = 1e-3, horizon: float = 3600.0
 ) -> StabilityReport:

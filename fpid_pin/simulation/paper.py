@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 
 import numpy as np
 
@@ -32,9 +33,12 @@ _NAMES = {
 }
 
 
+_own_arm = cache(Arm.two_link)
+
+
 def of_paper(arm: Arm) -> bool:
     """Return whether an arm is the paper's: its orders mean something on no other."""
-    return arm == Arm.two_link()
+    return arm == _own_arm()
 
 
 def default_cost(arms: Iterable[Arm]) -> Cost:
