@@ -6,6 +6,7 @@ what is shown has them written out. What a message quotes may be as long as a fi
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
@@ -15,6 +16,11 @@ from typing import Any
 MOST = 200
 #: Characters of a name in a message, and names listed in one.
 _NAME, _LISTED = 60, 3
+#: Parts that have a word, by how many of them make a whole.
+_PARTS = {
+    2: "half of", 3: "a third of", 4: "a quarter of", 5: "a fifth of", 10: "a tenth of",
+    20: "a twentieth of", 30: "a thirtieth of", 100: "a hundredth of",
+}  # fmt: skip
 _CUT = re.compile(r"\.\.\. \(\d+ characters\)$")
 # What `str.isspace` takes for white space although it ends a line or is a control character.
 _BREAKS = "".join(map(chr, (*range(9, 14), *range(28, 32), 0x85, 0x2028, 0x2029)))
@@ -120,6 +126,29 @@ def brief(value: Any) -> str:
         parts = list(map(brief, value))
         return parts[0] if len(set(parts)) == 1 else f"[{' '.join(parts)}]"
     return visible(str(value))
+
+
+def percent(part: float) -> str:
+    """Return a part as a percentage of two digits: 12 %, 0.53 %, 100 %."""
+    return f"{float(f'{100.0 * part:.2g}'):g} %"
+
+
+def against(value: float, other: float) -> str:
+    """Say how a positive number is to another: ``12 % less than``, ``a third of``, ``30 times``."""
+    part = value / other if other else math.inf
+    for parts, words in _PARTS.items():
+        if abs(part * parts - 1.0) < 0.07:
+            return words
+    if part < 0.6:
+        return f"{percent(part)} of"
+    if part > 2.0:
+        return f"{float(f'{part:.2g}'):g} times"
+    return f"{percent(abs(1.0 - part))} {'less' if part < 1.0 else 'more'} than"
+
+
+def enumerated(names: Sequence[str]) -> str:
+    """Return names as a sentence has them: a, b and c."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
 
 
 def fit(value: Any, keep: str = "") -> str:

@@ -21,11 +21,13 @@ from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import Exceedance, limit_report
 from fpid_pin.simulation.run import Run
-from fpid_pin.text import Shown, html_table, listed
+from fpid_pin.text import Shown, against, enumerated, html_table, listed, percent
 
 COST = QuadraticCost()
 #: What the heads of the tables mean.
 LEGEND = f"tail: RMS error of the last half; cost: (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}"
+#: Who is worse than the best by no more than this part ties with it.
+TIE = 0.03
 #: Limits of one controller that are told in a line; all of them are in the tables.
 _TOLD = 3
 
@@ -45,7 +47,9 @@ class Measure:
 
     def write(self, value: float) -> str:
         """Return a value with its unit."""
-        return f"{value:.3g} {self.unit}".rstrip() if np.isfinite(value) else "ended early"
+        if not np.isfinite(value):
+            return "ended early"
+        return f"{float(f'{value:.3g}'):g} {self.unit}".rstrip()
 
 
 def _joints(metric: str, factor: float = 1.0) -> Callable[[Metrics], float]:
@@ -57,12 +61,12 @@ MEASURES = {
     "tail": Measure(
         "RMS error of the last half", "tail (all joints) [mrad]", _joints("rms_tail", 1e3)
     ),
+    "variation": Measure(
+        "torque variation (all joints)", "variation (all joints) [N m]", _joints("total_variation")
+    ),
     "rms": Measure("RMS error", "RMS (all joints) [mrad]", _joints("rms", 1e3)),
     "peak": Measure(
         "peak torque (worst joint)", "peak (worst joint) [N m]", _joints("peak_torque")
-    ),
-    "variation": Measure(
-        "torque variation (all joints)", "variation (all joints) [N m]", _joints("total_variation")
     ),
     "energy": Measure("energy (all joints)", "energy (all joints) [N²m²s]", _joints("energy")),
     "cost": Measure(f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "cost (33)", COST.of),
@@ -134,31 +138,66 @@ class Comparison(Shown):
 
     @property
     def answer(self) -> list[str]:
-        """Sentences, the most important first: the best, worst cases, limits passed."""
+        """Sentences, the most important first: the best, by condition, worst cases, limits."""
         said = []
         if self.measure is not None and len(self.controllers) > 1:
             said = [self._best(self.measure)]
-            said += [self._worst(self.measure)] if len(self.conditions) > 1 else []
+            if len(self.conditions) > 1:
+                said += [self._by_condition(), self._worst(self.measure)]
         return said + self._limits()
 
+    def _ties(self, row: FloatArray) -> list[int]:
+        """Return who ties with the best under a condition, itself included, the best first."""
+        order = np.argsort(row, kind="stable")
+        return [int(k) for k in order if row[k] <= (1.0 + TIE) * row[order[0]] < np.inf]
+
     def _best(self, measure: Measure) -> str:
-        won: dict[str, list[str]] = {}
+        """Say who is best where it is hardest, over whom by how much, and what its torque costs."""
+        place = self.conditions.index(self.hardest)
+        row, names = self.values[place], self.controllers
+        runs = self.runs[place * len(names) : (place + 1) * len(names)]
+        where = f" under {self.hardest}" if len(self.conditions) > 1 else ""
+        if not (ties := self._ties(row)):
+            return f"Least {measure.label}{where}: nobody; all ended early."
+        # To be better than: the next one, the best of another law, and what the file has first.
+        rest = [int(k) for k in np.argsort(row, kind="stable") if k not in ties]
+        kinds = [run.meta["controller"]["kind"] for run in runs]
+        others = [k for k in rest if kinds[k] != kinds[ties[0]]][:1]
+        told = [f"{names[ties[0]]}, {measure.write(row[ties[0]])}"]
+        if same := [f"{names[k]} ({measure.write(row[k])})" for k in ties[1:]]:
+            told.append(f"a tie with {enumerated(same)}")
+        if better := [
+            f"{against(row[ties[0]], row[k])} {names[k]} ({measure.write(row[k])})"
+            if np.isfinite(row[k])
+            else f"{names[k]} ended early"
+            for k in dict.fromkeys([*rest[:1], *others, *(k for k in rest if k == 0)])
+        ]:
+            told.append(enumerated(better))
+        text = f"Least {measure.label}{where}: {'; '.join(told)}."
+        variation = MEASURES["variation"]
+        varies = [variation.of(run.metrics) for run in runs]
+        costs = {
+            k: _changed(varies[ties[0]], varies[k], names[k])
+            for k in dict.fromkeys([*ties[1:2], *others, *rest[:1]])
+            if np.isfinite(row[k])
+        }
+        if measure is variation or not costs:
+            return text
+        return f"{text} Its torque varies {enumerated([*costs.values()][:2])}."
+
+    def _by_condition(self) -> str:
+        won: dict[tuple[int, ...], list[str]] = {}
         for condition, row in zip(self.conditions, self.values, strict=True):
-            first = int(np.argmin(row))
-            winner = self.controllers[first] if np.isfinite(row[first]) else ""
-            won.setdefault(winner, []).append(condition)
-        none = won.pop("", [])
-        if len(self.conditions) == 1 and won:
-            parts = [
-                f"{'next ' * place}{self.controllers[k]}, {measure.write(self.values[0, k])}"
-                for place, k in enumerate(np.argsort(self.values[0], kind="stable")[:2])
-            ]
-        else:
-            ahead = sorted(won.items(), key=lambda item: -len(item[1]))
-            parts = [f"{controller} under {_listed(where)}" for controller, where in ahead]
+            won.setdefault(tuple(sorted(self._ties(row))), []).append(condition)
+        none = won.pop((), [])
+        parts = [
+            f"{enumerated([self.controllers[k] for k in ties])}{' alike' * (len(ties) > 1)} "
+            f"under {enumerated(where)}"
+            for ties, where in sorted(won.items(), key=lambda item: -len(item[1]))
+        ]
         if none:
-            parts.append(f"nobody under {_listed(none)}, where all ended early")
-        return f"Least {measure.label}: {'; '.join(parts)}."
+            parts.append(f"nobody under {enumerated(none)}, where all ended early")
+        return f"Best by condition: {'; '.join(parts)}."
 
     def _worst(self, measure: Measure) -> str:
         worst = self.values.max(axis=0)
@@ -179,10 +218,10 @@ class Comparison(Shown):
                 lines.append(f"{where}{run.outcome}")
             joints: dict[str, list[str]] = {}
             for e in limits:
-                joints.setdefault(e.quantity, []).append(f"{e.joint} {100.0 * e.part:.2g} %")
+                joints.setdefault(e.passed, []).append(f"{e.joint} {percent(e.part)}")
             lines += [
-                f"{where}{quantity} limit of {_listed(which)} of the time"
-                for quantity, which in joints.items()
+                f"{where}{limit} limit of {enumerated(which)} of the time"
+                for limit, which in joints.items()
             ]
         return [
             f"Limits passed by {controller}: {'; '.join(lines[:_TOLD])}"
@@ -233,7 +272,7 @@ class Comparison(Shown):
                 "condition": condition,
                 "controller": controller,
                 "joint": e.joint,
-                "quantity": f"{e.quantity} [{e.unit}]",
+                "quantity": f"{e.passed} [{e.unit}]",
                 "limit": e.limit,
                 "first [s]": e.time,
                 "worst": e.value,
@@ -296,5 +335,8 @@ def compare(
     return Comparison(tuple(experiments), tuple(controllers), tuple(runs), measure)
 
 
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join([", ".join(names[:-1]), names[-1]]) if len(names) > 1 else names[0]
+def _changed(value: float, other: float, name: str) -> str:
+    """Say by how much a torque varies more or less than another's."""
+    if abs(value / other - 1.0) <= TIE if other else value == other:
+        return f"as much as that of {name}"
+    return f"{against(value, other)} that of {name}"

@@ -40,16 +40,23 @@ class Exceedance:
     part: float
     unit: str
 
+    @property
+    def passed(self) -> str:
+        """Which limit in words: of positions the upper or the lower one."""
+        if self.quantity != "position":
+            return self.quantity
+        return f"{'upper' if self.value > self.limit else 'lower'} position"
+
     def __str__(self) -> str:
-        unit = self.unit
+        unit, share = self.unit, f"{100.0 * self.part:.3g} % of the time"
         if self.quantity == "effort":
             return (
                 f"{self.joint}: at its effort limit of {self.limit:.3g} {unit} from "
-                f"{self.time:.3g} s on, {100.0 * self.part:.3g} % of the time"
+                f"{self.time:.3g} s on, {share}"
             )
         return (
-            f"{self.joint}: {self.quantity} beyond {self.limit:.3g} {unit} at {self.time:.3g} s "
-            f"(worst {self.value:.3g} {unit}, {100.0 * self.part:.3g} % of the time)"
+            f"{self.joint}: beyond its {self.passed} limit of {self.limit:.3g} {unit} at "
+            f"{self.time:.3g} s (worst {self.value:.3g} {unit}, {share})"
         )
 
 

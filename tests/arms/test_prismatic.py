@@ -68,8 +68,10 @@ def test_limits_that_are_passed_are_told_in_its_units(crane):
     reference = fp.references.Sinusoid(amplitude=[0.0, 0.5], offset=crane.home, frequency=3.0)
     experiment = fp.Experiment(crane, reference, duration=3.0)
     lines = [str(x) for x in limit_report(fp.simulate(experiment, fp.suggest_gains(crane)))]
-    assert any(line.startswith("slide: position beyond 1 m at") for line in lines)
-    assert any(line.startswith("slide: velocity beyond 0.5 m/s at") for line in lines)
+    assert any(
+        line.startswith("slide: beyond its upper position limit of 1 m at") for line in lines
+    )
+    assert any(line.startswith("slide: beyond its velocity limit of 0.5 m/s at") for line in lines)
     assert not any("rad" in line for line in lines)
 
 

@@ -59,14 +59,20 @@ def test_compare_begins_with_the_answer_and_writes_runs_tables_figures_and_repor
     printed = capsys.readouterr().out
     assert "integer PID" in printed
     assert "report.html" in printed
-    first, head = printed.splitlines()[0], "Least peak torque (worst joint): "
+    first, second, *_ = printed.splitlines()
+    assert first.startswith("Least peak torque (worst joint) under payload: ")
     report = (out / "report.html").read_text("utf-8")
     assert first in report
+    head = next(line for line in printed.splitlines() if line.startswith("controller"))
+    assert head.split()[:2] == ["controller", "[mrad]"]
+    assert list(rows_of(out / "summary.csv")[0])[2:4] == [
+        "tail (all joints) [mrad]", "variation (all joints) [N m]",
+    ]  # fmt: skip
     rows = rows_of(out / "summary.csv")
     for condition in ("nominal", "payload"):
         here = {row["controller"]: row for row in rows if row["condition"] == condition}
         best = min(here, key=lambda name: float(here[name]["peak (worst joint) [N m]"]))
-        (told,) = (part for part in first.removeprefix(head).split(";") if condition in part)
+        (told,) = (part for part in second.split(";") if condition in part)
         assert best in told
         assert [name for name, row in here.items() if row["best"]] == [best]
         run = fp.Run.load(out / f"{condition}-integer-pid.npz")

@@ -16,6 +16,10 @@ from fpid_pin.cli.init import frictions, payload, rounded, swing
 from fpid_pin.cli.main import main
 from fpid_pin.simulation import limit_report
 
+INITIAL = [
+    "FPID + feedforward + observer", "integer PID + feedforward + observer", "FPID", "integer PID",
+    "PD + gravity", "computed torque",
+]  # fmt: skip
 MJCF = Path(__file__).parent.parent / "arms" / "mjcf_arm.py"
 
 WEAK = """<robot name="weak"><link name="base"/><link name="rod"><inertial>
@@ -138,10 +142,10 @@ def test_compare_runs_what_init_writes(folder, capsys):
     (folder / "start.toml").write_text(text.replace("duration = 10.0", "duration = 0.05"))
     assert main(["compare", "start.toml", "--no-figures"]) == 0
     printed = capsys.readouterr().out
-    for part in ("FPID", "integer PID", "PD + gravity", "computed torque", "noise", "delay"):
+    for part in (*INITIAL, "noise", "delay"):
         assert part in printed
     assert "UNSTABLE" not in printed
-    assert len(list((folder / "runs" / "start").glob("*.npz"))) == 20
+    assert len(list((folder / "runs" / "start").glob("*.npz"))) == 30
 
 
 @pytest.mark.parametrize("name", ["ur5", "lifter.xml"])
@@ -153,7 +157,7 @@ def test_a_configuration_stays_within_the_limits_of_its_arm_and_every_law_follow
     assert ((q > arm.lower) & (q < arm.upper)).all()
     assert (np.abs(v) <= arm.velocity_limit).all()
     assert (np.ptp(q, axis=0) > 0.0).all()
-    assert list(config.controllers) == ["FPID", "integer PID", "PD + gravity", "computed torque"]
+    assert list(config.controllers) == INITIAL
     kinds = [condition.split()[0] for condition in config.conditions]
     assert kinds == ["nominal", "payload", "friction", "noise", "delay"]
     if name == "lifter.xml":

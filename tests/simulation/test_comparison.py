@@ -15,11 +15,16 @@ COMPLETED, GONE = Outcome(True, 1.0), Outcome(False, 0.3, "joint2", "speed is be
 NAMES = [field.name for field in dataclasses.fields(Metrics)]
 
 
-def run(tail, outcome=COMPLETED):
+def run(tail, outcome=COMPLETED, kind="fpid", variation=1.0):
     """A run of two joints whose tail errors are 3 and 4 times `tail` [rad]."""
     metrics = Metrics(**{name: np.array([3.0, 4.0]) for name in NAMES})
-    metrics = dataclasses.replace(metrics, rms_tail=tail * np.array([3.0, 4.0]))
-    return SimpleNamespace(metrics=metrics, outcome=outcome, limits=[])
+    metrics = dataclasses.replace(
+        metrics,
+        rms_tail=tail * np.array([3.0, 4.0]),
+        total_variation=variation * metrics.total_variation,
+    )
+    meta = {"controller": {"kind": kind}}
+    return SimpleNamespace(metrics=metrics, outcome=outcome, limits=[], meta=meta)
 
 
 @pytest.fixture(autouse=True)
@@ -54,27 +59,50 @@ def test_figures_are_over_all_joints_and_infinite_where_a_run_ended():
 
 
 def test_the_answer_says_who_is_best_where_and_the_worst_of_each():
-    first, second, third = FIELD.answer
-    assert first == "Least RMS error of the last half: A under calm and rain; B under storm."
+    first, second, third, fourth = FIELD.answer
+    assert first == (
+        "Least RMS error of the last half under storm: B, 17.7 mrad; 56 % of A (31.8 mrad). "
+        "Its torque varies as much as that of A."
+    )
+    assert second == "Best by condition: A under calm and rain; B under storm."
     assert (
-        second
+        third
         == "Worst case of each: B 17.7 mrad (storm); A 31.8 mrad (storm); C ended early (storm)."
     )
-    assert third.startswith("Limits passed by C: storm, diverged at 0.3 s, joint2: speed")
+    assert fourth.startswith("Limits passed by C: storm, diverged at 0.3 s, joint2: speed")
     assert str(FIELD) == "\n".join(FIELD.answer)
 
 
 def test_where_all_ended_early_nobody_is_best():
-    lost = ranked({"calm": {"A": run(1.0, GONE), "B": run(1.0, GONE)}})
-    assert lost.answer[0].endswith("nobody under calm, where all ended early.")
-    assert not lost.is_best.any()
-    assert not np.isfinite(lost.values).any()
+    lost = ranked({
+        "calm": {"A": run(1.0, GONE), "B": run(1.0, GONE)},
+        "rain": {"A": run(1.0, GONE), "B": run(1.0)},
+    })  # fmt: skip
+    assert lost.answer[0] == (
+        "Least RMS error of the last half under calm: nobody; all ended early."
+    )
+    assert lost.answer[1].endswith("B under rain; nobody under calm, where all ended early.")
+    assert lost.is_best.tolist() == [[False, False], [False, True]]
+    alone = ranked({"rain": {"A": run(1.0, GONE), "B": run(1.0)}})
+    assert alone.answer[0].endswith("B, 3540 mrad; A ended early.")
 
 
-def test_one_condition_names_the_margin_and_one_controller_has_no_rival():
-    pair = {"A": run(1e-3), "B": run(2e-3)}
-    margin = "Least RMS error of the last half: A, 3.54 mrad; next B, 7.07 mrad."
-    assert ranked({"nominal": pair}).answer == [margin]
+#: Of what a user asks: the best law, the same with integer orders, a rival, and what is used now.
+NOW, RIVAL = run(30.1e-3, variation=3.0), run(3e-3, kind="computed_torque", variation=0.5)
+NEW, INTEGER = run(1e-3, variation=1.18), run(1.02e-3)
+
+
+def test_the_first_sentence_is_over_what_the_user_has_names_ties_and_what_the_torque_costs():
+    found = ranked({"nominal": {"now": NOW, "rival": RIVAL, "new": NEW, "integer": INTEGER}})
+    assert found.answer == [
+        "Least RMS error of the last half: new, 3.54 mrad; a tie with integer (3.61 mrad); a third "
+        "of rival (10.6 mrad) and a thirtieth of now (106 mrad). Its torque varies 18 % more than "
+        "that of integer and 2.4 times that of rival."
+    ]
+    by = ranked({"nominal": {"now": NOW, "rival": RIVAL}}, "variation").answer
+    assert by == ["Least torque variation (all joints): rival, 3.5 N m; 17 % of now (21 N m)."]
+    several = ranked({name: {"new": NEW, "integer": INTEGER, "rival": RIVAL} for name in "ab"})
+    assert several.answer[1] == "Best by condition: new and integer alike under a and b."
     assert ranked({"nominal": {"A": run(1e-3)}}).answer == []
 
 
@@ -83,11 +111,19 @@ def test_limits_are_told_by_condition_and_quantity():
     limit = fp.simulation.limits.Exceedance
     one.limits = [
         limit(joint, "effort", 5.0, 0.1, 5.0, part, "N m")
-        for joint, part in (("j1", 0.25), ("j2", 0.5))
+        for joint, part in (("j1", 0.25), ("j2", 0.996))
     ]
+    one.limits += [limit("j1", "position", edge, 0.1, 2.0 * edge, 0.5, "rad") for edge in (-1, 1)]
     found = ranked({"calm": {"A": one}})
-    assert found.answer == ["Limits passed by A: effort limit of j1 25 % and j2 50 % of the time."]
-    assert [row["part [%]"] for row in found.limit_rows()] == [25.0, 50.0]
+    assert found.answer == [
+        "Limits passed by A: effort limit of j1 25 % and j2 100 % of the time; lower position "
+        "limit of j1 50 % of the time; upper position limit of j1 50 % of the time."
+    ]
+    assert [row["part [%]"] for row in found.limit_rows()] == [25.0, 99.6, 50.0, 50.0]
+    assert [row["quantity"] for row in found.limit_rows()[2:]] == [
+        "lower position [rad]", "upper position [rad]",
+    ]  # fmt: skip
+    assert str(one.limits[2]).startswith("j1: beyond its lower position limit of -1 rad at 0.1 s")
 
 
 def test_a_script_compares_in_a_line_what_the_command_line_does(monkeypatch):

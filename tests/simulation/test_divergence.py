@@ -159,7 +159,7 @@ def test_a_joint_that_drifts_passes_its_limits_when_kinematics_say():
     assert second.time == passed
     assert second.value == pytest.approx(run.q[:, 0].max())
     assert second.part == pytest.approx(np.mean(run.q[:, 0] > arm.upper[0]))
-    assert "position beyond 3.14 rad at" in str(second)
+    assert "beyond its upper position limit of 3.14 rad at" in str(second)
 
 
 def test_lower_limits_count_too():
