@@ -59,11 +59,13 @@ $(TEST_STAMP): pyproject.toml | $(BIN)/python
 docs: $(TEST_STAMP)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build -q
 
-package: $(TEST_STAMP)
+package: | $(BIN)/python
 	rm -rf dist build/package
+	$(BIN)/python -m pip install --disable-pip-version-check -q 'hatchling>=1.26'
 	$(BIN)/python -m hatchling build
 	$(PYTHON) -m venv build/package
 	build/package/bin/python -m pip install --disable-pip-version-check -q dist/*.whl
+	build/package/bin/python -m pip check --disable-pip-version-check
 	cd build/package && bin/fpid-pin demo --out demo --force
 
 clean:
