@@ -66,7 +66,7 @@ package: | $(BIN)/python
 	$(PYTHON) -m venv build/package
 	build/package/bin/python -m pip install --disable-pip-version-check -q dist/*.whl
 	build/package/bin/python -m pip check --disable-pip-version-check
-	cd build/package && bin/fpid-pin demo --out demo --force
+	cd build/package && bin/fpid-pin demo --out demo
 
 clean:
 	rm -rf $(VENV) site build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
