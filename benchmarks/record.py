@@ -4,7 +4,8 @@
 
 In full size the record is benchmarks/RECORD.md, put together from benchmarks/results; with --quick
 all is small, and goes into runs/bench. NAMEs: run these only; the others are as they last were, and
-with --gather all are.
+with --gather all are. Then the tables that README and docs quote are renewed, and numbers in them
+that are in no result any more are printed.
 """
 
 from __future__ import annotations
@@ -62,7 +63,10 @@ def main() -> int:
     there = [path for path in files if path.exists()]
     record = out.parent / "RECORD.md"
     record.write_text("\n".join([HEAD, "", *map(summary, there)]), encoding="utf-8")
-    print(f"Record: {record}" + (f"; failed: {', '.join(failed)}" if failed else ""))
+    print(f"Record: {record}" + (f"; failed: {', '.join(failed)}" if failed else ""), flush=True)
+    if not given.quick:
+        # Tables that pages quote, and numbers in them that the results no longer hold.
+        subprocess.run([sys.executable, HERE.parent / "docs" / "numbers.py"])
     return len(failed)
 
 
