@@ -66,7 +66,7 @@ def main() -> int:
     print(f"Record: {record}" + (f"; failed: {', '.join(failed)}" if failed else ""), flush=True)
     if not given.quick:
         # Tables that pages quote, and numbers in them that the results no longer hold.
-        subprocess.run([sys.executable, HERE.parent / "docs" / "numbers.py"])
+        subprocess.run([sys.executable, HERE.parent / "docs" / "published_numbers.py"])
     return len(failed)
 
 

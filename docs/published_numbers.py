@@ -1,6 +1,6 @@
 """Compare the numbers that README and docs publish with the stored output that stands beside them.
 
-    python docs/numbers.py
+    python docs/published_numbers.py
 
 A page is cut at its headings. A number in a section's sentences and tables is in a file that the
 section names, by a link or in `code`: the stored output of a script of benchmarks/ (naming
