@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-spec = importlib.util.spec_from_file_location("numbers_of_pages", ROOT / "docs" / "published_numbers.py")
+SCRIPT = ROOT / "docs" / "published_numbers.py"
+spec = importlib.util.spec_from_file_location(SCRIPT.stem, SCRIPT)
 numbers = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(numbers)
 DOCS = ROOT / "docs"
@@ -17,7 +18,7 @@ VALIDATION = DOCS / "validation.md"
 def test_every_number_has_its_source_beside_it_and_tables_are_as_stored(page):
     text = page.read_text(encoding="utf-8")
     assert numbers.missing(text, page.parent) == []
-    assert numbers.renewed(text, page.parent) == text, "write it anew: python docs/published_numbers.py"
+    assert numbers.renewed(text, page.parent) == text, f"write it anew: python {SCRIPT}"
 
 
 @pytest.mark.parametrize(
