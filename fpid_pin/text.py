@@ -98,7 +98,7 @@ def differences(there: Any, here: Any, path: str = "") -> list[str]:
     return [line for key, one, two in pairs for line in differences(one, two, f"{dot}{key}")]
 
 
-class Shown:
+class ReprMixin:
     """What prints as a report: `repr` is its first line, a notebook has all of it."""
 
     def __repr__(self) -> str:

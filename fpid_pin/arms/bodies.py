@@ -1,4 +1,4 @@
-"""An arm's model for the kernels: the same bodies, frames turned so that joints move about z."""
+"""From an arm's Pinocchio model to the kernels' bodies, whose frames have the joint's axis as z."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ def _bodies(model: Any) -> Any:
         frame, below, at = turned[k], turned[model.parents[k]], model.jointPlacements[k]
         inertia = model.inertias[k]
         rotation, lever = below.T @ at.rotation @ frame, frame.T @ inertia.lever
-        spread = lever @ lever * np.eye(3) - np.outer(lever, lever)
-        moments = frame.T @ inertia.inertia @ frame + inertia.mass * spread
+        steiner = lever @ lever * np.eye(3) - np.outer(lever, lever)
+        moments = frame.T @ inertia.inertia @ frame + inertia.mass * steiner
         # In the order of BODY, all at once: field by field it is most of what a plant costs.
         bodies[k - 1] = (
             *rotation.T.ravel(), *(below.T @ at.translation), inertia.mass, *(inertia.mass * lever),

@@ -1,4 +1,4 @@
-"""The rigid-body terms of eq. (5), each in one call of Pinocchio."""
+"""The rigid-body terms of eq. (5), by Pinocchio, a call each; compiled: `kernels.rigid_body`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a robot's file says, a tree of joints, and the serial chain that an arm is made of."""
+"""What a robot's file says, a tree of joints (`Tree`), and the serial chain that is left of it."""
 
 from __future__ import annotations
 

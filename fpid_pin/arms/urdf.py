@@ -1,4 +1,4 @@
-"""Reading a URDF: urdfdom and Pinocchio make the model, and say what is wrong with it."""
+"""From a URDF to a `Tree`: urdfdom and Pinocchio make the model, and say what is wrong with it."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ from fpid_pin.files import locked
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation import Experiment, Run, simulate
 from fpid_pin.simulation.entry import measure, warm
-from fpid_pin.simulation.workers import executor_of, spread
+from fpid_pin.simulation.workers import distribute, executor_of
 
 #: Runs of a task.
 CHUNK = 64
@@ -92,7 +92,7 @@ def run(
         todo = [list(several) for _, several in groupby(missing, lambda k: k // chunk)]
         done = len(recorded)
         try:
-            for k, rows in spread(run_chunk, [(study, numbers) for numbers in todo], pool):
+            for k, rows in distribute(run_chunk, [(study, numbers) for numbers in todo], pool):
                 book.record(rows)
                 done += len(todo[k])
                 if progress is not None:

@@ -138,8 +138,10 @@ class Study(Description):
     @cached_property
     def _labels(self) -> dict[str, list[str]]:
         """Labels of the numbers of each uncertain quantity."""
-        spreads = self.scenarios.uncertain.items()
-        return {key: labels_of(self.experiment, key, spread) for key, spread in spreads}
+        uncertain = self.scenarios.uncertain.items()
+        return {
+            key: labels_of(self.experiment, key, distribution) for key, distribution in uncertain
+        }
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -165,8 +167,8 @@ class Study(Description):
     def samples(self, first: int, last: int) -> FloatArray:
         """Return the values of runs `first` to `last` - 1, (runs, parameters)."""
         points = self.scenarios.cube(first, last, len(self.parameters))
-        spreads = self.scenarios.uncertain
-        parts = [QUANTITIES[key].at(spreads[key], u) for key, u in self._split(points).items()]
+        uncertain = self.scenarios.uncertain
+        parts = [QUANTITIES[key].at(uncertain[key], u) for key, u in self._split(points).items()]
         return np.concatenate(parts, axis=1)
 
     def experiment_of(self, run: int, sample: FloatArray) -> Experiment:

@@ -1,4 +1,4 @@
-"""What of an experiment can be uncertain, how it is spread, and an experiment with other values."""
+"""What of an experiment can be uncertain: distributions, and an experiment with drawn values."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _EDGE = 2.0**-31
 
 @dataclass(frozen=True, eq=False)
 class Distribution(Description, ABC):
-    """The spread of one quantity; its numbers are those of all joints, or (n,), one a joint.
+    """The distribution of one quantity; its numbers are those of all joints, or (n,), one a joint.
 
     Parameters
     ----------
@@ -133,10 +133,10 @@ class Quantity:
     above: float | None = None  # what values have to be more than
     whole: bool = False  # whether values are rounded to whole numbers
 
-    def at(self, spread: Distribution, u: FloatArray) -> FloatArray:
+    def at(self, distribution: Distribution, u: FloatArray) -> FloatArray:
         """Return the values at points of [0, 1], (runs, numbers)."""
         low = next((x for x in (self.low, self.above) if x is not None), -np.inf)
-        found = spread.quantile(u, low, np.inf)
+        found = distribution.quantile(u, low, np.inf)
         return np.round(found) if self.whole else found
 
 
@@ -166,21 +166,21 @@ def units_of(labels: Iterable[str]) -> tuple[str, ...]:
     return tuple(QUANTITIES[label.split(".")[0]].unit for label in labels)
 
 
-def require_values(path: str, spread: Distribution) -> Distribution:
+def require_values(path: str, distribution: Distribution) -> Distribution:
     """Refuse a distribution with values that its quantity cannot have: ``uncertain.mass``."""
     quantity = QUANTITIES[checks.choice(path, path.partition("uncertain.")[2], QUANTITIES)]
-    for name, numbers in spread.numbers().items():
+    for name, numbers in distribution.numbers().items():
         checks.floats(f"{path}.{name}", numbers, low=quantity.low, above=quantity.above)
         if quantity.whole and name == "values" and (numbers != np.round(numbers)).any():
             raise ArgumentError(f"{path}.{name}", "whole numbers", numbers.tolist())
-        if (quantity.single or spread.shared) and name != "values" and numbers.ndim:
+        if (quantity.single or distribution.shared) and name != "values" and numbers.ndim:
             raise ArgumentError(f"{path}.{name}", "one number", f"shape {numbers.shape}")
-    if quantity.single and spread.shared:
+    if quantity.single and distribution.shared:
         raise ArgumentError(f"{path}.shared", "false, as there is one number", "true")
-    return spread
+    return distribution
 
 
-def labels_of(experiment: Experiment, key: str, spread: Distribution) -> list[str]:
+def labels_of(experiment: Experiment, key: str, distribution: Distribution) -> list[str]:
     """Return the labels of a quantity's numbers; refuse one that the experiment does not have."""
     path, (part, _, name) = f"uncertain.{key}", key.partition("_")
     if part == "reference":
@@ -194,9 +194,9 @@ def labels_of(experiment: Experiment, key: str, spread: Distribution) -> list[st
         if not isinstance(disturbance, Cosine):
             kind = getattr(type(disturbance), "_kind", "none")
             raise ArgumentError(path, "one [[disturbance]] of kind cosine", kind)
-    if QUANTITIES[key].single or spread.shared:
+    if QUANTITIES[key].single or distribution.shared:
         return [key]
-    for name, numbers in spread.numbers().items():
+    for name, numbers in distribution.numbers().items():
         if name != "values":
             checks.per_joint(f"{path}.{name}", numbers, experiment.arm.n)
     return [f"{key}.{j}" for j in range(experiment.arm.n)]

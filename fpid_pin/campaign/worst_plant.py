@@ -17,7 +17,7 @@ from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
 from fpid_pin.control import Controller
 from fpid_pin.progress import Progress, ProgressCallback
-from fpid_pin.simulation.workers import executor_of, spread, workers_of
+from fpid_pin.simulation.workers import distribute, executor_of, workers_of
 
 
 def attack(
@@ -59,7 +59,7 @@ def attack(
             scenarios = replace(study.scenarios, points=points)
             alone = replace(study, controllers={"searched": law}, scenarios=scenarios)
             cuts = np.array_split(np.arange(len(errors)), min(workers_of(pool), len(errors)))
-            for k, rows in spread(run_chunk, [(alone, cut.tolist()) for cut in cuts], pool):
+            for k, rows in distribute(run_chunk, [(alone, cut.tolist()) for cut in cuts], pool):
                 errors[cuts[k]] = [row[COLUMNS.index("rms")] for row in rows]
             calls += 1
             if progress is not None:

@@ -163,7 +163,10 @@ class AdaptiveFpid(Controller):
 
     @staticmethod
     def surface(c: Any) -> None:
-        """Write the sliding surface, (22)."""
+        """Write the sliding surface S = q' - q_r, (22).
+
+        Its q_r is the integral of (21), q'_d + k1 e + k0 int e.
+        """
         c.s = -(c.e_dot + c.k1 * c.e + c.k0 * c.int_e)
 
     @staticmethod

@@ -13,7 +13,7 @@ from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.linear import ComplexArray, linear_arm, linearised
 from fpid_pin.resources import one_blas_thread
-from fpid_pin.text import Shown
+from fpid_pin.text import ReprMixin
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -28,7 +28,7 @@ DOMINANT_PART = 0.1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class StabilityReport(Shown):
+class StabilityReport(ReprMixin):
     """Margins of a loop: of each joint alone, the others as they are, (n,), and of all at once.
 
     Attributes

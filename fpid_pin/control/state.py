@@ -18,7 +18,7 @@ from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
-from fpid_pin.kernels.records import ESTIMATES, GIVEN, INERTIA, SLOPES, record_type
+from fpid_pin.kernels.records import DERIVATIVES, ESTIMATES, GIVEN, INERTIA, record_type
 from fpid_pin.kernels.rollout import step_tick
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class State:
         controller.check_declared(list(given))
         # Operators of given signals come first; the others follow the law's surface.
         self._operators = sorted(controller.operators.items(), key=lambda x: x[1].of not in EARLY)
-        names = [*ESTIMATES, *SLOPES] if controller.estimates_model else []
+        names = [*ESTIMATES, *DERIVATIVES] if controller.estimates_model else []
         names += [*given, *controller.memory]
         for output, operator in self._operators:
             names += [output, f"{output}_by_order"] if operator.adapts else [output]
@@ -135,7 +135,7 @@ class State:
         law, robot = self.controller, self.c.robot
         robot["h"], robot["threshold"] = self.step, np.inf
         robot["feedforward"] = law.feedforward
-        robot["declares"] = law.uses_model and law.torques is None
+        robot["uses_model"] = law.uses_model and law.torques is None
         robot["inertia"], robot["estimates"] = INERTIA, law.estimates_model
         if law.estimates_model:
             robot["inertia"] = self._columns[ESTIMATES[0]]
@@ -244,8 +244,9 @@ class State:
     def tick(self, model: Callable[[State], None] | None = None) -> None:
         """Advance by one tick: from `inputs` to `torque`.
 
-        `model` writes what the nominal model says (`kernels.tick.ask_model`); None: the compiled
-        one. A law in plain Python that raises, or returns no (n,) numbers, is a SimulationError.
+        `model` writes what the nominal model says (`kernels.tick.evaluate_model`); None: the
+        compiled one. A law in plain Python that raises, or returns no (n,) numbers, is a
+        SimulationError.
         """
         # Gains move by the signals of the last tick, so that until then they are those that made
         # its torque.

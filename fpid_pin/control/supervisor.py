@@ -64,7 +64,7 @@ class Supervisor(Description):
 
     ``"sampled"`` acts one step ahead. Over a step in which e'' is constant V is a quadratic in
     e'', so {V <= V_T} is a ball in it, and u_s makes the least change to e'' that ends there: with
-    T the look-ahead, sums over joints, z and r as in `kernels.supervisor.find_push`, and
+    T the look-ahead, sums over joints, z and r as in `kernels.supervisor.find_correction`, and
     M_h = M + h F_v what a torque meets over a step (viscous friction is implicit),
 
         u_s = M_h z/|z| clip(|z| + sum_j |M_h^-1 z/|z||_j d_u,j - r, 0, |z|)   where V >= V_on
@@ -165,7 +165,7 @@ class Supervisor(Description):
 
         ``r_min = (1/Pi) sqrt(2 V_T (2 p12 - (T - h) p11)/T)`` with
         ``Pi = p22 + h p12 + h^2 p11/4``; 0 for a look-ahead so long that nothing is tolerated. It
-        is the smallest radius that the ball of `kernels.supervisor.find_push` has while V <= V_T.
+        is the smallest radius of the ball of `kernels.supervisor.find_correction` while V <= V_T.
         docs/supervisor.md says what holds up to it, and what beyond. Of the sampled kind only, and
         with V_on = 0: where it waits for V >= V_on, no step that starts below is looked after.
         """

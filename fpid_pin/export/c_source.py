@@ -54,7 +54,7 @@ class CSource:
         given = {"c": "state", "inputs": "inputs", "torque": "output->torque"}
         calls = []
         for kernel, names in (
-            (tick.signals, ["c", "inputs"]), (tick.ask_model, ["c", "inputs"]),
+            (tick.signals, ["c", "inputs"]), (tick.evaluate_model, ["c", "inputs"]),
             (tick.torques, ["c", "torque"]), (tick.adapt, ["c"]),
         ):  # fmt: skip
             kinds: dict[str, Kind] = {

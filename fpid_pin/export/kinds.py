@@ -17,7 +17,7 @@ from fpid_pin.checks import FloatArray
 #: An extent; None where a slice leaves it open.
 Extent = int | None
 #: Integers of a controller that kernels write to.
-MOVING = frozenset({"ticks", "acting", "pushing"})
+MOVING = frozenset({"ticks", "acting", "correcting"})
 
 
 @dataclass(frozen=True)

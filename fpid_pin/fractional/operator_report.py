@@ -29,7 +29,7 @@ from fpid_pin.fractional.design import (
     check_order,
     modes_of,
 )
-from fpid_pin.text import Shown
+from fpid_pin.text import ReprMixin
 
 TRUSTED_WITHIN = 0.01
 
@@ -49,7 +49,7 @@ _COLUMNS = (
 )
 
 
-class OperatorReport(Shown):
+class OperatorReport(ReprMixin):
     """How far a design can be trusted, for each of its orders; prints as a table.
 
     Parameters

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.limits import sign
-from fpid_pin.kernels.records import ROOM
+from fpid_pin.kernels.records import WORKSPACE
 from fpid_pin.kernels.rigid_body import solve_symmetric
 
 #: Relative slack of the conditions on friction and speed, well above rounding.
@@ -112,15 +112,15 @@ def stick_slip(response, joints, v_free, speed, side, force, matrix):
 
 
 @kernel
-def apply_dry_friction(factored, joints, v, room, h):
+def apply_dry_friction(factored, joints, v, workspace, h):
     """Turn the free speeds v of one robot into those that dry friction leaves, in place.
 
     First every joint is taken to slide on as it does; only where one would turn round is the box
-    problem solved. `factored` is M + h F_v of the plant, as `factor_symmetric` left it, `room` as
-    in `records.Plant`. Whether a joint sticks is a guess from the last step, then the answer.
+    problem solved. `factored` is M + h F_v of the plant, as `factor_symmetric` left it, `workspace`
+    as in `records.Plant`. Whether a joint sticks is a guess from the last step, then the answer.
     """
     n = v.size
-    speed = room[0]
+    speed = workspace[0]
     for j in range(n):
         joints[j].friction = joints[j].dry * sign(v[j])
         speed[j] = joints[j].friction
@@ -133,12 +133,13 @@ def apply_dry_friction(factored, joints, v, room, h):
             turns = True
             c.stuck = 1
     if turns:
-        response = room[ROOM : ROOM + n]
+        response = workspace[WORKSPACE : WORKSPACE + n]
         for i in range(n):
             for j in range(n):
                 response[i, j] = h if i == j else 0.0
             solve_symmetric(factored, response[i])
-        stick_slip(response, joints, v, room[0], room[1], room[2], room[ROOM + n : ROOM + 2 * n])
+        matrix = workspace[WORKSPACE + n : WORKSPACE + 2 * n]
+        stick_slip(response, joints, v, speed, workspace[1], workspace[2], matrix)
     for j in range(n):
         if not turns:
             joints[j].stuck = 0

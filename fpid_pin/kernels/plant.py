@@ -7,7 +7,7 @@ import math
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.friction import apply_dry_friction
 from fpid_pin.kernels.limits import clip
-from fpid_pin.kernels.records import ROOM
+from fpid_pin.kernels.records import WORKSPACE
 from fpid_pin.kernels.rigid_body import forward_dynamics
 
 
@@ -76,7 +76,7 @@ def finish_runge_kutta(q, v, stages, h):
 @kernel
 def runge_kutta(plant, forces, k, h):
     """Take a step of the classical Runge-Kutta rule, from the accelerations in `plant.a`."""
-    stages = plant.room[ROOM + 2 * plant.q.size :]
+    stages = plant.workspace[WORKSPACE + 2 * plant.q.size :]
     for j in range(plant.q.size):
         stages[3, j] = plant.v[j]
         stages[4, j] = plant.a[j]
@@ -90,7 +90,7 @@ def runge_kutta(plant, forces, k, h):
 
 
 @kernel(inline=True)
-def move(plant, rubs, forces, k, h):
+def move(plant, has_dry_friction, forces, k, h):
     """Take a step with the torque held, by the compiled dynamics.
 
     Semi-implicit Euler with friction implicit, or Runge-Kutta where there are rows for its stages.
@@ -98,12 +98,12 @@ def move(plant, rubs, forces, k, h):
     forward_dynamics(
         plant.bodies, plant.frames, plant.gravity, plant.q, plant.v, plant.tau, plant.mass, plant.a
     )
-    if plant.room.shape[0] > ROOM + 2 * plant.q.size:
+    if plant.workspace.shape[0] > WORKSPACE + 2 * plant.q.size:
         runge_kutta(plant, forces, k, h)
     else:
         integrate_velocity(plant.v, plant.a, h)
-        if rubs:
-            apply_dry_friction(plant.mass, plant.joints, plant.v, plant.room, h)
+        if has_dry_friction:
+            apply_dry_friction(plant.mass, plant.joints, plant.v, plant.workspace, h)
         integrate_position(plant.q, plant.v, h)
 
 

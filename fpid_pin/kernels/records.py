@@ -93,7 +93,7 @@ GIVEN = record_type(
         "u_model": "[N m] what the model adds to it",
         "u_s": "[N m] what the supervisor adds, (20)",
         "viscous": "[N m s/rad] F_v of the nominal arm",
-        "bound": "[N m] d_u, in (20) with G_u",
+        "bound": "[N m] d_u of the supervisor; in (20) d_u + G_u",
         "v_hat": "[rad/s] the observer's speed",
         "xi": "[rad/s^2] acceleration of unknown cause",
         "predicted": "[rad/s] speed that the next sample should find",
@@ -107,7 +107,7 @@ INERTIA = GIVEN.names.index("m")  # type: ignore[union-attr]
 #: What a law that estimates the model has beside them: its estimates, and the derivatives of
 #: S . tau by each of them.
 ESTIMATES = tuple(f"{name}_hat" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
-SLOPES = tuple(f"by_{name}" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
+DERIVATIVES = tuple(f"by_{name}" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
 ROBOT = record_type(
     {
         "h": "[s] sampling period",
@@ -127,9 +127,9 @@ ROBOT = record_type(
     {
         "ticks": "ticks so far",
         "acting": "whether the paper's supervisor acts in this tick",
-        "pushing": "whether the sampled supervisor does",
+        "correcting": "whether the sampled supervisor corrects the torque in this tick",
         "first_operators": "operators of given signals; the others follow the law's surface",
-        "declares": "whether the law has a part of the model of its own",
+        "uses_model": "whether the model adds M a + C w + G of the law's a and w",
         "inertia": "column of the inertial numbers of that part",
         "estimates": "whether the law estimates them: derivatives are wanted",
         "feedforward": "whether the reference's torque is added",
@@ -145,7 +145,7 @@ ROBOT = record_type(
 
 #: Rows of a controller's `terms`: what the nominal model says in this tick, (n,) each [N m].
 LAW_TERM, FEEDFORWARD, BIAS, GRAVITY, CORIOLIS = range(5)
-#: Rows to work in: what the model makes of the torque; a change of it, and room.
+#: Rows to work in: what the model makes of the torque; a change of it; and three for any use.
 ACCELERATION, CHANGE, WORK, WORK_2, WORK_3 = range(5, 10)
 TERMS = 10
 
@@ -224,8 +224,8 @@ PLANT = record_type(
 )
 
 
-#: Rows of a plant's room before its matrices.
-ROOM = 3
+#: Rows of a plant's workspace before its matrices.
+WORKSPACE = 3
 
 
 class Plant(NamedTuple):
@@ -240,9 +240,9 @@ class Plant(NamedTuple):
     frames: Any  # FRAME, (n + 1,)
     gravity: Any  # (3,) [m/s^2]
     mass: Any  # the lower half of M, or its factors, (n, n)
-    #: (ROOM + 2 n + stages, n): to work in for friction, its two matrices, and the stages of the
+    #: (WORKSPACE + 2 n + stages, n): for friction, its two matrices, and the stages of the
     #: integrator, none for semi-implicit Euler.
-    room: Any
+    workspace: Any
 
 
 SENSOR = record_type(

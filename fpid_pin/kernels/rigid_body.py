@@ -143,9 +143,10 @@ def set_base_acceleration(frames, gravity):
     world.a0, world.a1, world.a2 = -gravity[0], -gravity[1], -gravity[2]
 
 
-@kernel(inline=True)
-def mass_matrix_and_bias(bodies, frames, q, v, bias, mass):
+@kernel
+def mass_matrix_and_bias(bodies, frames, gravity, q, v, bias, mass):
     """Write C q' + G into `bias`, (n,), and M into the lower half of `mass`, (n, n): eq. (5)."""
+    set_base_acceleration(frames, gravity)
     n = bodies.size
     for i in range(n):
         b = bodies[i]
@@ -207,16 +208,9 @@ def solve_symmetric(factored, x):
 
 
 @kernel
-def survey(bodies, frames, gravity, q, v, bias, mass):
-    """Write C(q, v) v + G, (n,), and the lower half of M: see `mass_matrix_and_bias`."""
-    set_base_acceleration(frames, gravity)
-    mass_matrix_and_bias(bodies, frames, q, v, bias, mass)
-
-
-@kernel
 def forward_dynamics(bodies, frames, gravity, q, v, tau, mass, a):
     """Write q'' = M^-1 (tau - C q' - G), (n,); M's factors stay in `mass`."""
-    survey(bodies, frames, gravity, q, v, a, mass)
+    mass_matrix_and_bias(bodies, frames, gravity, q, v, a, mass)
     for i in range(bodies.size):
         a[i] = tau[i] - a[i]
     factor_symmetric(mass)

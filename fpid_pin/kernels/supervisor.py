@@ -25,9 +25,10 @@ def error_terms(robot, joints, demand, b):
 
 @kernel(inline=True)
 def paper_torque(robot, joints, gravity, coriolis, demand, feedforward, w):
-    """Write u_s of (20).
+    """Write u_s of (20): sgn(w) (G_u + d_u + |C q'| + |M K^T E| + |M q''_d| + |u_FPID|).
 
-    The model's terms are (n,): G, C q', M K^T E, M q''_d and w = M^-1 B^T P E.
+    `demand` is M K^T E, `feedforward` M q''_d and w = M^-1 B^T P E, (n,). c.bound is d_u + G_u, or
+    d_u alone where G_u is |G(q)| of the model. With a boundary layer, sgn is a ramp within it.
     """
     for j in range(joints.size):
         c = joints[j]
@@ -42,7 +43,7 @@ def paper_torque(robot, joints, gravity, coriolis, demand, feedforward, w):
 
 
 @kernel(inline=True)
-def find_push(robot, joints, acceleration, direction):
+def find_correction(robot, joints, acceleration, direction):
     """Find where the next error would be, and in which direction u_s must turn it.
 
     One step ahead V is a quadratic in the error's acceleration a, V = V* + eta/2 |a + g/eta|^2, so
@@ -70,9 +71,9 @@ def find_push(robot, joints, acceleration, direction):
         least += energy(robot, there, rate) - g * g / (2.0 * eta)
     robot.distance = math.sqrt(square)
     robot.radius = math.sqrt(max(2.0 * (robot.target - least) / eta, 0.0))
-    robot.pushing = 1 if value >= robot.trigger and robot.distance > 0.0 else 0
+    robot.correcting = 1 if value >= robot.trigger and robot.distance > 0.0 else 0
     for j in range(joints.size):
-        direction[j] = direction[j] / robot.distance if robot.pushing else 0.0
+        direction[j] = direction[j] / robot.distance if robot.correcting else 0.0
 
 
 @kernel(inline=True)
@@ -86,6 +87,6 @@ def least_correction(robot, joints, reserve, direction):
     for j in range(joints.size):
         margin += abs(reserve[j]) * joints[j].bound
     change = min(max(robot.distance + margin - robot.radius, 0.0), robot.distance)
-    robot.pushing = 1 if robot.pushing and change > 0.0 else 0
+    robot.correcting = 1 if robot.correcting and change > 0.0 else 0
     for j in range(joints.size):
-        direction[j] *= change if robot.pushing else 0.0
+        direction[j] *= change if robot.correcting else 0.0

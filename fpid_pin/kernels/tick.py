@@ -6,8 +6,9 @@ operators of its signals; the model; the law's torque; feedforward, what cancels
 supervisor; the effort limit; the observer's prediction. Then the torque is applied and recorded,
 and the law adapts.
 
-A law's functions are called by address (`compiled.call_law`); 0 stands for none. The arrays of a
-controller c are those of `records.Controller`.
+To read it, begin at the end, with `tick_parts`. `ctrl` are all arrays of one robot's controller
+(`records.Controller`); `c` is one joint's record, as in a law. A law's functions are called by
+address (`compiled.call_law`); 0 stands for none.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ from fpid_pin.kernels.records import (
 )
 from fpid_pin.kernels.rigid_body import (
     factor_symmetric,
+    mass_matrix_and_bias,
     solve_symmetric,
-    survey,
 )
 from fpid_pin.kernels.supervisor import (
     energy,
     error_terms,
-    find_push,
+    find_correction,
     least_correction,
     paper_torque,
 )
@@ -65,16 +66,16 @@ def load_errors(robot, joints, inputs):
             value += energy(robot, inputs[2, j] - inputs[0, j], inputs[3, j] - inputs[1, j])
     robot.acting = 1 if value >= robot.threshold else 0
     for j in range(joints.size):
-        g = joints[j]
+        c = joints[j]
         e = inputs[2, j] - inputs[0, j]
         e_dot = inputs[3, j] - inputs[1, j]
-        if robot.ticks > 0 and not robot.acting and not winds_up(g.cut, e):
-            g.int_e += integral_step(e, g.e, e_dot, g.e_dot, robot.h)
-        g.t = t
-        g.q, g.v = inputs[0, j], inputs[1, j]
-        g.q_ref, g.v_ref, g.a_ref = inputs[2, j], inputs[3, j], inputs[4, j]
-        g.e, g.e_dot = e, e_dot
-        g.lyapunov = value
+        if robot.ticks > 0 and not robot.acting and not winds_up(c.cut, e):
+            c.int_e += integral_step(e, c.e, e_dot, c.e_dot, robot.h)
+        c.t = t
+        c.q, c.v = inputs[0, j], inputs[1, j]
+        c.q_ref, c.v_ref, c.a_ref = inputs[2, j], inputs[3, j], inputs[4, j]
+        c.e, c.e_dot = e, e_dot
+        c.lyapunov = value
 
 
 @kernel
@@ -90,20 +91,38 @@ def advance_operators(robot, joints, numbers, ops, poles, modes, table, first, l
 
 
 @kernel(inline=True)
-def signals(c, inputs):
+def signals(ctrl, inputs):
     """Make the first part of a tick: all that comes before the model is asked."""
-    robot = c.robot[0]
-    load_errors(robot, c.joints, inputs)
-    correct_observer(robot, c.joints)
-    count = c.ops.shape[1]
+    robot = ctrl.robot[0]
+    load_errors(robot, ctrl.joints, inputs)
+    correct_observer(robot, ctrl.joints)
+    count = ctrl.ops.shape[1]
     given = robot.first_operators
     if given > 0:
-        advance_operators(robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, 0, given)
+        advance_operators(
+            robot, ctrl.joints, ctrl.numbers, ctrl.ops, ctrl.poles, ctrl.modes, ctrl.table, 0, given
+        )
     if robot.surface != 0:
-        call_law(robot.surface, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
+        call_law(
+            robot.surface,
+            ctrl.numbers,
+            ctrl.own,
+            ctrl.bodies,
+            ctrl.links,
+            ctrl.motions,
+            ctrl.gravity,
+        )
     if given < count:
         advance_operators(
-            robot, c.joints, c.numbers, c.ops, c.poles, c.modes, c.table, given, count
+            robot,
+            ctrl.joints,
+            ctrl.numbers,
+            ctrl.ops,
+            ctrl.poles,
+            ctrl.modes,
+            ctrl.table,
+            given,
+            count,
         )
 
 
@@ -118,44 +137,48 @@ def mass_times(mass, x, out):
 
 
 @kernel(inline=True)
-def ask_model(c, inputs):
+def evaluate_model(ctrl, inputs):
     """Write what the nominal model says of this sample into `terms` and `mass`, as asked for."""
-    robot, terms = c.robot[0], c.terms
-    n = c.joints.size
-    if robot.declares and robot.surface == 0:
+    robot, terms = ctrl.robot[0], ctrl.terms
+    n = ctrl.joints.size
+    if robot.uses_model and robot.surface == 0:
         # Nothing writes a and w, so that G is all there is.
         gravity_torques(
-            c.bodies, c.numbers[:, robot.inertia : robot.inertia + 10], c.links, c.gravity,
-            inputs[0], terms[LAW_TERM],
+            ctrl.bodies, ctrl.numbers[:, robot.inertia : robot.inertia + 10], ctrl.links,
+            ctrl.gravity, inputs[0], terms[LAW_TERM],
         )  # fmt: skip
-    elif robot.declares:
+    elif robot.uses_model:
         # M a + C(q, v) w + G of the law's a and w.
         w, a = terms[WORK], terms[WORK_2]
         for j in range(n):
-            w[j] = c.joints[j].w
-            a[j] = c.joints[j].a
+            w[j] = ctrl.joints[j].w
+            a[j] = ctrl.joints[j].a
         inverse_dynamics(
-            c.bodies, c.numbers[:, robot.inertia : robot.inertia + 10], c.links, c.motions,
-            c.gravity, inputs[0], inputs[1], w, a, terms[LAW_TERM],
+            ctrl.bodies, ctrl.numbers[:, robot.inertia : robot.inertia + 10], ctrl.links,
+            ctrl.motions, ctrl.gravity, inputs[0], inputs[1], w, a, terms[LAW_TERM],
         )  # fmt: skip
     if robot.feedforward:
         inverse_dynamics(
-            c.bodies, c.numbers[:, INERTIA : INERTIA + 10], c.links, c.motions, c.gravity,
-            inputs[2], inputs[3], inputs[3], inputs[4], terms[FEEDFORWARD],
+            ctrl.bodies, ctrl.numbers[:, INERTIA : INERTIA + 10], ctrl.links, ctrl.motions,
+            ctrl.gravity, inputs[2], inputs[3], inputs[3], inputs[4], terms[FEEDFORWARD],
         )  # fmt: skip
     if robot.paper and robot.acting:
         gravity_torques(
-            c.bodies, c.numbers[:, INERTIA : INERTIA + 10], c.links, c.gravity, inputs[0],
-            terms[GRAVITY],
+            ctrl.bodies, ctrl.numbers[:, INERTIA : INERTIA + 10], ctrl.links, ctrl.gravity,
+            inputs[0], terms[GRAVITY],
         )  # fmt: skip
-        survey(c.bodies, c.frames, c.gravity, inputs[0], inputs[1], terms[CORIOLIS], c.mass)
+        mass_matrix_and_bias(
+            ctrl.bodies, ctrl.frames, ctrl.gravity, inputs[0], inputs[1], terms[CORIOLIS], ctrl.mass
+        )
         for j in range(n):
             terms[CORIOLIS, j] -= terms[GRAVITY, j]
     if robot.observes or robot.sampled:
         speed = terms[WORK]
         for j in range(n):
-            speed[j] = c.joints[j].v_hat
-        survey(c.bodies, c.frames, c.gravity, inputs[0], speed, terms[BIAS], c.mass)
+            speed[j] = ctrl.joints[j].v_hat
+        mass_matrix_and_bias(
+            ctrl.bodies, ctrl.frames, ctrl.gravity, inputs[0], speed, terms[BIAS], ctrl.mass
+        )
 
 
 @kernel
@@ -163,11 +186,11 @@ def limit_torque(joints, torque):
     """Write the torque asked for, clipped at the effort limits, and by how much it was cut."""
     cut = False
     for j in range(joints.size):
-        g = joints[j]
-        asked = g.u_law + g.u_model + g.u_s
-        torque[j] = clip(asked, g.limit)
-        g.cut = asked - torque[j]
-        cut = cut or g.cut != 0.0
+        c = joints[j]
+        asked = c.u_law + c.u_model + c.u_s
+        torque[j] = clip(asked, c.limit)
+        c.cut = asked - torque[j]
+        cut = cut or c.cut != 0.0
     return cut
 
 
@@ -189,8 +212,8 @@ def nominal_acceleration(joints, factored, terms, torque):
     """
     a = terms[ACCELERATION]
     for j in range(joints.size):
-        g = joints[j]
-        a[j] = torque[j] - g.viscous * g.v - terms[BIAS, j]
+        c = joints[j]
+        a[j] = torque[j] - c.viscous * c.v - terms[BIAS, j]
     solve_symmetric(factored, a)
 
 
@@ -202,13 +225,13 @@ def sampled_supervisor(robot, joints, mass, factored, terms, torque):
     """
     n = joints.size
     change, reserve, u_s = terms[CHANGE], terms[WORK], terms[WORK_2]
-    find_push(robot, joints, terms[ACCELERATION], change)
-    if robot.pushing:
+    find_correction(robot, joints, terms[ACCELERATION], change)
+    if robot.correcting:
         for j in range(n):
             reserve[j] = change[j]
         solve_symmetric(factored, reserve)
         least_correction(robot, joints, reserve, change)
-    if robot.pushing:
+    if robot.correcting:
         torque_of_change(joints, mass, robot.h, change, u_s)
         for j in range(n):
             terms[WORK_3, j] = torque[j]
@@ -222,7 +245,7 @@ def sampled_supervisor(robot, joints, mass, factored, terms, torque):
 
 @kernel
 def paper_supervisor(robot, joints, mass, factored, terms, torque):
-    """Add u_s of (20) while V >= V_M."""
+    """Add u_s of (20) while V >= V_M; `factored` are the factors of M."""
     n = joints.size
     demand, w, product, feedforward = terms[WORK], terms[WORK_2], terms[WORK_3], terms[CHANGE]
     error_terms(robot, joints, demand, w)
@@ -240,18 +263,18 @@ def paper_supervisor(robot, joints, mass, factored, terms, torque):
 @kernel
 def add_model_terms(robot, joints, mass, terms):
     """Write what the model adds: the law's own term, feedforward, less what cancels xi."""
-    found, lost = terms[WORK], terms[WORK_2]
+    xi, torque = terms[WORK], terms[WORK_2]
     for j in range(joints.size):
-        g = joints[j]
-        g.u_s = 0.0
-        g.u_model = terms[LAW_TERM, j] if robot.declares else 0.0
+        c = joints[j]
+        c.u_s = 0.0
+        c.u_model = terms[LAW_TERM, j] if robot.uses_model else 0.0
         if robot.feedforward:
-            g.u_model += terms[FEEDFORWARD, j] + g.viscous * g.v_ref
-        found[j] = g.xi
+            c.u_model += terms[FEEDFORWARD, j] + c.viscous * c.v_ref
+        xi[j] = c.xi
     if robot.compensates:
-        torque_of_change(joints, mass, robot.h, found, lost)
+        torque_of_change(joints, mass, robot.h, xi, torque)
         for j in range(joints.size):
-            joints[j].u_model -= lost[j]
+            joints[j].u_model -= torque[j]
 
 
 @kernel
@@ -265,63 +288,73 @@ def factor_mass(joints, mass, h, factored):
 
 
 @kernel(inline=True)
-def torques(c, torque):
+def torques(ctrl, torque):
     """Make the second part of a tick: write the torque, (n,), within the effort limits."""
-    robot = c.robot[0]
+    robot = ctrl.robot[0]
     if robot.torque != 0:
-        call_law(robot.torque, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
-    add_model_terms(robot, c.joints, c.mass, c.terms)
-    limit_torque(c.joints, torque)
+        call_law(
+            robot.torque,
+            ctrl.numbers,
+            ctrl.own,
+            ctrl.bodies,
+            ctrl.links,
+            ctrl.motions,
+            ctrl.gravity,
+        )
+    add_model_terms(robot, ctrl.joints, ctrl.mass, ctrl.terms)
+    limit_torque(ctrl.joints, torque)
     if robot.sampled:
-        factor_mass(c.joints, c.mass, robot.h, c.factored)
-        nominal_acceleration(c.joints, c.factored, c.terms, torque)
-        sampled_supervisor(robot, c.joints, c.mass, c.factored, c.terms, torque)
+        factor_mass(ctrl.joints, ctrl.mass, robot.h, ctrl.factored)
+        nominal_acceleration(ctrl.joints, ctrl.factored, ctrl.terms, torque)
+        sampled_supervisor(robot, ctrl.joints, ctrl.mass, ctrl.factored, ctrl.terms, torque)
     elif robot.paper and robot.acting:
         # (20) is of continuous time, and so is its M.
-        factor_mass(c.joints, c.mass, 0.0, c.factored)
-        paper_supervisor(robot, c.joints, c.mass, c.factored, c.terms, torque)
+        factor_mass(ctrl.joints, ctrl.mass, 0.0, ctrl.factored)
+        paper_supervisor(robot, ctrl.joints, ctrl.mass, ctrl.factored, ctrl.terms, torque)
     if robot.observes:
         if not robot.sampled:
-            factor_mass(c.joints, c.mass, robot.h, c.factored)
-            nominal_acceleration(c.joints, c.factored, c.terms, torque)
-        predict(robot, c.joints, c.terms[ACCELERATION], c.terms[CHANGE])
+            factor_mass(ctrl.joints, ctrl.mass, robot.h, ctrl.factored)
+            nominal_acceleration(ctrl.joints, ctrl.factored, ctrl.terms, torque)
+        predict(robot, ctrl.joints, ctrl.terms[ACCELERATION], ctrl.terms[CHANGE])
 
 
 @kernel(inline=True)
 def mask_surface(joints, out):
     """Write S of each joint, 0 where its torque was cut and adapting would ask for more yet."""
     for j in range(joints.size):
-        g = joints[j]
-        out[j] = 0.0 if winds_up(g.cut, -g.s) else g.s
+        c = joints[j]
+        out[j] = 0.0 if winds_up(c.cut, -c.s) else c.s
 
 
 @kernel(inline=True)
-def adapt(c):
+def adapt(ctrl):
     """Let the law adapt by the signals of this tick, unless the paper's supervisor holds it."""
-    robot = c.robot[0]
+    robot = ctrl.robot[0]
     if robot.adapt != 0 and not robot.acting:
         if robot.estimates:
             # The derivatives of S . tau by the inertial numbers that the law estimates.
-            mask_surface(c.joints, c.terms[WORK])
-            velocities(c.bodies, c.links, c.terms[WORK], c.motions[2])
+            mask_surface(ctrl.joints, ctrl.terms[WORK])
+            velocities(ctrl.bodies, ctrl.links, ctrl.terms[WORK], ctrl.motions[2])
             first = robot.inertia + 10
-            gradient(c.links, c.motions, c.numbers[:, first : first + 10])
-        call_law(robot.adapt, c.numbers, c.own, c.bodies, c.links, c.motions, c.gravity)
+            gradient(ctrl.links, ctrl.motions, ctrl.numbers[:, first : first + 10])
+        call_law(
+            robot.adapt, ctrl.numbers, ctrl.own, ctrl.bodies, ctrl.links, ctrl.motions, ctrl.gravity
+        )
     robot.ticks += 1
 
 
 @kernel
-def tick_parts(c, inputs, torque, parts):
+def tick_parts(ctrl, inputs, torque, parts):
     """Make a tick, for `inputs`, (5, n): see `load_errors`; write its torque, (n,).
 
     `parts` is the sum of those that are wanted: 8 adaptation by the tick before, 1 the signals, 2
     the model by the compiled dynamics, 4 the torques.
     """
     if parts & 8:
-        adapt(c)
+        adapt(ctrl)
     if parts & 1:
-        signals(c, inputs)
+        signals(ctrl, inputs)
     if parts & 2:
-        ask_model(c, inputs)
+        evaluate_model(ctrl, inputs)
     if parts & 4:
-        torques(c, torque)
+        torques(ctrl, torque)

@@ -115,7 +115,8 @@ class Quintic(Description):
         x = np.clip((t - self.begin) / self.duration, 0.0, 1.0)
         part = x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         rate = 30.0 * x**2 * (1.0 - x) ** 2 / self.duration
-        bend = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.duration**2
+        acceleration = 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / self.duration**2
         start = np.atleast_1d(np.asarray(self.start))
         way = np.atleast_1d(np.asarray(self.end)) - start
-        return start + np.multiply.outer(part, way), np.outer(rate, way), np.outer(bend, way)
+        q = start + np.multiply.outer(part, way)
+        return q, np.outer(rate, way), np.outer(acceleration, way)

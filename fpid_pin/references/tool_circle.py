@@ -103,15 +103,15 @@ class ToolCircle(Description):
             # The speed follows 10 x^3 - 15 x^4 + 6 x^5 over the ramp.
             x = np.clip(t / self.ramp, 0.0, 1.0)
             rate = speed * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
-            bend = speed * 30.0 * x**2 * (1.0 - x) ** 2 / self.ramp
+            acceleration = speed * 30.0 * x**2 * (1.0 - x) ** 2 / self.ramp
             risen = self.ramp * x**4 * (2.5 - 3.0 * x + x**2)
             angle = speed * (risen + np.maximum(t - self.ramp, 0.0))
         else:
-            angle, rate, bend = speed * t, np.full_like(t, speed), np.zeros_like(t)
+            angle, rate, acceleration = speed * t, np.full_like(t, speed), np.zeros_like(t)
         around = np.mod(angle, 2.0 * np.pi)
         q, slope, curve = (np.asarray(spline(around)) for spline in self._splines)
-        rate, bend = rate[:, np.newaxis], bend[:, np.newaxis]
-        return q, slope * rate, curve * rate**2 + slope * bend
+        rate, acceleration = rate[:, np.newaxis], acceleration[:, np.newaxis]
+        return q, slope * rate, curve * rate**2 + slope * acceleration
 
 
 def _solve(arm: Arm, points: FloatArray, angles: FloatArray, orientation: bool) -> FloatArray:

@@ -21,7 +21,7 @@ from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import Exceedance, limit_report
 from fpid_pin.simulation.run import Run
-from fpid_pin.text import Shown, against, enumerated, html_table, listed, percent
+from fpid_pin.text import ReprMixin, against, enumerated, html_table, listed, percent
 
 COST = QuadraticCost()
 #: What the heads of the tables mean.
@@ -92,7 +92,7 @@ _JOINT_COLUMNS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Comparison(Shown):
+class Comparison(ReprMixin):
     """Runs of every controller under every condition; printed, it says who is best where.
 
     Attributes

@@ -1,6 +1,8 @@
 """The engine: one robot, its controller and its plant, a block of ticks at a time.
 
 A tick: measure, torque, the drives' limits, record, one step of the motion with the torque held.
+The loop over ticks is `kernels.rollout.rollout`, one compiled call, and the same line by line in
+`Robot._tick_by_tick` for laws in Python and Pinocchio's dynamics. `entry` starts the robots.
 Robots do not see each other: a run has the same bits whatever runs beside it.
 """
 
@@ -148,10 +150,10 @@ class Robot:
             joints=joints, q=np.array(experiment.q0), v=np.array(experiment.v0), a=zero(n),
             tau=zero(n), bodies=bodies, frames=zero(n + 1, FRAME),
             gravity=np.array(plant.arm.model.gravity.linear), mass=zero((n, n)),
-            room=zero((records.ROOM + 2 * n + stages, n)),
+            workspace=zero((records.WORKSPACE + 2 * n + stages, n)),
         )  # fmt: skip
         self.q, self.v, self.torque = self.arrays.q, self.arrays.v, state.torque
-        self._rubs = bool(plant.dry_friction.any())
+        self._has_dry_friction = bool(plant.dry_friction.any())
         self._sensors = SensorState(experiment.sensors, experiment.seed, n, h)
         self.keep = [name for name in keep if name in state.controller.shown]
         self._own = [name for name in keep if name in state.shown]
@@ -176,14 +178,16 @@ class Robot:
         own: dict[str, list[FloatArray]] = {name: [] for name in self._own}
         sensing = self._sensors.records(first, count)
         if self._pinocchio is None and not self.state.in_python:
-            counts = np.array([first, count, start, e.rows - 1, self._rubs], dtype=np.int64)
+            counts = np.array(
+                [first, count, start, e.rows - 1, self._has_dry_friction], dtype=np.int64
+            )
             c, inputs, torque = self.state.c, self.state.inputs, self.state.torque
             ended = int(rollout(c, self.arrays, sensing, rows, inputs, torque, counts))
         else:
             ended = self._tick_by_tick(rows, sensing, count, start, own)
         self.row += count if ended < 0 else min(ended - first + 1, count)
         if ended >= 0 and self.outcome is None:
-            self.outcome = self._lost(ended)
+            self.outcome = self._divergence(ended)
         valid = count if ended < 0 else min(ended - first, count)
         part = slice(start, start + valid)
         q, v, torque = block.motion[:, part]
@@ -226,14 +230,14 @@ class Robot:
             for name, values in own.items():
                 values.append(np.array(state.shown[name]))
             if pinocchio is None:
-                move(plant, self._rubs, rows.forces, row, h)
+                move(plant, self._has_dry_friction, rows.forces, row, h)
             else:
-                pinocchio.move(plant, self._rubs, rows.forces, row)
+                pinocchio.move(plant, self._has_dry_friction, rows.forces, row)
             if has_diverged(plant.joints, plant.q, plant.v):
                 return number + 1
         return -1
 
-    def _lost(self, row: int) -> Outcome:
+    def _divergence(self, row: int) -> Outcome:
         """Return which joint ended the run, and why."""
         torque, limit = self.torque, self.arrays.joints["runaway"]
         slow = np.abs(self.v) <= limit

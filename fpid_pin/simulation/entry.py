@@ -23,7 +23,7 @@ from fpid_pin.simulation.experiment import Experiment, Outcome
 from fpid_pin.simulation.paper import default_cost
 from fpid_pin.simulation.recorded import describe_run
 from fpid_pin.simulation.run import Run
-from fpid_pin.simulation.workers import executor_of, spread, workers_of
+from fpid_pin.simulation.workers import distribute, executor_of, workers_of
 
 if TYPE_CHECKING:
     from fpid_pin.simulation.engine import Block, Robot
@@ -205,7 +205,7 @@ def evaluate(
             tell(done + part.part * min(size, len(es) - done))
 
         tasks = [(es[cut], cs[cut], costs, None if pool else inside) for cut in cuts]
-        for k, rows in spread(costs_of, tasks, pool):
+        for k, rows in distribute(costs_of, tasks, pool):
             table[cuts[k]] = rows
             done += len(rows)
             if pool is not None:

@@ -35,11 +35,11 @@ class PinocchioDynamics:
         self.true_data = self.true.createData()
 
     def write_terms(self, state: State) -> None:
-        """Write what the nominal model says of this sample, as `kernels.tick.ask_model` does."""
+        """Write what the nominal model says of this sample, as `tick.evaluate_model` does."""
         model, data = self.nominal, self.nominal_data
         robot, terms, joints = state.c.robot[0], state.c.terms, state.joints
         q, v, q_ref, v_ref, a_ref = state.inputs
-        if robot.declares:
+        if robot.uses_model:
             w, a = np.array(joints["w"]), np.array(joints["a"])
             # C(q, v) w is bilinear and symmetric: with c(x) = C(q, x) x it is
             # c((v + w)/2) - c((v - w)/2).
@@ -65,18 +65,20 @@ class PinocchioDynamics:
     def _acceleration(self, q: FloatArray, v: FloatArray, tau: FloatArray) -> FloatArray:
         return np.array(pin.aba(self.true, self.true_data, q, v, tau))
 
-    def move(self, plant: records.Plant, rubs: bool, forces: FloatArray, k: int) -> None:
+    def move(
+        self, plant: records.Plant, has_dry_friction: bool, forces: FloatArray, k: int
+    ) -> None:
         """Take the true arm one step further with `plant.tau` held: see `kernels.plant.move`."""
         plant.a[:] = self._acceleration(plant.q, plant.v, plant.tau)
         if self.euler:
             plant.v[:] += self.step * plant.a
-            if rubs:
+            if has_dry_friction:
                 plant.mass[:] = pin.crba(self.true, self.true_data, plant.q).T
                 factor_symmetric(plant.mass)
-                apply_dry_friction(plant.mass, plant.joints, plant.v, plant.room, self.step)
+                apply_dry_friction(plant.mass, plant.joints, plant.v, plant.workspace, self.step)
             plant.q[:] += self.step * plant.v
             return
-        stages = plant.room[records.ROOM + 2 * len(plant.q) :]
+        stages = plant.workspace[records.WORKSPACE + 2 * len(plant.q) :]
         stages[3], stages[4] = plant.v, plant.a
         for i in range(1, 4):
             runge_kutta_stage(

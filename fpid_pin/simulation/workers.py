@@ -187,7 +187,7 @@ def workers_of(executor: Executor | None) -> int:
     return 1 if executor is None else int(getattr(executor, "_max_workers", 2))
 
 
-def spread(
+def distribute(
     call: Callable[..., T], tasks: Sequence[tuple[Any, ...]], executor: Executor | None
 ) -> Iterator[tuple[int, T]]:
     """Yield ``(k, call(*tasks[k]))`` as results come, in no order; without executor, one by one.

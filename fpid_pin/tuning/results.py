@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.text import Shown, html_table
+from fpid_pin.text import ReprMixin, html_table
 from fpid_pin.tuning.space import BoundSpace
 
 IntArray = NDArray[np.int64]
@@ -159,7 +159,7 @@ class CostMap:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TuningResult(Shown):
+class TuningResult(ReprMixin):
     """The best of a search, and how it came about.
 
     Attributes
@@ -296,7 +296,7 @@ class TuningResult(Shown):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ParetoResult(Shown):
+class ParetoResult(ReprMixin):
     """Controllers of which none is better than another in every cost.
 
     Attributes

@@ -36,7 +36,7 @@ MOST_DELAY = 63
 #: What a page never changes of a controller and of an arm's bodies.
 _CONSTANT = {
     "robot": (
-        "first_operators", "declares", "inertia", "estimates", "surface", "torque", "adapt",
+        "first_operators", "uses_model", "inertia", "estimates", "surface", "torque", "adapt",
         "feedforward", "compensates",
     ),
     "bodies": ("slides",),

@@ -8,7 +8,7 @@ from studies import Deadly, Faulty, bits, pushed, study
 import fpid_pin as fp
 from fpid_pin.campaign import Uniform, load, run
 from fpid_pin.exceptions import ArgumentError, FpidError, WorkersDied
-from fpid_pin.simulation.workers import AHEAD, spread
+from fpid_pin.simulation.workers import AHEAD, distribute
 
 RUNS = 24
 
@@ -72,7 +72,7 @@ def test_the_window_is_bounded_and_no_result_is_kept():
             return future
 
     executor, found = Counting(), {}
-    for k, result in spread(divmod, [(k, 7) for k in range(40)], executor):
+    for k, result in distribute(divmod, [(k, 7) for k in range(40)], executor):
         executor.under_way -= 1
         found[k] = result
     assert executor.most == 3 * AHEAD

@@ -14,7 +14,7 @@ import fpid_pin as fp
 from fpid_pin.disturbances import Cosine
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.records import GIVEN, ROBOT
-from fpid_pin.kernels.supervisor import find_push, least_correction
+from fpid_pin.kernels.supervisor import find_correction, least_correction
 
 RUNS = 400
 
@@ -67,7 +67,7 @@ def place(rng, robots, n, level):
 @kernel
 def correct(robots, joints, acceleration, direction, change):
     for r in range(robots.size):
-        find_push(robots[r], joints[r], acceleration[r], direction[r])
+        find_correction(robots[r], joints[r], acceleration[r], direction[r])
         for j in range(direction.shape[1]):
             change[r, j] = direction[r, j]
         least_correction(robots[r], joints[r], direction[r], change[r])

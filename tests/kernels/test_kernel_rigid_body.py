@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.exceptions import ArmError
 from fpid_pin.kernels import friction, rigid_body, tick
-from fpid_pin.kernels.records import FRAME, LINK, PLANT, ROOM
+from fpid_pin.kernels.records import FRAME, LINK, PLANT, WORKSPACE
 
 pytestmark = pytest.mark.kernels
 #: Without compilation (test_line_by_line) a few go through every branch.
@@ -55,7 +55,7 @@ def factored(model, q, v, tau):
     n, gravity = model.nv, np.array(model.gravity.linear)
     frames = np.zeros(n + 1, FRAME)
     bias, mass, a = np.zeros(n), np.zeros((n, n)), np.zeros(n)
-    rigid_body.survey(bodies(model), frames, gravity, q, v, bias, mass)
+    rigid_body.mass_matrix_and_bias(bodies(model), frames, gravity, q, v, bias, mass)
     whole = np.tril(mass) + np.tril(mass, -1).T
     rigid_body.forward_dynamics(bodies(model), frames, gravity, q, v, tau, mass, a)
     return whole, bias, a, mass
@@ -193,8 +193,8 @@ def rubbed(model, q, v_free, dry, guess, h):
     n = model.nv
     factors = factored(model, q, v_free, np.zeros(n))[3]
     joints, v = plant_joints(dry, guess), v_free.copy()
-    room = np.zeros((ROOM + 2 * n, n))
-    friction.apply_dry_friction(factors, joints, v, room, h)
+    workspace = np.zeros((WORKSPACE + 2 * n, n))
+    friction.apply_dry_friction(factors, joints, v, workspace, h)
     return v, joints
 
 

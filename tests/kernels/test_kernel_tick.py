@@ -194,7 +194,7 @@ def test_where_even_the_least_v_is_beyond_v_t_the_ball_is_its_centre():
     robot, joints = records(1, p11=1.75, p12=1.0, p22=1.5, lookahead=H, target=0.5)
     joints["e"] = 10.0
     direction = np.zeros(1)
-    supervisor.find_push(robot, joints, np.zeros(1), direction)
+    supervisor.find_correction(robot, joints, np.zeros(1), direction)
     assert robot.radius == 0.0
     supervisor.least_correction(robot, joints, np.zeros(1), direction)
     assert abs(direction[0]) == pytest.approx(robot.distance, rel=1e-14)
@@ -203,6 +203,6 @@ def test_where_even_the_least_v_is_beyond_v_t_the_ball_is_its_centre():
 def test_an_error_at_rest_where_it_should_be_is_left_alone():
     robot, joints = records(p11=1.75, p12=1.0, p22=1.5, lookahead=H, target=0.5)
     direction = np.full(2, np.nan)
-    supervisor.find_push(robot, joints, np.zeros(2), direction)
-    assert not robot.pushing
+    supervisor.find_correction(robot, joints, np.zeros(2), direction)
+    assert not robot.correcting
     assert (direction == 0.0).all()

@@ -173,13 +173,13 @@ function simulate(S) {
     [name, AT[array] + {"rows.motion": k, "rows.reference": 0, "rows.kept": k - 4}[array] * B * N]);
   for (const [name] of places) out[name] = new Float64Array(rows * N);
   const draw = S.position_noise > 0 || S.velocity_noise > 0 ? normals(E.generator) : null;
-  const rubs = S.dry_friction.some((f) => f > 0);
+  const dryFriction = S.dry_friction.some((f) => f > 0);
   let ended = -1;
   for (let first = 0; first < rows && ended < 0; first += B) {
     const count = Math.min(B, rows - first);
     sample(S, first);
     for (let i = 0; draw && i < 2 * B * N; i++) M[AT["sensing.noise"] + i] = draw(i);
-    M.set([first, count, 0, rows - 1, rubs ? 1 : 0], AT.counts);
+    M.set([first, count, 0, rows - 1, dryFriction ? 1 : 0], AT.counts);
     // The kernels have the places of all other arrays in them.
     ended = K[S.controller](AT.inputs, AT.torque, AT.counts);
     for (const [name, at] of places) out[name].set(M.subarray(at, at + count * N), first * N);
