@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fpid_pin.checks import FloatArray
 from fpid_pin.control.gains import SuggestedFpid
+from fpid_pin.costs import METRICS
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
+from fpid_pin.text import cut, percent
 from fpid_pin.view.maps import convergence, cost_map, heat_map, profile
+from fpid_pin.view.panels import REFERENCE, joints_of, looks_of, overview
 from fpid_pin.view.scene import as_runs, captions_of
 from fpid_pin.view.style import (
-    DASHES,
     INK,
     PALETTE,
-    PLAIN,
     colour,
     figure_bytes,
     legend,
@@ -44,6 +44,7 @@ __all__ = [
     "gains",
     "heat_map",
     "lyapunov",
+    "orders",
     "phase_plane",
     "plot",
     "profile",
@@ -57,46 +58,14 @@ ORDERS = (("integral_order", r"$\lambda$"), ("derivative_order", r"$\mu$"))
 # Of the gains over rad, and over rad and the scale's kg m^2.
 _GAIN_UNITS = ("N m/rad", r"N m/(rad s$^\lambda$)", r"N m s$^\mu$/rad")
 _SCALED_UNITS = ("s$^{-2}$", r"s$^{-2-\lambda}$", r"s$^{\mu-2}$")
-# Beside a curve in a cycle colour the reference must be told apart in grey, too: dashed.
-_REFERENCE: dict[str, Any] = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.0}
 _LIMIT: dict[str, Any] = {"color": PALETTE[1], "linestyle": ":"}
 _WIDTH = 7.0
+# The other run, where it is there to be compared with.
+_BENEATH: dict[str, Any] = {"color": "#9a9a9a", "linewidth": 0.9, "zorder": 1}
 # More joints than this share a row of panels rather than take one each.
 _TALL = 4
-# Part of a panel's height within which two curves are taken for one.
-_CLOSE = 0.02
-
-
-class Joints(NamedTuple):
-    """What figures say of a run's joints: names, units of coordinate and effort, effort limits."""
-
-    names: Sequence[str]
-    units: Sequence[str]
-    efforts: Sequence[str]
-    limits: FloatArray
-
-    def label(self, quantity: str, j: int | None = None) -> str:
-        """Return the label of an axis of one joint's ``q``, ``error`` or ``torque``, or of all."""
-        units = self.efforts if quantity == "torque" else self.units
-        unit = ", ".join(dict.fromkeys(units)) if j is None else units[j]
-        names = {"q": "angle" if unit == "rad" else "position", "error": "$q_d - q$",
-                 "torque": "force" if unit == "N" else "torque"}  # fmt: skip
-        return f"{names[quantity]}, {unit}"
-
-    def lettered(self) -> list[str]:
-        """Return the names as figures show them."""
-        return [lettering(name) for name in self.names]
-
-
-def joints_of(run: Run) -> Joints:
-    """Return the joints of a run; where its arm cannot be rebuilt they have numbers."""
-    try:
-        arm = run.arm
-    except (KeyError, FpidError):
-        n = run.q.shape[1]
-        names = [f"joint {j + 1}" for j in range(n)]
-        return Joints(names, ["rad"] * n, ["N m"] * n, np.full(n, np.inf))
-    return Joints(list(arm.joint_names), arm.units, arm.effort_units, arm.effort_limit)
+# Letters of a name above a panel that is half as wide as a page.
+_LONG = 30
 
 
 def has_all(run: Run, signals: Sequence[tuple[str, str]]) -> bool:
@@ -120,28 +89,6 @@ def _of_one_size(runs: Run | Sequence[Run]) -> list[Run]:
 
 
 # ------------------------------------------------------------------ a panel for each joint
-
-
-def _looks_of(runs: Sequence[Run]) -> list[dict[str, Any]]:
-    """Return how each of several runs is drawn, in the palette's order.
-
-    One that follows an earlier one closely is dashed, so that both are seen; so are those whose
-    colours alone might be mistaken.
-    """
-    looks = []
-    for k, run in enumerate(runs):
-        dash = max(k // PLAIN, sum(_hides(run, earlier) for earlier in runs[:k]))
-        looks.append({"color": colour(k), "linestyle": DASHES[min(dash, len(DASHES) - 1)]})
-    return looks
-
-
-def _hides(run: Run, earlier: Run) -> bool:
-    """Return whether the errors of a run would cover those of another for most of the time."""
-    rows = min(len(run.t), len(earlier.t))
-    if not rows:
-        return False
-    apart = np.median(np.abs(run.error[:rows] - earlier.error[:rows]), axis=0)
-    return bool((apart <= _CLOSE * np.ptp(earlier.error[:rows], axis=0)).all())
 
 
 def _by_joint(
@@ -169,7 +116,7 @@ def tracking(run: Run) -> Figure:
     """Draw each joint's angle and its reference over time."""
     figure, panels = _by_joint([run], "q", 1.6, [{"label": "actual"}])
     for j, panel in enumerate(panels):
-        line(panel, run.t, run.q_ref[:, j], "desired", **_REFERENCE)
+        line(panel, run.t, run.q_ref[:, j], "desired", **REFERENCE)
     legend(panels[0], 2)
     return figure
 
@@ -178,7 +125,7 @@ def tracking(run: Run) -> Figure:
 def error(runs: Run | Sequence[Run]) -> Figure:
     """Draw each joint's tracking error, of one run or several."""
     several = _of_one_size(runs)
-    figure, _ = _by_joint(several, "error", 1.5, _looks_of(several))
+    figure, _ = _by_joint(several, "error", 1.5, looks_of(several))
     if len(several) > 1:
         shared_legend(figure, captions_of(several, None))
     return figure
@@ -205,7 +152,7 @@ def torque(run: Run) -> Figure:
 def comparison(runs: Sequence[Run]) -> Figure:
     """Draw several runs over each other: error and torque of every joint."""
     several = _of_one_size(runs)
-    joints, looks = joints_of(several[0]), _looks_of(several)
+    joints, looks = joints_of(several[0]), looks_of(several)
     n = len(joints.names)
     figure, panels = new_figure(n, 2, 1.35 * _WIDTH, 0.6 + 1.5 * n)
     for k, panel in enumerate(panels):
@@ -306,25 +253,6 @@ def lyapunov(run: Run) -> Figure:
     return figure
 
 
-def _overview(run: Run, panels: Sequence[Axes]) -> None:
-    """Draw all joints into three panels: angles and references, torques, errors in some order."""
-    joints = joints_of(run)
-    names = joints.lettered()
-    for panel, quantity in zip(panels, ("q", "error", "torque"), strict=True):
-        for j, name in enumerate(names):
-            look: dict[str, Any] = {"color": colour(j)}
-            line(panel, run.t, getattr(run, quantity)[:, j], name, **look)
-            limit = joints.limits[j]
-            if quantity == "q":
-                last = j == len(names) - 1
-                line(panel, run.t, run.q_ref[:, j], "desired" if last else "", **_REFERENCE)
-            elif quantity == "torque" and np.abs(run.torque[:, j]).max(initial=0.0) > 0.5 * limit:
-                for height in (limit, -limit):
-                    panel.axhline(height, linewidth=1.0, linestyle=":", **look)
-        panel.set_ylabel(joints.label(quantity))
-    legend(panels[0], min(len(names) + 1, 4))
-
-
 @styled
 def plot(run: Run) -> Figure:
     """Draw a run at a glance: angles and references, errors, torques, gains where it has any.
@@ -335,7 +263,7 @@ def plot(run: Run) -> Figure:
     kinds = {title: kind for title, kind in kinds.items() if has_all(run, kind)}
     rows = 3 + len(kinds)
     figure, panels = new_figure(rows, 1, _WIDTH, 1.7 * rows + 0.3)
-    _overview(run, panels[:3])
+    overview(run, panels[:3])
     figure.suptitle(f"{lettering(run.name)}: {lettering(run.outcome)}", fontsize=10)
     for panel, (title, kind) in zip(panels[3:], kinds.items(), strict=True):
         for (name, label), dash in zip(kind, ("-", "--", ":"), strict=False):
@@ -360,11 +288,49 @@ def response(run: Run, heading: str = "") -> Figure:
         Above the figure; the run's name if empty.
     """
     figure, (track, control, e) = new_figure(3, 1, 6.6, 6.6)
-    _overview(run, (track, e, control))
+    overview(run, (track, e, control))
     track.set_title("(a) tracking")
     control.set_title("(b) control signals")
     e.set(title="(c) tracking errors", xlabel="time, s")
     figure.suptitle(lettering(heading or run.name), fontsize=10)
+    return figure
+
+
+@styled
+def orders(integer: Run, fractional: Run) -> Figure:
+    """Draw Figs. 4 and 5 beside each other, each row of panels on one scale.
+
+    On the right the integer run is grey beneath the fractional one. Marked are the largest torque
+    and the half of the run whose RMS error is given, with what has changed from left to right.
+    """
+    figure, panels = new_figure(3, 2, 1.35 * _WIDTH, 6.6, share_y="row")
+    joints, several = joints_of(fractional), (integer, fractional)
+    for k, run in enumerate(several):
+        track, control, e = panels[k::2]
+        overview(run, (track, e, control))
+        peak = np.unravel_index(np.abs(run.torque).argmax(), run.torque.shape)
+        control.plot(run.t[peak[0]], run.torque[peak], "o", color=INK, fillstyle="none")
+        e.axvspan(run.t[len(run.t) // 2], run.t[-1], color=INK, alpha=0.06, linewidth=0)
+        e.set_xlabel("time, s")
+        track.legend([]).remove()
+        kind = ("Integer orders (Fig. 4)", "Fractional orders (Fig. 5)")[k]
+        track.set_title(f"{kind}: {lettering(cut(run.name, _LONG))}")
+    efforts = ", ".join(dict.fromkeys(joints.efforts))
+    units = ", ".join(dict.fromkeys(f"m{unit}" for unit in joints.units))
+    for row, (quantity, title, metric, size, unit) in enumerate((
+        ("torque", "(b) control signals, peak", "peak_torque", 1.0, efforts),
+        ("error", "(c) errors, RMS of the last half", "rms_tail", 1e3, units),
+    ), start=1):  # fmt: skip
+        left, right = panels[2 * row : 2 * row + 2]
+        for j in range(len(joints.names)):
+            line(right, integer.t, getattr(integer, quantity)[:, j], "integer orders", **_BENEATH)
+        old, new = (size * METRICS[metric].of(getattr(run.metrics, metric)) for run in several)
+        change = new / old - 1.0 if old else np.nan
+        more = f": {percent(abs(change))} {'more' if change > 0.0 else 'less'}"
+        left.set_title(f"{title} {old:.3g} {unit}")
+        right.set_title(f"{new:.3g} {unit}{more if np.isfinite(change) else ''}")
+    handles, names = panels[0].get_legend_handles_labels()
+    shared_legend(figure, [*names, "integer orders"], [*handles, panels[-1].get_lines()[-1]])
     return figure
 
 
@@ -378,7 +344,8 @@ def is_integer(run: Run) -> bool:
 def figures(runs: Run | Sequence[Run]) -> dict[str, Figure]:
     """Return the figures of an experiment by name.
 
-    ``fig4`` is the first integer-order run and ``fig5`` the first fractional one, as in the paper;
+    ``fig4`` is the first integer-order run and ``fig5`` the first fractional one, as in the paper,
+    ``orders`` both beside each other;
     ``gains`` those of the fractional run (else of the first that has any), ``lyapunov`` its
     supervisor, ``comparison`` all runs. What the runs do not hold is left out.
     """
@@ -386,6 +353,8 @@ def figures(runs: Run | Sequence[Run]) -> dict[str, Figure]:
     integer = [run for run in several if is_integer(run)]
     fractional = [run for run in several if not is_integer(run)]
     drawn: dict[str, Figure] = {}
+    if integer and fractional and integer[0].q.shape[1] == fractional[0].q.shape[1]:
+        drawn["orders"] = orders(integer[0], fractional[0])
     if integer:
         drawn["fig4"] = response(integer[0], f"Integer orders: {integer[0].name}")
     if fractional:

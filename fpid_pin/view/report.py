@@ -13,8 +13,8 @@ from fpid_pin.costs import METRICS
 from fpid_pin.files import put_text
 from fpid_pin.simulation.run import Run
 from fpid_pin.view.document import Link, as_text, asset, document, framed
+from fpid_pin.view.panels import joints_of
 from fpid_pin.view.plots import figures as standard_figures
-from fpid_pin.view.plots import joints_of
 from fpid_pin.view.replay import replay_html
 from fpid_pin.view.scene import as_runs, captions_of
 from fpid_pin.view.style import INK, colour, figure_bytes
@@ -36,6 +36,12 @@ _LINES = "\n\t"
 MOST_IN_REPLAY = 6
 
 _CAPTIONS = {
+    "orders": (
+        "Integer and fractional orders side by side (the paper's Figs. 4 and 5). Circle: largest "
+        "torque; shaded: the last half. Where law and first gains are the same, fractional terms "
+        "have a part in phase with the error, which acts as a larger Kp: the error is smaller. "
+        "Gains that adapt make up for most of it, and the torques are much alike."
+    ),
     "fig4": "Integer orders: tracking, control signals, errors (the paper's Fig. 4)",
     "fig5": "Fractional orders: tracking, control signals, errors (the paper's Fig. 5)",
     "gains": "Adapted gains, and orders where they move",

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec
 
 import numpy as np
 
@@ -85,11 +85,18 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
 
 def new_figure(
-    rows: int, columns: int, width: float, height: float, *, count: int = 0, share_x: bool = True
+    rows: int,
+    columns: int,
+    width: float,
+    height: float,
+    *,
+    count: int = 0,
+    share_x: bool = True,
+    share_y: bool | Literal["row"] = False,
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure (in inches) and its first `count` panels, row by row; 0: all of them."""
     figure = _figure_class()(figsize=(width, height), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharex="all" if share_x else "none").flat
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=share_x, sharey=share_y).flat
     count = count or rows * columns
     for spare in axes[count:]:
         spare.set_visible(False)
@@ -190,8 +197,10 @@ def legend(axes: Axes, columns: int) -> None:
     )  # fmt: skip
 
 
-def shared_legend(figure: Figure, captions: Sequence[str]) -> None:
+def shared_legend(figure: Figure, captions: Sequence[str], handles: Sequence[Any] = ()) -> None:
     """Put one legend for all panels below them, in as many columns as its captions leave room for.
+
+    `handles` are the curves that captions are of; none: the first of the first panel.
 
     A legend of a panel would be as wide as its captions, whatever is left for the panels.
     """
@@ -200,7 +209,7 @@ def shared_legend(figure: Figure, captions: Sequence[str]) -> None:
     width = figure.get_size_inches()[0]
     most = max(int(width / (_CAPTION_BASE + _CAPTION_LETTER * longest)), 1)
     rows = -(-len(captions) // most)
-    handles = figure.axes[0].get_lines()[: len(captions)]
+    handles = handles or figure.axes[0].get_lines()[: len(captions)]
     figure.legend(handles, captions, loc="outside lower center", ncols=-(-len(captions) // rows),
                   handlelength=1.8, columnspacing=1.2)  # fmt: skip
     figure.set_figheight(figure.get_figheight() + _LEGEND_ROW * rows)

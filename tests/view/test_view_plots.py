@@ -8,8 +8,10 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin import Arm
+from fpid_pin.costs import METRICS
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import Comparison
+from fpid_pin.text import percent
 from fpid_pin.view import figures, plots, save_figure
 from fpid_pin.view.plots import is_integer
 from fpid_pin.view.style import _MOST, PALETTE, figure_bytes, thinned
@@ -77,13 +79,29 @@ def test_curves_are_the_recorded_signals(pair):
 
 def test_figures_4_and_5_are_the_integer_and_the_fractional_run(pair, standard):
     drawn = standard
-    assert list(drawn) == ["fig4", "fig5", "gains", "lyapunov", "comparison"]
+    assert list(drawn) == ["orders", "fig4", "fig5", "gains", "lyapunov", "comparison"]
     for name, word in (("fig4", "integer"), ("fig5", "fractional")):
         titles = [a.get_title(loc="left") for a in drawn[name].axes]
         assert titles == ["(a) tracking", "(b) control signals", "(c) tracking errors"]
         assert word in drawn[name].get_suptitle()
     assert "fig4" not in figures(pair[1])
     assert is_integer(pair[0])
+
+
+def test_figures_4_and_5_side_by_side_say_what_differs(pair, standard):
+    panels = standard["orders"].axes
+    for row, (metric, size) in enumerate((("peak_torque", 1.0), ("rms_tail", 1e3)), start=1):
+        old, new = (size * METRICS[metric].of(getattr(run.metrics, metric)) for run in pair)
+        left, right = panels[2 * row : 2 * row + 2]
+        assert f" {old:.3g} " in left.get_title(loc="left")
+        more = f"{percent(abs(new / old - 1.0))} {'more' if new > old else 'less'}"
+        assert right.get_title(loc="left").startswith(f"{new:.3g} ")
+        assert right.get_title(loc="left").endswith(more)
+        assert left.get_ylim() == right.get_ylim()
+        grey = [line.get_ydata() for line in right.lines[-pair[0].q.shape[1] :]]
+        quantity = ("torque", "error")[row - 1]
+        for j, curve in enumerate(grey):
+            assert np.isin(curve, getattr(pair[0], quantity)[:, j]).all()
 
 
 def test_legends_do_not_cover_data(pair, standard):
