@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from fpid_pin.export import export_c
     from fpid_pin.simulation import (
         Experiment, Plant, Run, Sensors, compare, evaluate, paper_controller, paper_experiment,
-        simulate,
+        simulate, to_toml,
     )  # fmt: skip
     from fpid_pin.tuning import pareto, tune
 # isort: on
@@ -46,7 +46,7 @@ _HOMES = {
      "suggest_gains"), "control",
 ) | dict.fromkeys(
     ("Experiment", "Plant", "Run", "Sensors", "compare", "evaluate", "paper_controller",
-     "paper_experiment", "simulate"), "simulation",
+     "paper_experiment", "simulate", "to_toml"), "simulation",
 )  # fmt: skip
 __all__ = [
     "AdaptiveFpid", "Arm", "ComputedTorque", "Controller", "Experiment", "FpidError", "FpidWarning",
@@ -54,7 +54,8 @@ __all__ = [
     "SlotineLi", "SuggestedFpid", "Supervisor", "__version__", "arms", "campaign", "compare",
     "control", "costs", "described", "disturbances", "evaluate", "exceptions", "export", "export_c",
     "fractional", "paper_controller", "paper_experiment", "pareto", "progress", "references",
-    "simulate", "simulation", "stability_report", "suggest_gains", "tune", "tuning", "view",
+    "simulate", "simulation", "stability_report", "suggest_gains", "to_toml", "tune", "tuning",
+    "view",
 ]  # fmt: skip
 
 

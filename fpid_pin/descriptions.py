@@ -28,7 +28,7 @@ from typing import Any, ClassVar, TypeVar, cast
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.checks import Check, Flag, Number, Text, Whole
+from fpid_pin.checks import Check, Flag, Text, Whole
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.text import listing, shown
 
@@ -37,9 +37,17 @@ D = TypeVar("D", bound=type)
 
 _KINDS: dict[str, type] = {}
 _FAMILIES: dict[str, set[str]] = {}
+
+
+def _number_or_joints(name: str, value: Any) -> Any:
+    """Check a number, or one for each joint: a search finds such for a law's field that is one."""
+    several = isinstance(value, (list, tuple))
+    return (checks.scalar_or_joints if several else checks.number)(name, value, finite=False)
+
+
 #: What a table's value must be where a field's type is all that is declared.
 _PLAIN: dict[Any, Check] = {
-    float: Number(finite=False), int: Whole(), bool: Flag, str: Text
+    float: Check(_number_or_joints), int: Whole(), bool: Flag, str: Text
 }  # fmt: skip
 
 

@@ -6,7 +6,6 @@ what is shown has them written out. What a message quotes may be as long as a fi
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import escape
@@ -16,6 +15,8 @@ from typing import Any
 MOST = 200
 #: Characters of a name in a message, and names listed in one.
 _NAME, _LISTED = 60, 3
+#: Lines of a listing below its title.
+_ROWS = 14
 #: Parts that have a word, by how many of them make a whole.
 _PARTS = {
     2: "half of", 3: "a third of", 4: "a quarter of", 5: "a fifth of", 10: "a tenth of",
@@ -109,8 +110,13 @@ class ReprMixin:
 
 
 def listing(title: str, rows: Iterable[tuple[str, Any, str]]) -> str:
-    """Return a title and a line for each (name, plain value, unit), numbers with four digits."""
+    """Return a title and a line for each (name, plain value, unit), numbers with four digits.
+
+    What fills no screen: of more than fourteen the last ones are counted.
+    """
     found = [(name, cut(brief(value), 72), unit) for name, value, unit in rows]
+    if found[_ROWS:]:
+        found[_ROWS - 1 :] = [("...", f"and {len(found) - _ROWS + 1} more", "")]
     width = max((len(name) for name, _, _ in found), default=0)
     return "\n".join([title, *(f"  {n:{width}}  {v} {u}".rstrip() for n, v, u in found)])
 
@@ -135,7 +141,9 @@ def percent(part: float) -> str:
 
 def against(value: float, other: float) -> str:
     """Say how a positive number is to another: ``12 % less than``, ``a third of``, ``30 times``."""
-    part = value / other if other else math.inf
+    if not other:
+        return "more than"
+    part = value / other
     for parts, words in _PARTS.items():
         if abs(part * parts - 1.0) < 0.07:
             return words

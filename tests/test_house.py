@@ -114,7 +114,7 @@ FACE = {
     "GravityOnly", "PdGravity", "Pid", "Plant", "Run", "Safeguards", "Sensors", "SlidingMode",
     "SlotineLi", "SuggestedFpid", "Supervisor", "compare", "described", "evaluate", "export_c",
     "paper_controller", "paper_experiment", "pareto", "simulate", "stability_report",
-    "suggest_gains", "tune",
+    "suggest_gains", "to_toml", "tune",
 }  # fmt: skip
 ROOMS = {
     "arms", "campaign", "control", "costs", "disturbances", "export", "exceptions", "fractional",

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from fpid_pin import checks
 from fpid_pin.exceptions import ArgumentError, ArmError, ConfigError, FpidError, FpidWarning
-from fpid_pin.text import MOST, cut, listed, named, shown, visible
+from fpid_pin.text import MOST, against, cut, listed, listing, named, percent, shown, visible
 
 ANY = st.text(st.characters())  # with control characters and halves of surrogate pairs
 UNSEEN = {"Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp"}
@@ -95,3 +95,13 @@ def test_a_configuration_has_a_line_a_fault():
     assert lines[0] == "a.toml: x\\x1b"
     assert len(lines[1]) == 5 * MOST
     assert isinstance(ConfigError(), FpidError)
+
+
+def test_a_listing_fits_a_screen_and_percentages_have_no_exponent():
+    lines = listing("law", [(f"field {k}", 1.0, "rad") for k in range(40)]).splitlines()
+    assert len(lines) == 15
+    assert lines[-1].split() == ["...", "and", "27", "more"]
+    assert [percent(x) for x in (0.999, 1.0, 2.5, 0.0123)] == ["100 %", "100 %", "250 %", "1.2 %"]
+    assert [against(*x) for x in ((1, 3.03), (88, 100), (120, 100), (1, 7.3), (61, 2), (1, 0))] == [
+        "a third of", "12 % less than", "20 % more than", "14 % of", "30 times", "more than",
+    ]  # fmt: skip

@@ -69,6 +69,7 @@ def run(
 ) -> None:
     """Simulate one controller of a configuration."""
     from fpid_pin.cli.configuration import load
+    from fpid_pin.cli.output import file_names
     from fpid_pin.cli.results import OutputOptions
     from fpid_pin.exceptions import ConfigError
 
@@ -78,7 +79,8 @@ def run(
     if falling := one.experiment.joints_that_fall():
         lines = [f"{line}; it falls under any controller" for line in falling]
         raise ConfigError.of(config, lines)
-    _compare(one, out or results_path(config), "tail", options)
+    (stem,) = file_names([[*one.controllers, condition or ""]], prefix="-run-")
+    _compare(one, out or results_path(config, stem), "tail", options)
 
 
 @app.command()
@@ -118,7 +120,7 @@ def _compare(
         comparison, files = simulate_all(config.conditions, config.controllers, metric)
         draw = (lambda found: paper_figures(found.runs)) if demo else figures_of
         figures = draw(comparison) if options.figures else {}
-        write_results(folder, config, comparison, files, figures, options)
+        write_results(folder, config.at(out), comparison, files, figures, options)
         if demo:
             _playground(config, folder / "playground.html")
     show(config, comparison, out)
@@ -343,7 +345,7 @@ def export(
     folder = export_c(
         law, experiment.arm, experiment.step, out, horizon=horizon,
         ticks=ticks, experiment=experiment,
-        toml=f"# Exported: controller {name!r}, {options}.\n{found.text}",
+        toml=f"# Exported: controller {name!r}, {options}.\n{found.at(out).text}",
     )  # fmt: skip
     say(f"{folder}: fpid.h, fpid.c, fpid_parameters.c, example, check, README.md")
 

@@ -18,8 +18,9 @@ Keys are the constructors' arguments. Every fault is reported at once, each with
 
 from __future__ import annotations
 
+import os
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import resources
 from pathlib import Path
@@ -37,6 +38,7 @@ from fpid_pin.disturbances import Disturbance, Sum
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.references import Reference
 from fpid_pin.simulation import Experiment, Plant, Sensors
+from fpid_pin.simulation.toml import toml_text
 from fpid_pin.text import named, shown
 
 FORMAT = 1
@@ -44,6 +46,8 @@ FORMAT = 1
 MOST_BYTES = 1 << 24
 #: Faults told of one file, each in a line.
 MOST_FAULTS = 40
+#: Keys of paths, wherever they are: relative ones start at the file's folder.
+_PATHS = {"path", "package_dirs", "import"}
 Table = Annotated[Mapping[str, Any], checks.Plain(Mapping, "a table")]
 
 
@@ -146,6 +150,31 @@ class Config:
         name = self._choice("--controller", name or next(iter(self.controllers)), self.controllers)
         return replace(self, controllers={name: self.controllers[name]})
 
+    def at(self, place: Path) -> Config:
+        """Return the file as it is to be written into the folder `place`: with the same meaning.
+
+        Relative paths start at the file that has them. Where no more than these change, comments
+        and all else stay.
+        """
+        source, given = Path(self.path).resolve().parent, tomllib.loads(self.text)
+        told: dict[str, str] = {}
+
+        def change(path: str) -> str:
+            told[path] = path
+            if not os.path.isabs(path):
+                told[path] = os.path.relpath(source / path, place.resolve())
+            return told[path]
+
+        wanted, text = _with_paths(given, change), self.text
+        for old, new in told.items():
+            for quote in "\"'":
+                text = text.replace(f"{quote}{old}{quote}", toml_text({"x": new})[4:].strip())
+        try:
+            same = tomllib.loads(text) == wanted
+        except tomllib.TOMLDecodeError:
+            same = False
+        return replace(self, text=text if same else toml_text(wanted))
+
     def _choice(self, option: str, name: str, known: Mapping[str, object]) -> str:
         try:
             return checks.choice(option, name, known)
@@ -232,7 +261,9 @@ def _read(
         if cls is not None and "arm" in descriptions.keys(cls) and "arm" in table:
             # A circle of the tool is one of this arm's, if nothing else is said.
             reference.setdefault("arm", table["arm"])
-    file: File | None = descriptions.build(_rooted(table, folder), File, "", faults)
+    file: File | None = descriptions.build(
+        _with_paths(table, lambda path: str(folder / path)), File, "", faults
+    )
     if file is None:
         return None
     if not file.controller:
@@ -265,15 +296,19 @@ def _read(
     )  # fmt: skip
 
 
-def _rooted(value: Any, folder: Path) -> Any:
-    """Let relative paths start at the configuration's folder."""
+def _with_paths(value: Any, change: Callable[[str], str]) -> Any:
+    """Return a table with other paths: of robots' files, recordings, meshes, own code."""
     if isinstance(value, list):
-        return [_rooted(item, folder) for item in value]
+        return [_with_paths(item, change) for item in value]
     if not isinstance(value, dict):
         return value
-    table = {key: _rooted(item, folder) for key, item in value.items()}
-    if isinstance(table.get("path"), str):
-        table["path"] = str(folder / table["path"])
+    table = {key: _with_paths(item, change) for key, item in value.items()}
+    for key in _PATHS & table.keys():
+        given = table[key]
+        if isinstance(given, str):
+            table[key] = change(given)
+        elif isinstance(given, list):
+            table[key] = [change(item) if isinstance(item, str) else item for item in given]
     return table
 
 

@@ -51,5 +51,12 @@ Port = Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")]
 
 
 def results_path(config: str | Path, ending: str = "") -> Path:
-    """Return where results go that were not told where: ``runs`` and the configuration's name."""
-    return Path("runs") / f"{Path(config).stem}{ending}"
+    """Return where results go that were not told where: ``runs`` and the configuration's name.
+
+    What lies in a folder of results has the name of any other's; the folder's name is before it.
+    """
+    from fpid_pin.cli.output import MARK
+
+    path = Path(config)
+    folder = f"{path.resolve().parent.name}-" * (path.parent / MARK).is_file()
+    return Path("runs") / f"{folder}{path.stem}{ending}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import filecmp
-import os
 import shutil
 import tomllib
 from collections.abc import Sequence
@@ -14,7 +13,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from fpid_pin import checks, descriptions
+from fpid_pin import checks
 from fpid_pin.cli.campaign import executor_of
 from fpid_pin.cli.configuration import Config, load
 from fpid_pin.cli.output import output_folder
@@ -26,8 +25,9 @@ from fpid_pin.exceptions import FpidError
 from fpid_pin.files import discard, replacing
 from fpid_pin.simulation import Comparison, cost_of
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
+from fpid_pin.simulation.toml import controllers_toml, toml_text
 from fpid_pin.simulation.workers import executor_of as pool_of
-from fpid_pin.text import named
+from fpid_pin.text import named, visible
 from fpid_pin.tuning import Profile, RobustCost, TuningResult, cost_map, profile, tune
 from fpid_pin.tuning.problem import over_scenarios
 
@@ -107,9 +107,9 @@ def run_tuning(
             ],
         }
         write_results(
-            folder, config, comparison, files, figures | figures_of(comparison),
+            folder, config.at(out), comparison, files, figures | figures_of(comparison),
             options or OutputOptions(), title=f"{config.title}, tuned",
-            said=[str(result), *advice], tables=tables,
+            said=[result.summary, *advice], tables=tables,
         )  # fmt: skip
         for name, text in (
             ("tuned.toml", _tuned_toml(config, plan, result, out)),
@@ -121,9 +121,7 @@ def run_tuning(
     discard(checkpoint)
     say(*advice)
     print_table(tables["Cost tuned for"], "Tuned")
-    say(str(result))
-    for name, value in result.parameters.items():
-        say(f"  {name}: {', '.join(f'{v:.4g}' for v in np.atleast_1d(value))}")
+    say(*str(result).splitlines())
     say(f"{out}: tuned.toml, report.html, figures, history.csv, summary, runs (.npz)")
     return result
 
@@ -231,22 +229,23 @@ def cost_rows(plan: Plan, comparison: Comparison) -> list[Row]:
 
 
 def _tuned_toml(config: Config, plan: Plan, result: TuningResult, out: Path) -> str:
-    """Return the configuration with the tuned controller alone, as TOML that `run` takes."""
-    import tomli_w
-
-    table = tomllib.loads(config.text)
-    table.pop("tune", None)
-    table["controller"] = [descriptions.to_dict(result.controller)]
+    """Return the configuration with the tuned controller beside what it was tuned against."""
+    table = tomllib.loads(config.at(out).text)
+    for key in ("tune", "campaign", "controller"):
+        table.pop(key, None)
     # Those of the search, so that a run costs what was found to the last bit.
     dynamics = next(iter(plan.experiments.values())).dynamics
     table["simulation"] = table.get("simulation", {}) | {"dynamics": dynamics}
-    table["title"] = f"{config.title}, tuned"
-    source = Path(config.path).resolve().parent
-    # Paths start at the file that names them, and this one lies elsewhere.
-    if "import" in table:
-        files = [table["import"]] if isinstance(table["import"], str) else table["import"]
-        table["import"] = [os.path.relpath(source / file, out.resolve()) for file in files]
-    for arm in (table["arm"], table.get("plant", {}).get("arm")):
-        if isinstance(arm, dict) and isinstance(arm.get("path"), str):
-            arm["path"] = os.path.relpath(source / arm["path"], out.resolve())
-    return tomli_w.dumps(table)
+    table.pop("title", None)
+    head: dict[str, Any] = {"format": table.pop("format"), "title": f"{config.title}, tuned"}
+    head |= {"import": table.pop("import")} if "import" in table else {}
+    notes = dict.fromkeys(rivals(plan, result), "what it was tuned against")
+    notes[_TUNED] = f"searched: {', '.join(result.parameters)}"
+    text = [
+        f"# Found by `fpid-pin tune {visible(config.path)}`: {result.summary}.",
+        f"#   fpid-pin compare {visible(str(out / 'tuned.toml'))}",
+        f"#   fpid-pin run {visible(str(out / 'tuned.toml'))} --controller {_TUNED}",
+        toml_text(head | table),
+        controllers_toml(rivals(plan, result), notes),
+    ]
+    return "\n".join(text)

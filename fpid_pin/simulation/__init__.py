@@ -8,9 +8,10 @@ from fpid_pin.simulation.experiment import Experiment, Outcome, Plant, Sensors
 from fpid_pin.simulation.limits import Exceedance, limit_report
 from fpid_pin.simulation.paper import paper_controller, paper_experiment
 from fpid_pin.simulation.run import Run
+from fpid_pin.simulation.toml import to_toml
 
 __all__ = [
     "Comparison", "Exceedance", "Experiment", "Outcome", "Plant", "Run", "Sensors", "compare",
     "cost_of", "evaluate", "limit_report", "metrics_of", "paper_controller", "paper_experiment",
-    "simulate",
+    "simulate", "to_toml",
 ]  # fmt: skip

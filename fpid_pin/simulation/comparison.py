@@ -15,13 +15,13 @@ from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Metrics, QuadraticCost
 from fpid_pin.costs.metrics import METRICS
-from fpid_pin.exceptions import ArgumentError
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import Exceedance, limit_report
 from fpid_pin.simulation.run import Run
-from fpid_pin.text import ReprMixin, against, enumerated, html_table, listed, percent
+from fpid_pin.simulation.toml import by_name
+from fpid_pin.text import ReprMixin, against, enumerated, html_table, percent
 
 COST = QuadraticCost()
 #: What the heads of the tables mean.
@@ -325,11 +325,7 @@ def compare(
     measure = None if metric is None else MEASURES[checks.choice("metric", metric, MEASURES)]
     if isinstance(experiments, Experiment):
         experiments = {"nominal": experiments}
-    if not isinstance(controllers, Mapping):
-        given = list(controllers)
-        controllers = {law.name or type(law).__name__: law for law in given}
-        if len(controllers) < len(given):
-            raise ArgumentError("controllers", "a name of its own each", listed(controllers))
+    controllers = by_name(controllers)
     pairs = list(product(experiments.values(), controllers.values()))
     runs = simulate([e for e, _ in pairs], [law for _, law in pairs], progress=progress)
     return Comparison(tuple(experiments), tuple(controllers), tuple(runs), measure)

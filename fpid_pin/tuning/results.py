@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.text import ReprMixin, html_table
+from fpid_pin.text import ReprMixin, html_table, listing, percent
 from fpid_pin.tuning.space import BoundSpace
 
 IntArray = NDArray[np.int64]
@@ -125,7 +125,7 @@ class Profile:
         """Which parameters matter, the most first, and which do not; one sentence each."""
         rises = self.rises
         order = np.argsort(-rises, kind="stable")
-        told = [f"{100.0 * r:.2g} %" if np.isfinite(r) else "divergence" for r in rises]
+        told = [percent(r) if np.isfinite(r) else "divergence" for r in rises]
         found = {
             "What a tenth of its range costs": [
                 f"{self.labels[k]} ({told[k]})" for k in order if not rises[k] < _IDLE
@@ -263,7 +263,7 @@ class TuningResult(ReprMixin):
     def advice(self) -> list[str]:
         """What was gained, and whether to go on; one sentence each."""
         start = f"{self.start_cost:.4g}" if np.isfinite(self.start_cost) else "a run that diverges"
-        lines = [f"From {start} to {self.cost:.4g}: {100.0 * self.gain:.3g} % less than the start."]
+        lines = [f"From {start} to {self.cost:.4g}: {percent(self.gain)} less than the start."]
         if self.cost >= self.start_cost:
             lines = [f"The start, {start}, was not improved on: widen the space or search longer."]
         if self.at_bounds:
@@ -272,26 +272,33 @@ class TuningResult(ReprMixin):
             lines.append(f"Only {len(self.history)} generations: go on (more of them, and resume).")
         elif self.late_gain > _SETTLED:
             lines.append(
-                f"The last quarter of the generations saved {100.0 * self.late_gain:.2g} %: go on "
+                f"The last quarter of the generations saved {percent(self.late_gain)}: go on "
                 "(more generations, and resume)."
             )
         elif self.spread > _AGREED * abs(self.mean):
             lines.append(
-                f"The seeds differ by {100.0 * self.spread / abs(self.mean):.2g} %: the search has "
+                f"The seeds differ by {percent(self.spread / abs(self.mean))}: the search has "
                 "settled, but in several places; try more seeds or a larger population."
             )
         else:
             lines.append("The search has settled: more generations will hardly help.")
         return lines
 
-    def __str__(self) -> str:
+    @property
+    def summary(self) -> str:
+        """The cost that was found, how many seeds agree on it, and after how many candidates."""
         seeds = len(self.costs)
         about = f"{seeds} seeds: {self.mean:.6g} +- {self.spread:.2g}" if seeds > 1 else "1 seed"
         return f"cost {self.cost:.6g} ({about}; {self.evaluations} evaluations)"
 
+    def __str__(self) -> str:
+        return listing(
+            self.summary, ((k, np.asarray(v).tolist(), "") for k, v in self.parameters.items())
+        )
+
     def _repr_html_(self) -> str:
         rows = self.rows()
-        told = " ".join([str(self), *self.advice])
+        told = " ".join([self.summary, *self.advice])
         return html_table(told, list(rows[0]), [list(row.values()) for row in rows])
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import csv
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from fpid_pin.disturbances import Cosine, Pulse, Sum
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment, plant_of
+from fpid_pin.simulation.toml import own_files
 from fpid_pin.view.document import asset
 from fpid_pin.view.playground_engine import encoded
 from fpid_pin.view.playground_law import Law, one_number
@@ -115,6 +117,7 @@ def toml_tables(e: Experiment, laws: Sequence[Law], names: Sequence[str]) -> dic
         "simulation": {key: whole[key] for key in kept} | {"dynamics": "compiled"},
         "plant": without("plant", "disturbance", "kind"), "sensors": without("sensors", "kind"),
         "others": others, "movable": movable, "controllers": controllers,
+        "import": [Path(file).name for file in own_files([law.controller for law in laws])],
     })  # fmt: skip
 
 

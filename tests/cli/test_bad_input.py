@@ -56,7 +56,7 @@ def space(bounds, law='kind = "suggested_fpid"'):
         ("run study.toml", {}, "expected one controller, or --controller NAME, got 'FPID, publ"),
         ("run study.toml --controller 'integr PID'", {}, "did you mean integer PID?"),
         ("compare study.toml --every 0", {}, "--every: expected a whole number >= 1, got 0"),
-        ("compare study.toml --metric speed", {}, "--metric: expected one of tail, rms,"),
+        ("compare study.toml --metric speed", {}, "--metric: expected one of tail, variation,"),
         ("compare study.toml --out own.py", {}, "got a file"),
         ("compare study.toml --out own.py/x", {}, "cannot be written"),
         ("compare study.toml --out other", {}, "other: expected a new folder or one that"),

@@ -111,7 +111,7 @@ def test_a_controller_called_as_a_result_takes_no_result_s_place(tmp_path, law, 
     path, out = tmp_path / "study.toml", tmp_path / "out"
     path.write_text(HEAD + law + TUNE)
     assert main(["tune", str(path), "--out", str(out)]) == 0
-    (best,) = tomllib.loads((out / "tuned.toml").read_text())["controller"]
+    best, _ = tomllib.loads((out / "tuned.toml").read_text())["controller"]
     with open(out / "summary.csv", newline="") as table:
         rows = {row["controller"]: row for row in csv.DictReader(table)}
     assert {key: row["file"] for key, row in rows.items()} == {"tuned": "tuned.npz", label: file}

@@ -137,7 +137,13 @@ def test_a_law_a_reference_and_a_cost_of_one_s_own(config, form, capsys):
         assert main(command) == 0
     told = "warning: MyPd is a law in plain Python: 4 candidates" in capsys.readouterr().err
     assert told == (form == PYTHON)
-    again = [str(tuned / "tuned.toml"), "--out", str(config.parent / "again")]
+    again = [
+        str(tuned / "tuned.toml"),
+        "--controller",
+        "tuned",
+        "--out",
+        str(config.parent / "again"),
+    ]
     assert main(["run", *again, *QUICK]) == 0
     peak = np.abs(fp.Run.load(config.parent / "again" / "tuned.npz").torque).max()
     assert f"{peak:.3g}"[:3] in (tuned / "summary.md").read_text("utf-8")

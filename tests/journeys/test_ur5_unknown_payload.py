@@ -44,13 +44,21 @@ def afternoon(tmp_path_factory):
     after = [
         ["compare", str(config), "--out", str(compared), "--png"],
         ["tune", str(config), "--out", str(tuned)],
-        ["run", str(tuned / "tuned.toml"), "--out", str(folder / "run"), "--no-figures"],
+        [
+            "run",
+            str(tuned / "tuned.toml"),
+            "--controller",
+            "tuned",
+            "--out",
+            str(folder / "run"),
+            "--no-figures",
+        ],
         ["view", str(folder / "run" / "tuned.npz"), "--html", str(folder / "run.html")],
     ]
     if shutil.which("gcc") or shutil.which("cc"):
         after.append(
-            ["export", str(tuned / "tuned.toml"), "--out", str(folder / "c"), "--horizon", "60",
-             "--ticks", "50"]
+            ["export", str(tuned / "tuned.toml"), "--controller", "tuned", "--out",
+             str(folder / "c"), "--horizon", "60", "--ticks", "50"]
         )  # fmt: skip
     told += [main(command) for command in after]
     return folder, told, len(commands) + len(after)

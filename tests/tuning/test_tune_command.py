@@ -50,12 +50,16 @@ def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
     assert "integer orders" in shown
 
     tuned = load(out / "tuned.toml")
-    (law,) = tuned.controllers.values()
+    law = tuned.controllers["tuned"]
     run = fp.simulate(tuned.experiment, law)
     assert QuadraticCost(1.0, 0.0).of(run.metrics) == result.cost
     assert np.array_equal(run.q, fp.Run.load(out / "tuned.npz").q)
     assert "tune" not in tomllib.loads((out / "tuned.toml").read_text())
     assert len((out / "history.csv").read_text().splitlines()) == 1 + 2 * 2
+
+    head, *lines = str(result).splitlines()
+    assert head == result.summary
+    assert [line.split()[0] for line in lines] == list(result.parameters)
 
     again = run_tuning(path, out, resume=True)
     assert again.cost == result.cost

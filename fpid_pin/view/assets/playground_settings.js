@@ -138,6 +138,9 @@ function toToml(S) {
   }
   const lines = ["# From a playground of fpid_pin. Run it:  fpid-pin run THIS_FILE.toml",
     "format = 1", `title = ${tomlValue(PAGE.title)}`];
+  if (PAGE.toml.import.length) {
+    lines.push(`import = ${tomlValue(PAGE.toml.import)}  # put it beside this file, and --allow-import`);
+  }
   const section = (head, table) => lines.push("", head,
     ...Object.entries(table).map(([key, value]) => `${key} = ${tomlValue(value)}`));
   section("[arm]", arm);

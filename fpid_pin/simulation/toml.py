@@ -1,0 +1,167 @@
+"""Configurations written: experiments and controllers as TOML that `fpid-pin` reads."""
+
+from __future__ import annotations
+
+import dataclasses
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from fpid_pin import descriptions, own_code
+from fpid_pin.control.law import Controller
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.text import listed
+
+_SIMULATION = ("step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0")
+# Stands for a list of plain values while the rest is written: no text of a user's begins with it.
+_MARK = "\ue000"
+
+
+def to_toml(
+    experiments: Experiment | Mapping[str, Experiment],
+    controllers: Controller | Sequence[Controller] | Mapping[str, Controller],
+    *,
+    title: str = "",
+) -> str:
+    """Return a configuration: what ``fpid-pin run``, ``compare``, ``playground``, ... read.
+
+    Parameters
+    ----------
+    experiments
+        One, or several by name that differ in their plants and sensors: the file's conditions.
+    controllers
+        One, several with names of their own, or by name.
+    title
+        Of the file.
+
+    Returns
+    -------
+    str
+        Every number has all its digits: what is read from it simulates the same bits. Files that
+        were loaded by ``import`` are imported again, by their whole paths.
+
+    Raises
+    ------
+    ArgumentError
+        Experiments that differ in more, controllers of one name, or a class of one's own that
+        `fpid_pin.described` has given no name.
+    """
+    several = {"": experiments} if isinstance(experiments, Experiment) else dict(experiments)
+    first = next(iter(several.values()))
+    tables = [descriptions.to_dict(experiment) for experiment in several.values()]
+    own = {"plant", "sensors"}
+    for name, table in zip(several, tables, strict=True):
+        shared = ({k: v for k, v in t.items() if k not in own} for t in (table, tables[0]))
+        if next(shared) != next(shared):
+            raise ArgumentError("experiments", "those that differ in plant and sensors only", name)
+    laws = by_name(controllers)
+    head: dict[str, Any] = {"format": 1} | ({"title": title} if title else {})
+    things = [*laws.values(), first.reference, *(e.plant for e in several.values())]
+    if files := own_files(things):
+        head["import"] = files
+    conditions = [
+        {"name": name} | {key: _without_kind(table[key]) for key in own & table.keys()}
+        for name, table in zip(several, tables, strict=True)
+    ]
+    rest = {"arm": tables[0]["arm"], "reference": tables[0]["reference"]}
+    rest["simulation"] = {key: tables[0][key] for key in _SIMULATION if key in tables[0]}
+    if isinstance(experiments, Experiment):
+        rest |= {key: _without_kind(tables[0][key]) for key in sorted(own & tables[0].keys())}
+    else:
+        rest["condition"] = conditions
+    text = "\n".join([toml_text(head | rest), controllers_toml(laws)])
+    if '"custom"' in text and (odd := _unnamed([rest, *map(descriptions.to_dict, laws.values())])):
+        raise ArgumentError("experiments, controllers", "classes named by fpid_pin.described", odd)
+    return text
+
+
+def by_name(
+    controllers: Controller | Sequence[Controller] | Mapping[str, Controller],
+) -> dict[str, Controller]:
+    """Return controllers by the names that tables give them; refuse two of one name."""
+    if isinstance(controllers, Mapping):
+        return dict(controllers)
+    given = [controllers] if isinstance(controllers, Controller) else list(controllers)
+    named = {law.name or type(law).__name__: law for law in given}
+    if len(named) < len(given):
+        raise ArgumentError("controllers", "a name of its own each", listed(named))
+    return named
+
+
+def controllers_toml(laws: Mapping[str, Controller], notes: Mapping[str, str] | None = None) -> str:
+    """Return the ``[[controller]]`` tables of laws, units as comments; `notes` are by name."""
+    parts = []
+    for name, law in laws.items():
+        table = {"name": name} | descriptions.to_dict(law) | {"name": name}
+        lines = toml_text({"controller": [table]}).splitlines()
+        units = {
+            key.name: next((check.unit for check in key.checks if check.unit), "")
+            for key in descriptions.keys(type(law)).values()
+        }
+        own = next(
+            (k for k, line in enumerate(lines) if line.startswith("[controller")), len(lines)
+        )
+        for k, line in enumerate(lines[:own] if table.get("scale") == "none" else []):
+            unit = units.get(line.partition(" = ")[0], "")
+            lines[k] += f"  # [{unit}]" if unit else ""
+        lines[0] += f"  # {notes[name]}" if notes and name in notes else ""
+        parts.append("\n".join([*lines, ""]))
+    return "\n".join(parts)
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """Return a table as TOML, each list of plain values on one line."""
+    import tomli_w
+
+    lists: list[str] = []
+
+    def marked(value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {key: marked(item) for key, item in value.items()}
+        if not isinstance(value, (list, tuple)):
+            return value
+        if any(isinstance(item, Mapping) for item in value):
+            return [marked(item) for item in value]
+        lists.append(_inline(value))
+        return f"{_MARK}{len(lists) - 1}"
+
+    text = tomli_w.dumps(marked(table))
+    for k, written in reversed([*enumerate(lists)]):
+        text = text.replace(f'"{_MARK}{k}"', written)
+    return text
+
+
+def _inline(value: Any) -> str:
+    import tomli_w
+
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_inline, value))}]"
+    return tomli_w.dumps({"x": value}).partition(" = ")[2].strip()
+
+
+def _without_kind(table: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in table.items() if key != "kind"}
+
+
+def own_files(things: Sequence[Any]) -> list[str]:
+    """Return the files that were loaded by ``import`` and define these, or what is in them."""
+    files, modules, known = set(own_code.loaded()), set(), [*things]
+    while known:
+        thing = known.pop()
+        modules.add(type(thing).__module__)
+        if isinstance(thing, (list, tuple)):
+            known += thing
+        elif dataclasses.is_dataclass(thing):
+            known += [getattr(thing, field.name) for field in dataclasses.fields(thing)]
+    return sorted(files & {str(getattr(sys.modules.get(m), "__file__", None)) for m in modules})
+
+
+def _unnamed(value: Any) -> str:
+    """Return what a table has of classes without a name for files: the first one's text."""
+    if isinstance(value, Mapping):
+        if value.get("kind") == "custom":
+            return str(value.get("repr"))
+        value = list(value.values())
+    found = map(_unnamed, value) if isinstance(value, list) else ()
+    return next(filter(None, found), "")
