@@ -36,7 +36,8 @@ T = TypeVar("T")
 D = TypeVar("D", bound=type)
 
 _KINDS: dict[str, type] = {}
-_FAMILIES: dict[str, set[str]] = {}
+#: By class, and protocols by name: what a user calls a class of theirs is nobody's family.
+_FAMILIES: dict[type | str, set[str]] = {}
 
 
 def _number_or_joints(name: str, value: Any) -> Any:
@@ -191,7 +192,7 @@ def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
 
 
 def _is_family(cls: type) -> bool:
-    return issubclass(cls, Description) or (cls is not object and cls.__name__ in _FAMILIES)
+    return issubclass(cls, Description) or bool(kinds(cls))
 
 
 def _types(hint: Any) -> list[Any]:
@@ -234,8 +235,9 @@ def described(kind: str, *families: str) -> Callable[[D], D]:
         cls._kind = kind  # type: ignore[attr-defined]
         if families and issubclass(cls, Description):
             cls._path = families[0].lower()
-        for name in {base.__name__ for base in cls.__mro__} | set(families):
-            _FAMILIES.setdefault(name, set()).add(kind)
+        known: list[type | str] = [*cls.__mro__[:-1], *families]  # but for object
+        for family in known:
+            _FAMILIES.setdefault(family, set()).add(kind)
         return cls
 
     return register
@@ -243,7 +245,10 @@ def described(kind: str, *families: str) -> Callable[[D], D]:
 
 def kinds(family: type) -> dict[str, type]:
     """Return the registered descriptions that belong to `family`, by kind."""
-    return {kind: _KINDS[kind] for kind in sorted(_FAMILIES.get(family.__name__, ()))}
+    found = set(_FAMILIES.get(family, ()))
+    if getattr(family, "_is_protocol", False):
+        found |= _FAMILIES.get(family.__name__, set())
+    return {kind: _KINDS[kind] for kind in sorted(found)}
 
 
 # ---------------------------------------------------------------------- to a table

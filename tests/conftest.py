@@ -17,7 +17,7 @@ from hypothesis.internal.conjecture import providers
 
 # NumPy is not loaded yet. Threads of BLAS that wait for one another, on cores that other tests use,
 # take twenty times as long over small matrices.
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 # A shell starts what runs in the background with Ctrl-C ignored, and children inherit that. Tests

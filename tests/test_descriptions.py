@@ -220,6 +220,20 @@ def test_a_name_that_is_taken_stays_so():
             pass
 
 
+@pytest.mark.parametrize("name", ["Joint", "Frame", "Shape", "Chain", "Gene", "Reference"])
+def test_a_class_of_one_s_own_may_be_called_as_one_of_ours(name):
+    """Families go by the class: a law called `Joint` once made arms' tables want a kind."""
+    arm = Arm.from_model(Arm.two_link().model)
+    references = descriptions.kinds(Reference)
+    own = type(name, (fp.Controller,), {"torque": staticmethod(lambda c: 2.0 * c.e)})
+    descriptions.described(f"my_{name}")(dataclass(frozen=True, eq=False)(own))
+    assert descriptions.from_dict(descriptions.to_dict(arm), Arm) == arm
+    assert descriptions.kinds(Reference) == references
+    assert isinstance(descriptions.from_dict({"kind": f"my_{name}"}, fp.Controller), fp.Controller)
+    space = fp.tuning.Space(kp={"low": 1, "high": 2})
+    assert repr(space) == "Space(kp=(1, 2))"
+
+
 def test_a_field_called_kind_does_not_hide_the_description_s():
     table = descriptions.to_dict(fp.Supervisor(3.0, 1.0, kind="paper"))
     assert (table["kind"], table["variant"]) == ("supervisor", "paper")

@@ -166,34 +166,11 @@ def test_no_name_of_a_room_hides_one_of_its_files():
     assert hidden == set()
 
 
-def test_progress_is_one_kind_of_thing_everywhere():
-    found = []
-    for path in PACKAGE.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.FunctionDef):
-                arguments = [*node.args.args, *node.args.kwonlyargs]
-                found += [ast.unparse(a.annotation) for a in arguments if a.arg == "progress"]
-    assert {text.removesuffix(" | None") for text in found} <= {
-        "ProgressCallback", "SearchCallback", "Progress", "SearchProgress",
-    }  # fmt: skip
-    assert issubclass(fpid_pin.tuning.SearchProgress, fpid_pin.progress.Progress)
-
-
 def test_every_file_is_readable_in_one_sitting():
     long = {
         p.name: n for p in PACKAGE.rglob("*.py") if (n := len(p.read_text().splitlines())) > 400
     }
     assert long == {}
-
-
-def test_the_library_never_prints():
-    for path in PACKAGE.rglob("*.py"):
-        calls = [
-            node.func.id
-            for node in ast.walk(ast.parse(path.read_text()))
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
-        ]
-        assert "print" not in calls, path
 
 
 UNIT = re.compile(

@@ -5,45 +5,11 @@ import warnings
 import numpy as np
 import pinocchio as pin
 import pytest
+from robots import LIMIT, joint, link, robot, write
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.exceptions import ArgumentError, ArmError, FpidWarning
-
-BODY = (
-    '<inertial><mass value="{m}"/><inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/>'
-)
-LIMIT = '<limit lower="-2" upper="1" effort="10" velocity="3"/>'
-
-
-def link(name, mass=1.0, inertia=0.1, visual=""):
-    body = BODY.format(m=mass, i=inertia) + "</inertial>"
-    return f'<link name="{name}">{body}{visual}</link>'
-
-
-def body(name, diagonal, off=(0, 0, 0), mass=1.0):
-    keys = zip(("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), (*diagonal, *off), strict=True)
-    entries = " ".join(f'{key}="{value}"' for key, value in keys)
-    inertial = f'<inertial><mass value="{mass}"/><inertia {entries}/></inertial>'
-    return f'<link name="{name}">{inertial}</link>'
-
-
-def joint(name, parent, child, kind="revolute", extra=LIMIT, axis="0 1 0"):
-    return (
-        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-        f'<origin xyz="0.3 0 0"/><axis xyz="{axis}"/>{extra}</joint>'
-    )
-
-
-def robot(*parts):
-    return f'<robot name="made">{"".join(parts)}</robot>'
-
-
-def write(tmp_path, text, name="arm.urdf"):
-    path = tmp_path / name
-    path.write_text(text, encoding="utf-8")
-    return path
-
 
 TWO = (
     link("base"),
@@ -190,7 +156,7 @@ ACCEPTED = {
     "a prefix that is not declared": PLAIN.replace("</robot>", '<gazebo:x a:b="1"/></robot>'),
     "a default namespace": PLAIN.replace("<robot", '<robot xmlns="http://www.ros.org"'),
     "an element twice": PLAIN.replace(LIMIT, LIMIT * 2),
-    "an odd inertia that never moves": PLAIN.replace(link("base"), body("base", (-1, 1, 9))),
+    "an odd inertia that never moves": PLAIN.replace(link("base"), link("base", 1.0, (-1, 1, 9))),
     "tags of others": PLAIN.replace("</link>", '<contact x="a"/></link><transmission/>'),
 }
 
@@ -209,7 +175,7 @@ def test_an_inertia_that_no_body_has_can_be_put_right_or_accepted(tmp_path):
     """By hand: (1, 1, 3) has second moments (1.5, 1.5, -0.5); the closest has (a, a, 0), with
     2 (a - 1)^2 + (2 a - 3)^2 least at a = 4/3."""
     turned = '<inertial><origin rpy="0 0 0.7" xyz="0.1 0 0"/>'
-    text = robot(link("base"), body("a", (1, 1, 3)).replace("<inertial>", turned),
+    text = robot(link("base"), link("a", 1.0, (1, 1, 3)).replace("<inertial>", turned),
                  joint("j", "base", "a", axis="0 0 1"))  # fmt: skip
     path = write(tmp_path, text)
     with pytest.warns(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from robots import joint, link, robot, write
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
@@ -10,23 +11,19 @@ from fpid_pin.view.scene import stage
 
 M, INERTIA, CARRIER, G = 1.5, 0.02, 0.3, 9.81
 #: A carrier turns about -y (x towards z), with its inertia about the joint; a mass slides along it.
-URDF = f"""<robot name="crane"><link name="base"/>
-<link name="carrier"><inertial><mass value="1"/><inertia ixx="{CARRIER}" iyy="{CARRIER}"
-izz="{CARRIER}" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<link name="load"><inertial><mass value="{M}"/><inertia ixx="{INERTIA}" iyy="{INERTIA}"
-izz="{INERTIA}" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="turn" type="revolute"><parent link="base"/><child link="carrier"/><axis xyz="0 -1 0"/>
-<limit lower="-2" upper="2" effort="60" velocity="3"/></joint>
-<joint name="slide" type="prismatic"><parent link="carrier"/><child link="load"/>
-<axis xyz="2 0 0"/><limit lower="0.2" upper="1" effort="40" velocity="0.5"/></joint></robot>"""
+SLIDES = '<limit lower="0.2" upper="1" effort="40" velocity="0.5"/>'
+URDF = robot(
+    link("base"), link("carrier", 1.0, CARRIER), link("load", M, INERTIA),
+    joint("turn", "base", "carrier", axis="0 -1 0", origin="0 0 0",
+          extra='<limit lower="-2" upper="2" effort="60" velocity="3"/>'),
+    joint("slide", "carrier", "load", "prismatic", SLIDES, "2 0 0", origin="0 0 0"),
+)  # fmt: skip
 Q, V, A = np.array([0.6, 0.7]), np.array([0.9, -0.4]), np.array([1.3, 2.1])
 
 
 @pytest.fixture
 def crane(tmp_path):
-    path = tmp_path / "crane.urdf"
-    path.write_text(URDF, encoding="utf-8")
-    return Arm.from_urdf(path)
+    return Arm.from_urdf(write(tmp_path, URDF))
 
 
 def by_hand(q, v, a):
@@ -80,16 +77,10 @@ def test_limits_that_are_passed_are_told_in_its_units(crane):
     [(("1 0 0", "1 1 1"), True), (("1 0 0", "0 1 0", "0 0 1"), False), (("0 0 1",), True)],
 )  # fmt: skip
 def test_gantries_are_looked_at_across_their_plane(tmp_path, axes, planar):
-    parts = ['<robot name="gantry"><link name="l0"/>']
-    body = URDF[URDF.index('<link name="load">') : URDF.index("<joint")]
-    joint = URDF[URDF.index('<joint name="slide"') : URDF.index("</robot>")]
-    for k, axis in enumerate(axes, start=1):
-        parts.append(body.replace("load", f"l{k}"))
-        moved = joint.replace("2 0 0", axis).replace('"slide"', f'"j{k}"')
-        parts.append(moved.replace("carrier", f"l{k - 1}").replace("load", f"l{k}"))
-    path = tmp_path / "gantry.urdf"
-    path.write_text("".join(parts) + "</robot>", encoding="utf-8")
-    arm = Arm.from_urdf(path)
+    parts = [link(f"l{k}") for k in range(len(axes) + 1)]
+    for k, axis in enumerate(axes):
+        parts.append(joint(f"j{k}", f"l{k}", f"l{k + 1}", "prismatic", SLIDES, axis, "0 0 0"))
+    arm = Arm.from_urdf(write(tmp_path, robot(*parts)))
     found = stage([arm], [np.array([arm.lower, arm.upper])])
     assert found.planar is planar
     assert np.isfinite(found.extent).all()

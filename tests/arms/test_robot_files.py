@@ -5,7 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mjcf_arm import TEXT as MJCF
+from robots import LIFTER as MJCF
+from robots import write
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
@@ -20,12 +21,6 @@ XACRO = (
 TWO_LINK = (Path(__file__).parents[2] / "urdf" / "two_link.urdf").read_text(encoding="utf-8")
 # Of limits that are 0 a warning tells.
 TWO_LINK = TWO_LINK.replace('effort="0" velocity="0"', "")
-
-
-def write(tmp_path, text, name):
-    path = tmp_path / name
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 @pytest.mark.parametrize("name", ["arm.urdf", "arm"])
@@ -131,8 +126,3 @@ def test_a_missing_package_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "robot_descriptions", None)
     with pytest.raises(ArmError, match=r"pip install fpid_pin\[descriptions\]"):
         Arm.from_description("ur5e_description")
-
-
-def test_the_page_on_models_runs():
-    page = (Path(__file__).parents[2] / "docs" / "models.md").read_text(encoding="utf-8")
-    exec(page.partition("```python\n")[2].partition("```")[0], {})

@@ -1,7 +1,8 @@
 """Robots that cannot be, or that would stop the process: one line each, and no long wait."""
 
 import pytest
-from test_from_urdf import LIMIT, MESH, body, joint, link, robot, write
+from robots import LIMIT, joint, link, robot, write
+from test_from_urdf import MESH
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
@@ -14,10 +15,8 @@ def one_joint(tip, extra=LIMIT, **kind):
     return robot(link("base"), tip, joint("j", "base", "tip", extra=extra, **kind))
 
 
-POINT = '<link name="{}"><inertial><origin xyz="1 0 0"/><mass value="{}"/><inertia ixx="0" ' \
-    'iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link>'  # fmt: skip
 #: Point masses only: with none on link 1 the straight arm has no inertia across.
-ELBOW = (link("base"), POINT.format("upper", 0), POINT.format("fore", 1),
+ELBOW = (link("base"), link("upper", 0, 0, com="1 0 0"), link("fore", 1, 0, com="1 0 0"),
          joint("j", "base", "upper"), joint("k", "upper", "fore").replace("0.3", "1"))  # fmt: skip
 REFUSED = {
     # In the words of urdfdom and Pinocchio.
@@ -50,10 +49,10 @@ REFUSED = {
     "massless elbow": (robot(*ELBOW), "link 'upper'"),
     "negative mass": (one_joint(link("tip", -1.0)), r"link 'tip': expected a mass >= 0 .*got -1"),
     "negative moment": (
-        one_joint(body("tip", (-0.1, 0.2, 0.2))),
+        one_joint(link("tip", 1.0, (-0.1, 0.2, 0.2))),
         r"link 'tip': expected principal moments of inertia >= 0 .*got -0\.1, 0\.2, 0\.2"),
     "triangle inequality": (
-        one_joint(body("tip", (0.1, 0.1, 0.3))),
+        one_joint(link("tip", 1.0, (0.1, 0.1, 0.3))),
         r"none above the sum of the others, got 0\.1, 0\.1, 0\.3 .inertia = .nearest. takes"),
     "negative damping": (
         one_joint(link("tip"), LIMIT + '<dynamics damping="-0.5"/>'),
@@ -108,7 +107,7 @@ def test_another_file_is_not_read(tmp_path):
     "diagonal", [(0, 0.1, 0.1), (0.1, 0.2, 0.302), (0, 0, 0), (-2.4e-35, 0, 2.4e-35)]
 )
 def test_rods_plates_points_and_rounded_numbers_are_bodies(diagonal):
-    tip = body("tip", diagonal).replace("<mass", '<origin xyz="0.1 0 0"/><mass')
+    tip = link("tip", 1.0, diagonal, com="0.1 0 0")
     table = {"kind": "urdf", "urdf": one_joint(tip)}
     assert descriptions.from_dict(table, Arm).n == 1
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from robots import LIFTER, joint, link, robot, write
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
@@ -21,20 +22,16 @@ INITIAL = [
     "FPID + feedforward + observer", "integer PID + feedforward + observer", "FPID", "integer PID",
     "PD + gravity", "computed torque",
 ]  # fmt: skip
-MJCF = Path(__file__).parent.parent / "arms" / "mjcf_arm.py"
-
-WEAK = """<robot name="weak"><link name="base"/><link name="rod"><inertial>
-<origin xyz="0.5 0 0"/><mass value="20"/>
-<inertia ixx="0.02" iyy="0.5" izz="0.5" ixy="0" ixz="0" iyz="0"/></inertial></link>
-<joint name="hinge" type="revolute"><parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
-<limit lower="-3" upper="3" effort="40" velocity="10"/></joint></robot>"""
+WEAK = robot(
+    link("base"), link("rod", 20, (0.02, 0.5, 0.5), com="0.5 0 0"),
+    joint("hinge", "base", "rod", extra='<limit lower="-3" upper="3" effort="40" velocity="9"/>'),
+)  # fmt: skip
 
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    text = MJCF.read_text().partition('"""')[2].partition('"""')[2].partition('"""')[2]
-    (tmp_path / "lifter.xml").write_text(text.partition('"""')[0], encoding="utf-8")
+    write(tmp_path, LIFTER, "lifter.xml")
     return tmp_path
 
 
@@ -200,14 +197,14 @@ def test_what_is_asked_of_the_drives_can_be_borne(name):
     assert rounded(np.array([0.0, 0.299, 1.0, 0.0349, 3.39, 128.0])).tolist() == cut
 
 
-@pytest.mark.filterwarnings("ignore:weak. joint hinge::")
+@pytest.mark.filterwarnings("ignore:made. joint hinge::")
 def test_init_says_first_what_an_arm_s_own_drives_cannot_hold(tmp_path, monkeypatch, capsys):
     """And suggests no payload that they would have to hold as well."""
     monkeypatch.chdir(tmp_path)
     weak = fp.Arm.planar([1.0], [20.0], gravity=9.8).with_limits(effort=40.0)
     assert payload(weak) <= 0.02
     assert payload(weak.with_limits(effort=400.0)) == pytest.approx(6.0)
-    (tmp_path / "weak.urdf").write_text(WEAK)
+    write(tmp_path, WEAK, "weak.urdf")
     assert main(["init", "weak.urdf", "--out", "weak.toml"]) == 0
     said = capsys.readouterr().out.splitlines()
     assert "joint hinge: gravity at home is 98.1 N m, beyond its effort limit of 40 N m" in said[0]

@@ -25,6 +25,7 @@ from own_laws import (
 
 import fpid_pin as fp
 from fpid_pin.exceptions import SimulationError
+from fpid_pin.simulation.engine import Simulation
 
 STEP = 1e-3
 ARM = fp.Arm.two_link()
@@ -181,12 +182,17 @@ def test_a_fault_ends_its_run_with_its_cause_and_leaves_the_others_alone(how):
     assert np.array_equal(run.torque, whole.torque[:tick])
     costs = fp.evaluate(paper(0.2), [broken, sound])
     assert np.isinf(costs).tolist() == [True, False]
-    # In single use it is an error, in a line.
+    # In single use it is an error, in a line; also where a simulation is ticked.
     loop = dataclasses.replace(broken, breaks_at=-1.0).start(ARM, step=STEP)
     if how != "nan":
         with pytest.raises(SimulationError, match=CAUSES[how]) as caught:
             loop.torque(*np.zeros((4, 2)))
         assert "\n" not in str(caught.value)
+        simulation = Simulation(paper().with_dynamics("pinocchio"), broken)
+        for _ in range(tick):
+            simulation.tick()
+        with pytest.raises(SimulationError, match=CAUSES[how]):
+            simulation.tick()
 
 
 # ---------------------------------------------------------------------- faults that are seen first

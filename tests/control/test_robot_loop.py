@@ -184,8 +184,6 @@ def test_one_turn_is_for_revolute_joints_alone():
         record = robot.record()
         robot.torque([0.0, 0.0], [6.3, 10.1], [0.0, 0.0])
         assert record.arrays()["q"][0] == pytest.approx(expected)
-    with pytest.raises(ArgumentError, match=r"rate.turn: expected shape \(2,\) .* got shape"):
-        RobotLoop(started(), rate=EncoderRate(turn=[1.0, 1.0, 1.0]))
 
 
 @pytest.mark.parametrize(
@@ -287,21 +285,6 @@ def test_a_steady_motion_is_the_same_through_ticks_that_were_missed():
     for k in (0, 1, 5, 6, 19):
         some = through.rate(q[k : k + 1], {0: 1, 1: 1, 5: 4, 6: 1, 19: 13}[k])
     assert some == pytest.approx(every, rel=1e-12)
-
-
-def test_a_turn_that_begins_again_is_no_jump():
-    plain, wrapped = EncoderRate(0.0).start(STEP), EncoderRate(0.0, turn=2 * np.pi).start(STEP)
-    for q in np.linspace(-20.0, 20.0, 400):
-        expected = plain.rate(np.array([q, -q]))
-        found = wrapped.rate(np.array([q, -q]) % (2 * np.pi))
-    assert found == pytest.approx(expected, rel=1e-9)
-
-
-def test_joints_may_have_different_turns_or_none():
-    encoder = EncoderRate(0.0, turn=[2 * np.pi, np.inf, 0.1])
-    angle, to = np.array([0.1, 0.1, 0.02]), np.array([12.5, 12.5, 12.5])
-    assert encoder.nearest(angle, to) == pytest.approx([0.1 + 4 * np.pi, 0.1, 12.52], abs=1e-12)
-    assert EncoderRate().nearest(angle, to).tolist() == angle.tolist()
 
 
 def test_it_starts_at_rest_and_again_after_a_reset():

@@ -7,7 +7,6 @@ from scipy.special import gamma
 
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.fractional import L1, Bank, Crone, Design, ExponentialSum
-from fpid_pin.fractional.design import integrate_step
 
 STEP = 1e-3
 MODAL = [ExponentialSum(24), Crone(1e-2, 1e3, 5)]
@@ -23,25 +22,6 @@ def signal(samples, shape, seed=0):
 
 def bank_of(design, order, **options):
     return Bank(design, order, **({"step": STEP, "horizon": 1.0} | options))
-
-
-@pytest.mark.parametrize("design", MODAL, ids=repr)
-@pytest.mark.parametrize("order", [0.05, 0.5, 0.93])
-def test_the_fast_recursion_equals_the_rule_as_written(design, order):
-    """As in the design document: m, b1, b0, b2, in mode states x."""
-    value, rate = signal(400, ())
-    c = design.coefficients(order, step=STEP, horizon=1.0)
-    one = integrate_step(c.poles, STEP)
-    x, want = np.zeros(c.poles.shape), [0.0]
-    for k in range(1, len(value)):
-        m = (value[k] - value[k - 1]) / STEP - (rate[k] + rate[k - 1]) / 2
-        past = one["decay"] * x
-        x = past + one["b1"] * rate[k] + one["b0"] * rate[k - 1] + one["b2"] * m
-        newest = c.now * rate[k] + c.before * rate[k - 1] + c.mean * m
-        filtered = isinstance(design, Crone)
-        want.append((c.weights * x).sum() if filtered else newest + (c.weights * past).sum())
-    got = exact.stream(bank_of(design, order), value, rate)
-    assert np.abs(got - want).max() < 1e-11 * np.abs(want).max()
 
 
 @pytest.mark.parametrize("design", MODAL, ids=repr)

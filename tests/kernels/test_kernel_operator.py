@@ -7,7 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from fpid_pin.fractional import Crone, ExponentialSum
+from fpid_pin.fractional import ExponentialSum
 from fpid_pin.kernels.operator import (
     advance_operator,
     initialise,
@@ -40,14 +40,6 @@ def recorded(order, f, rate, initialisation="caputo", design=DESIGN, differenced
     return out
 
 
-@pytest.mark.parametrize("initialisation", ["caputo", "riemann_liouville", "grunwald_letnikov"])
-def test_orders_0_and_1_are_the_signal_and_its_rate(initialisation):
-    f, rate = np.cos(5.0 * T), -5.0 * np.sin(5.0 * T)
-    out = recorded([0.0, 1.0], f, rate, initialisation)
-    assert (out[:, 0] == f).all()
-    assert (out[:, 1] == rate).all()
-
-
 @pytest.mark.parametrize("order", [0.2, 0.7])
 def test_what_was_before_the_start_is_as_the_initialisation_says(order):
     """A constant: nothing, or the step response t^-a/Gamma(1 - a) with or without its kick."""
@@ -60,19 +52,6 @@ def test_what_was_before_the_start_is_as_the_initialisation_says(order):
     assert kicked[0] == pytest.approx(2.0 * STEP**-order, rel=1e-12)
     assert np.abs(rest[1:] / jump - 1.0).max() < 1e-8
     assert (kicked[1:] == rest[1:]).all()
-
-
-def test_a_filter_at_rest_answers_a_step_with_its_own_step_response():
-    """Poles of one's own: H(s)/s as partial fractions, at t = 0 its gain at high frequencies."""
-    design = Crone(0.1, 100.0, 2)
-    got = recorded([0.3, 0.8], np.ones(SAMPLES), np.zeros(SAMPLES), "grunwald_letnikov", design)
-    for column, order in enumerate((0.3, 0.8)):
-        zeros, poles, gain = design.zpk(order)
-        total = np.full(SAMPLES, gain * np.prod(zeros / poles))
-        for p in poles:
-            others = np.prod(p - poles[poles != p])
-            total += gain * np.prod(p - zeros) / (p * others) * np.exp(p * T)
-        assert got[:, column] == pytest.approx(total, rel=1e-9)
 
 
 def test_sample_by_sample_is_the_whole_record_and_channels_do_not_see_one_another():

@@ -1,4 +1,4 @@
-"""Sensors, drives, one step of motion, sums of figures of merit, and whole stretches of a run."""
+"""Numbers, sensors, and stretches of a run with their figures of merit."""
 
 import dataclasses
 
@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import fpid_pin as fp
-from fpid_pin.kernels import functions, metrics, plant, rollout, sensors
+from fpid_pin.kernels import functions, sensors
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.records import MEASURE, PLANT, SENSOR
+from fpid_pin.kernels.records import SENSOR
 from fpid_pin.references import Sinusoid
 
 pytestmark = pytest.mark.kernels
@@ -77,101 +77,6 @@ def test_delay_noise_bias_steps_and_filter_come_in_this_order():
         assert inputs[1, 1] == pytest.approx(kept)
 
 
-def test_no_sensors_and_perfect_ones_tell_the_truth():
-    q, v = np.random.default_rng(2).normal(size=(2, 2))
-    for n in (0, 2):
-        inputs = np.zeros((5, 2))
-        sensors.measure(
-            np.zeros(n, SENSOR), np.zeros((1, 2, 2)), np.zeros((0, 2, 2)), q, v, 0, inputs
-        )
-        assert (inputs[:2] == [q, v]).all()
-
-
-# ---------------------------------------------------------------------- figures of merit
-
-
-@pytest.mark.parametrize("first", [(1.0, -0.5), (-1.0, 0.02)])
-def test_the_sums_are_those_of_the_whole_record(first):
-    """In blocks of one row and of five, with a reference and without."""
-    q, q_ref, torque = np.random.default_rng(0).normal(size=(3, 9, 2))
-    torque = np.clip(torque, -0.8, 0.8)
-    q[0] = q_ref[0] - first
-    q[6:, 1] = q_ref[6:, 1] + 0.01
-    e, u, t = q_ref - q, torque, 0.1 * np.arange(9)[:, np.newaxis]
-    expected = {
-        "square": (e**2).sum(0), "late": (e[4:] ** 2).sum(0), "absolute": np.abs(e).sum(0),
-        "aged": (t * np.abs(e)).sum(0), "effort": (u**2).sum(0), "peak": np.abs(u).max(0),
-        "changes": np.abs(np.diff(u, axis=0)).sum(0), "jumps": (np.diff(u, axis=0) ** 2).sum(0),
-        "start": e[0], "worst": np.abs(e).max(0), "last": u[-1],
-        "beyond": np.maximum((-np.sign(e[0]) * e).max(0), 0.0),
-        "at_limit": (np.abs(u) >= 0.8).sum(0), "rows": 9, "late_rows": 5,
-        "settled": [1 + np.flatnonzero(np.abs(column) > 0.1).max() for column in e.T],
-    }  # fmt: skip
-    whole, parts = (records(MEASURE, 2, limit=0.8, band=0.1) for _ in range(2))
-    motion = np.stack([q, 0 * q, torque])
-    metrics.measure_rows(whole, q_ref[np.newaxis], motion, 4, 0.1)
-    for k in range(9):
-        metrics.measure_joints(parts, q_ref[np.newaxis, k:], motion[:, k:], 0, k, 4, 0.1)
-    assert (whole == parts).all()
-    for name, value in expected.items():
-        assert whole[name] == pytest.approx(np.broadcast_to(value, 2), rel=1e-13), name
-
-
-# ---------------------------------------------------------------------- drives and motion
-
-
-def test_drives_clip_and_friction_brakes_and_all_is_recorded():
-    joints = records(PLANT, 2, limit=[5.0, np.inf], viscous=0.5, push=[0.0, 1.0])
-    q, v = np.random.default_rng(0).normal(size=(2, 2))
-    torque, forces = np.array([9.0, -7.0]), np.arange(8.0).reshape(1, 4, 2)
-    motion, tau = np.zeros((3, 4, 2)), np.zeros(2)
-    assert not plant.apply_actuators(joints, q, v, torque, forces, motion, 2, tau)
-    assert motion[2, 2].tolist() == [5.0, -7.0]
-    assert (motion[:2, 2] == [q, v]).all()
-    assert tau == pytest.approx([5.0, -6.0] - 0.5 * v + forces[0, 2], rel=1e-14)
-    for bad in (np.nan, np.inf):
-        torque[0] = bad
-        assert plant.apply_actuators(joints, q, v, torque, forces, motion, 3, tau)
-        assert not np.isfinite(motion[2, 3, 0])
-
-
-def test_semi_implicit_euler_uses_the_new_rate():
-    q, v, a = np.random.default_rng(1).normal(size=(3, 2))
-    expected = q + 0.1 * (v + 0.1 * a)
-    plant.integrate_velocity(v, a, 0.1)
-    plant.integrate_position(q, v, 0.1)
-    assert (q == expected).all()
-
-
-def test_runge_kutta_integrates_a_cubic_exactly():
-    """q'' = 6 t has q = t^3; its stages look at t = 0, h/2, h/2, h."""
-    h, q, v = 0.3, np.zeros(1), np.zeros(1)
-    forces = 6.0 * np.array([0.0, h / 2, h]).reshape(3, 1, 1)
-    stages = np.zeros((11, 1))
-    for i in range(1, 4):
-        plant.runge_kutta_stage(np.zeros(1, PLANT), q, v, np.zeros(1), stages, forces, 0, i, h)
-        stages[4 + 2 * i] = stages[2]
-    plant.finish_runge_kutta(q, v, stages, h)
-    assert v[0] == pytest.approx(3.0 * h**2, rel=1e-14)
-    assert q[0] == pytest.approx(h**3, rel=1e-14)
-
-
-def test_a_stage_brakes_by_its_own_rate():
-    stages = np.zeros((11, 1))
-    stages[3:5] = 2.0
-    joints = records(PLANT, 1, viscous=3.0)
-    args = np.ones(1), np.ones(1), np.full(1, 10.0), stages, np.zeros((3, 1, 1))
-    plant.runge_kutta_stage(joints, *args, 0, 1, 1.0)
-    assert stages[:3, 0].tolist() == [2.0, 2.0, 10.0 - 3.0 * (2.0 - 1.0)]
-
-
-def test_a_joint_that_runs_away_or_loses_its_numbers_is_found():
-    joints = records(PLANT, 2, runaway=10.0)
-    assert not plant.has_diverged(joints, np.zeros(2), np.array([10.0, -10.0]))
-    for q, v in ((0.0, 10.1), (0.0, -10.1), (0.0, np.nan), (np.inf, 0.0), (np.nan, 0.0)):
-        assert plant.has_diverged(joints, np.array([0.0, q]), np.array([0.0, v]))
-
-
 # ---------------------------------------------------------------------- stretches of a run
 
 ARM = fp.Arm.planar((0.5, 0.4, 0.3), (1.0, 0.8, 0.5)).with_friction(viscous=0.1)
@@ -213,7 +118,10 @@ STRETCHES = {
     ),
     "Slotine-Li": (dataclasses.replace(BASE, plant=RUBS), fp.SlotineLi(5.0, 5.0)),
     "operators of its own signal": (BASE, OfItsSurface()),
-    "weight": (BASE, fp.GravityOnly()),
+    "weight, late": (
+        dataclasses.replace(BASE, q0=0.0, sensors=fp.Sensors(delay=1)),
+        fp.GravityOnly(),
+    ),
     "computed torque": (BASE, fp.ComputedTorque(60.0, 15.0)),
 }
 
@@ -228,24 +136,22 @@ def test_a_stretch_is_the_run_that_pinocchio_and_python_make_tick_by_tick(name):
     for array in ("q", "v", "torque", *runs[0].signals):
         found, expected = (getattr(run, array) for run in runs)
         assert np.abs(found - expected).max() < 1e-11 * max(1.0, np.abs(expected).max()), array
+    for figure in fp.costs.METRICS:
+        found, expected = (getattr(run.metrics, figure) for run in runs)
+        assert found == pytest.approx(expected, rel=1e-9, abs=1e-9), figure
     assert np.abs(np.diff(runs[0].torque, axis=0)).min(axis=1).max() > 0.0
 
 
 @pytest.mark.parametrize(("torque", "speed"), [(1.7e308, 1e3), (50.0, 3.0)])
 def test_a_stretch_ends_where_a_number_is_lost_or_a_joint_runs_away(torque, speed):
     law = fp.Pid(torque, 0.0, 0.0)
-    experiment = dataclasses.replace(BASE, q0=1.5, dynamics="compiled", runaway_speed=speed)
+    weak = fp.Plant(effort_limit=(5.0, np.inf, np.inf))
+    experiment = dataclasses.replace(
+        BASE, q0=1.5, plant=weak, dynamics="compiled", runaway_speed=speed
+    )
     run = fp.simulate(experiment, law)
     other = fp.simulate(dataclasses.replace(experiment, dynamics="pinocchio"), law)
     assert not run.outcome.completed
     assert run.outcome == other.outcome
+    assert np.array_equal(run.metrics.saturated, other.metrics.saturated, equal_nan=True)
     assert len(run.t) == round(run.outcome.time / run.step) <= round(DURATION / run.step)
-
-
-def test_rows_are_loaded_and_kept_by_their_numbers():
-    reference, inputs = np.arange(24.0).reshape(3, 4, 2), np.zeros((5, 2))
-    rollout.load_reference(reference, 2, inputs)
-    assert (inputs[2:] == reference[:, 2]).all()
-    own, kept = np.arange(10.0).reshape(2, 5), np.zeros((2, 3, 2))
-    rollout.keep_signals(own, np.array([4, 1]), kept, 1)
-    assert (kept[:, 1] == own[:, [4, 1]].T).all()

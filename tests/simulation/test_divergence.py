@@ -7,10 +7,9 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.control import GravityOnly
-from fpid_pin.exceptions import ArgumentError, SimulationError
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold
 from fpid_pin.simulation import limit_report
-from fpid_pin.simulation.engine import Simulation
 
 EXPERIMENT = fp.paper_experiment(duration=2.0)
 GOOD = fp.paper_controller()
@@ -113,29 +112,6 @@ def test_a_diverged_run_costs_infinity_and_its_metrics_are_those_of_its_rows():
 def test_a_start_beyond_the_runaway_speed_is_refused():
     with pytest.raises(ArgumentError, match="v0: expected at most runaway_speed"):
         dataclasses.replace(EXPERIMENT, v0=(2000.0, 0.0))
-
-
-class Faulty(fp.Controller):
-    """A law in Python that gives way after 0.1 s."""
-
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        if state.joints["t"][0] > 0.0995:
-            raise ZeroDivisionError("nothing to divide by")
-        return 50.0 * (q_ref - q) + 10.0 * (v_ref - v)
-
-
-@pytest.mark.parametrize("dynamics", ["compiled", "pinocchio"])
-def test_a_law_in_python_that_gives_way_ends_its_run_or_its_tick(dynamics):
-    """What laws may do wrong, and that others go on, is in tests/control/test_own_law.py."""
-    experiment = EXPERIMENT.with_dynamics(dynamics)
-    run, cause = fp.simulate(experiment, Faulty()), "the law raised ZeroDivisionError: nothing to"
-    assert str(run.outcome).startswith(f"ended at 0.1 s: {cause}")
-    assert len(run.t) == 100
-    simulation = Simulation(experiment, Faulty())
-    for _ in range(100):
-        simulation.tick()
-    with pytest.raises(SimulationError, match=cause):
-        simulation.tick()
 
 
 # ---------------------------------------------------------------------- limits

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.costs import METRICS, FromRows, MetricCost, QuadraticCost, ToolCost
+from fpid_pin.costs import METRICS, FromRows, MetricCost, QuadraticCost, SettlingCost, ToolCost
 from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.disturbances import Cosine, Pulse
 from fpid_pin.exceptions import ArgumentError
@@ -159,7 +159,9 @@ def population(count, duration=0.25):
     return experiments, controllers
 
 
-COSTS = [QuadraticCost(), MetricCost("total_variation"), ToolCost()]
+COSTS = [
+    QuadraticCost(), MetricCost("rms", joints="worst"), SettlingCost(), ToolCost()
+]  # fmt: skip
 
 
 def test_a_run_has_the_same_bits_alone_in_company_and_with_any_number_of_threads(monkeypatch):
@@ -196,7 +198,7 @@ def test_a_run_has_the_same_bits_in_blocks_of_any_size(dynamics, monkeypatch):
             assert_same(run, other)
         # A cost of its own adds up what a block comes to.
         found = fp.evaluate(experiments, controllers, COSTS)
-        assert np.array_equal(found[:, :2], costs[:, :2])
+        assert np.array_equal(found[:, :3], costs[:, :3])
         assert found == pytest.approx(costs, rel=1e-13)
 
 

@@ -9,6 +9,7 @@ import sys
 import numpy as np
 import pyarrow.parquet
 import pytest
+from robots import joint, link, robot, write
 from scipy.io import loadmat, savemat
 
 import fpid_pin as fp
@@ -348,22 +349,13 @@ def test_a_replay_in_a_notebook_is_the_page_in_a_frame(run):
     assert "Replay" in repr(shown)
 
 
-INERTIAL = """<inertial><mass value="1"/>
-<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial>"""
-JOINT = """<joint name="{}" type="{}"><parent link="{}"/><child link="{}"/><axis xyz="0 1 0"/>
-<limit lower="-1" upper="1" effort="9" velocity="9"/></joint>"""
-CRANE = (
-    '<robot name="crane">'
-    + "".join(f'<link name="{name}">{INERTIAL}</link>' for name in "abc")
-    + JOINT.format("turn", "revolute", "a", "b")
-    + JOINT.format("slide", "prismatic", "b", "c")
-    + "</robot>"
-)
+CRANE = robot(
+    *map(link, "abc"), joint("turn", "a", "b"), joint("slide", "b", "c", "prismatic")
+)  # fmt: skip
 
 
 def test_units_are_those_of_joints_that_turn_and_of_those_that_slide(tmp_path):
-    (tmp_path / "arm.urdf").write_text(CRANE)
-    arm = fp.Arm.from_urdf(tmp_path / "arm.urdf")
+    arm = fp.Arm.from_urdf(write(tmp_path, CRANE))
     run = fp.Run.from_arrays(np.arange(3.0), *(np.zeros((3, 2)),) * 3, arm=arm)
     found = run.to_dataframe().attrs["units"]
     assert (found["q.turn"], found["v_ref.turn"], found["torque.turn"]) == ("rad", "rad/s", "N m")

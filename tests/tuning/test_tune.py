@@ -264,16 +264,6 @@ class PythonPd(fp.Controller):
         return self.kp * (q_ref - q) + self.kd * (v_ref - v)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class JointPd(fp.Controller):
-    kp: ArrayLike = 50.0
-    kd: ArrayLike = 10.0
-
-    @staticmethod
-    def torque(c):
-        return c.kp * c.e + c.kd * c.e_dot
-
-
 def test_it_says_before_the_search_how_long_it_takes(monkeypatch):
     clock = iter((0.0, 36.0))
     monkeypatch.setattr(
@@ -293,14 +283,3 @@ def test_it_says_before_the_search_how_long_it_takes(monkeypatch):
     )
     assert warning.filename == __file__
     assert counts[0] == 1
-
-
-def test_its_search_is_that_of_the_same_law_joint_by_joint():
-    settings = small(population=4, generations=2)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        joint = tune(SHORT, JointPd(), GAINS, settings=settings)
-    shared = dataclasses.replace(settings, workers=2)
-    with pytest.warns(fp.FpidWarning, match="plain Python"):
-        python = tune(SHORT, PythonPd(), GAINS, settings=shared)
-    assert python.history.best == pytest.approx(joint.history.best, rel=1e-9)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from bounded import until
+from robots import joint, link, robot, write
 
 from fpid_pin import (
     AdaptiveFpid,
@@ -82,18 +83,12 @@ JOINTS = (("revolute", "0 0 1", 0.0), ("prismatic", "0 0 1", 0.3), ("prismatic",
 
 @pytest.fixture(scope="session")
 def scara(tmp_path_factory: pytest.TempPathFactory) -> Arm:
-    text = '<robot name="column"><link name="l0"/>'
-    for k, (kind, axis, z) in enumerate(JOINTS, start=1):
-        text += (
-            f'<link name="l{k}"><inertial><mass value="1"/><inertia ixx="0.02" iyy="0.02" '
-            'izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>'
-            f'<joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/><child link="l{k}"/>'
-            f'<origin xyz="0 0 {z}" rpy="0 0 {0.3 * k}"/><axis xyz="{axis}"/>'
-            '<limit lower="-0.4" upper="0.6" effort="90" velocity="2"/></joint>'
-        )
-    path = tmp_path_factory.mktemp("scara") / "column.urdf"
-    path.write_text(f"{text}</robot>", encoding="utf-8")
-    return Arm.from_urdf(path)
+    limit = '<limit lower="-0.4" upper="0.6" effort="90" velocity="2"/>'
+    parts = [link(f"l{k}", 1.0, 0.02) for k in range(4)]
+    for k, (kind, axis, z) in enumerate(JOINTS):
+        origin = f'0 0 {z}" rpy="0 0 {0.3 * (k + 1)}'
+        parts.append(joint(f"j{k + 1}", f"l{k}", f"l{k + 1}", kind, limit, axis, origin))
+    return Arm.from_urdf(write(tmp_path_factory.mktemp("scara"), robot(*parts)))
 
 
 @pytest.fixture(scope="session")

@@ -1,13 +1,8 @@
-import importlib.util
-from pathlib import Path
-
 import pytest
 
 from fpid_pin.cli.commands import live, view
 from fpid_pin.cli.configuration import demo_config
 from fpid_pin.exceptions import ArgumentError, ConfigError, FileFormatError
-
-ROOT = Path(__file__).parents[2]
 
 
 def test_view_writes_a_page_of_several_files(make_run, two_link, tmp_path, capsys):
@@ -46,15 +41,3 @@ def test_live_prints_lateness_with_and_without_the_view(config, capsys):
 def test_live_names_a_controller_that_is_not_there(config):
     with pytest.raises(ConfigError, match="--controller: expected one of .*, got 'two'"):
         live(config, controller="two")
-
-
-def test_the_script_of_the_pictures_runs(tmp_path, monkeypatch, make_run, two_link):
-    spec = importlib.util.spec_from_file_location("pictures", ROOT / "docs" / "pictures.py")
-    pictures = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(pictures)
-    runs = [make_run(two_link)] * 4
-    monkeypatch.setattr(pictures, "photograph", lambda pages, folder: [])
-    monkeypatch.setattr(pictures, "figures", lambda runs: {})
-    monkeypatch.setattr(pictures, "paper_runs", lambda: runs)
-    monkeypatch.setattr(pictures, "arm_run", lambda name: runs[0])
-    assert pictures.main(tmp_path / "pictures") == []

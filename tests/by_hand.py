@@ -28,7 +28,7 @@ class Loop:
     def __init__(self, arm, law, step, *, scale=1.0, feedforward=False, observer=0.0):
         self.arm, self.law, self.h, self.scale = arm, law, step, scale
         self.n, self.viscous, self.limit = arm.n, arm.viscous_friction, arm.effort_limit
-        self.feedforward, self.observer = feedforward, observer
+        self.feedforward, self.observer, self.bandwidth = feedforward, observer, observer
         self._model, self._data = arm.model, arm.model.createData()
         self.total, self.cut, self.xi = np.zeros(self.n), np.zeros(self.n), np.zeros(self.n)
         self.last = self.predicted = None
@@ -49,8 +49,9 @@ class Loop:
     def torque(self, q, v, q_ref, v_ref, a_ref):
         h = self.h
         self.q, self.v, self.q_ref, self.v_ref, self.a_ref = q, v, q_ref, v_ref, a_ref
-        self.e, self.rate = q_ref - q, v_ref - v
-        if self.last is not None:
+        self.e, self.rate, self.v_hat = q_ref - q, v_ref - v, v
+        held = self.is_held()
+        if self.last is not None and not held:
             e_, rate_ = self.last
             growth = 0.5 * h * (self.e + e_) + h * h / 12.0 * (rate_ - self.rate)
             # Held where the torque was cut and more would be asked for.
@@ -61,25 +62,41 @@ class Loop:
             u = u + self.law.model(self)
         if self.feedforward:
             u = u + self.rnea(q_ref, v_ref, a_ref) + self.viscous * v_ref
-        if self.observer:
+        if self.bandwidth:
             self._correct()
-            u = u - self._felt() @ self.xi
-        given = np.clip(u, -self.limit, self.limit)
-        self.cut = u - given
         if self.observer:
-            bias = self.rnea(q, self.v_hat, np.zeros(self.n)) + self.viscous * v
-            ahead = np.linalg.solve(self._felt(), given - bias) + self.xi
-            self.predicted = self.v_hat + h * ahead
-        if hasattr(self.law, "adapt"):
+            u = u - self.felt() @ self.xi
+        given = self.supervised(u, self.limited(u))
+        if self.bandwidth:
+            self.predicted = self.v_hat + h * self.ahead(given)
+        if hasattr(self.law, "adapt") and not held:
             self.law.adapt(self)
         return given
 
-    def _felt(self):
+    def is_held(self):
+        """Return whether integrals and gains stand still; nothing here makes them."""
+        return False
+
+    def supervised(self, asked, given):
+        """Return the torque with what a supervisor adds; here there is none."""
+        return given
+
+    def limited(self, asked):
+        given = np.clip(asked, -self.limit, self.limit)
+        self.cut = asked - given
+        return given
+
+    def ahead(self, torque):
+        """Return q'' under a torque, disturbances as estimated."""
+        bias = self.rnea(self.q, self.v_hat, np.zeros(self.n)) + self.viscous * self.v
+        return np.linalg.solve(self.felt(), torque - bias) + self.xi
+
+    def felt(self):
         """What a torque meets over a step: friction is implicit in the speed, as in the arm's."""
         return self.mass() + self.h * np.diag(self.viscous)
 
     def _correct(self):
-        p, self.v_hat = np.exp(-self.observer * self.h), self.v
+        p = np.exp(-self.bandwidth * self.h)
         if self.predicted is not None:
             miss = self.v - self.predicted
             self.v_hat = self.predicted + (1.0 - p**2) * miss

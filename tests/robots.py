@@ -1,7 +1,38 @@
-"""An MJCF arm as people write it."""
+"""Robots as texts: URDFs piece by piece, and an MJCF arm as people write it."""
+
+LIMIT = '<limit lower="-2" upper="1" effort="10" velocity="3"/>'
+
+
+def link(name, mass=1.0, inertia=0.1, visual="", com=""):
+    """Return a link with one moment of inertia about all axes, or one about each [kg m^2]."""
+    about = inertia if isinstance(inertia, tuple) else (inertia,) * 3
+    moments = " ".join(f'i{x}{x}="{i}"' for x, i in zip("xyz", about, strict=True))
+    origin = f'<origin xyz="{com}"/>' if com else ""
+    return (
+        f'<link name="{name}"><inertial>{origin}<mass value="{mass}"/>'
+        f'<inertia {moments} ixy="0" ixz="0" iyz="0"/></inertial>{visual}</link>'
+    )
+
+
+def joint(name, parent, child, kind="revolute", extra=LIMIT, axis="0 1 0", origin="0.3 0 0"):
+    return (
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{origin}"/><axis xyz="{axis}"/>{extra}</joint>'
+    )
+
+
+def robot(*parts):
+    return f'<robot name="made">{"".join(parts)}</robot>'
+
+
+def write(folder, text, name="arm.urdf"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
 
 #: A hinge, a slide along an oblique axis, a hinge with an inertia at an angle; angles in degrees.
-TEXT = """<mujoco model="lifter">
+LIFTER = """<mujoco model="lifter">
   <option gravity="0 0.5 -9.7"/>
   <default>
     <joint damping="0.4"/>
