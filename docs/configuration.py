@@ -19,7 +19,7 @@ import numpy as np
 import fpid_pin as fp
 from fpid_pin import checks, descriptions
 from fpid_pin.arms.tables import _KINDS
-from fpid_pin.campaign import Distribution, Scenarios
+from fpid_pin.campaign import Distribution, Scenarios, Success
 from fpid_pin.campaign.uncertain import QUANTITIES
 from fpid_pin.cli.configuration import Payload
 from fpid_pin.cli.plans import CampaignTable, TuneTable
@@ -106,6 +106,7 @@ def allowed(key: descriptions.Key) -> str:
             said.append(", ".join(f'`"{option}"`' for option in bounds["options"]))
         elif check.function in (
             checks.number,
+            descriptions._number_or_joints,
             checks.scalar_or_joints,
             checks.floats,
             checks.integer,
@@ -202,6 +203,7 @@ def page() -> str:
     lines += ["## `[tune]`", "", "What `fpid-pin tune` searches.", "", *fields(TuneTable)]
     lines += family("`[tune.cost]`", fp.costs.Cost, "What is made small.")
     lines += ["## `[campaign]`", "", "What `campaign run` draws.", "", *fields(CampaignTable)]
+    lines += ["## `[campaign.success]`", "", first_line(Success), "", *fields(Success)]
     words = "A distribution for each of these quantities, all of them or a few:"
     quantities = [
         f"| `{name}` | {quantity.unit} | {'one number' if quantity.single else 'one a joint'} |"

@@ -1,7 +1,7 @@
 """Robustness campaigns: the same controllers on thousands of other plants, all recorded."""
 
 from fpid_pin.campaign.cluster import dask_executor, local_cluster
-from fpid_pin.campaign.data import CampaignData, export
+from fpid_pin.campaign.data import CampaignData, Success, export
 from fpid_pin.campaign.driver import Replay, load, replay, run
 from fpid_pin.campaign.report import report_html
 from fpid_pin.campaign.study import Scenarios, Study
@@ -17,6 +17,7 @@ __all__ = [
     "Replay",
     "Scenarios",
     "Study",
+    "Success",
     "Uniform",
     "attack",
     "dask_executor",

@@ -6,25 +6,77 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin import costs, npz
-from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.campaign import statistics
+from fpid_pin.checks import BoolArray, Flag, FloatArray, Number
 from fpid_pin.costs import Metrics
+from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.resources import needed
 from fpid_pin.simulation import Outcome
+from fpid_pin.simulation.comparison import MEASURES
+from fpid_pin.text import ReprMixin, html_table
 
-#: How a run can end. The first two are a success.
+#: How a run can end; the first two have come to their end.
 OUTCOMES = ("completed", "saturated", "diverged", "failed")
 #: Figures of a run, as `costs.METRICS` has them: the joints' become one each.
 METRICS = {
     name: costs.METRICS[name]
     for name in ("rms", "rms_tail", "energy", "peak_torque", "total_variation")
 }
+#: Of these what `fpid_pin.compare` calls its measures.
+_HEADS = {
+    "tail": "rms_tail", "variation": "total_variation", "rms": "rms", "peak": "peak_torque",
+    "energy": "energy",
+}  # fmt: skip
+#: Lines of a campaign that is printed.
+_MOST_LINES = 15
+
+
+@described("success")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Success(Description):
+    """When a run of a campaign counts as a success; it has come to its end in any case.
+
+    Parameters
+    ----------
+    error
+        Largest RMS error of the last half over all joints; inf: any.
+    peak_torque
+        Largest torque of any joint; None: any.
+    at_limits
+        Whether a torque may have been at its limit.
+    """
+
+    error: Annotated[float, Number("rad", above=0.0, finite=False)] = 0.02
+    peak_torque: Annotated[float | None, Number("N m", above=0.0)] = None
+    at_limits: Annotated[bool, Flag] = False
+
+    @property
+    def words(self) -> str:
+        """The criterion in words."""
+        parts = [f"RMS error of the last half at most {1e3 * self.error:g} mrad"]
+        parts = parts if np.isfinite(self.error) else []
+        if self.peak_torque is not None:
+            parts.append(f"torque at most {self.peak_torque:g} N m")
+        return ", ".join([*parts, *(() if self.at_limits else ("no torque at its limit",))])
+
+    def met(self, data: CampaignData) -> BoolArray:
+        """Return which runs of a campaign are successes, (runs, controllers)."""
+        most = np.inf if self.peak_torque is None else self.peak_torque
+        with np.errstate(invalid="ignore"):
+            met = data.ended & ~(data.metrics["rms_tail"] > self.error)
+            met &= ~(data.metrics["peak_torque"] > most)
+        return np.asarray(met & (self.at_limits | (data.outcome != "saturated")))
+
+
+#: What every run meets that has come to its end.
+ANY = Success(error=np.inf, at_limits=True)
 
 
 @dataclass(frozen=True)
@@ -55,9 +107,11 @@ class Ended:
         return cls("completed", "", figures)
 
 
-@dataclass(frozen=True, eq=False)
-class CampaignData:
+@dataclass(frozen=True, eq=False, repr=False)
+class CampaignData(ReprMixin):
     """Runs 0, 1, 2, ... of a campaign, every controller on the same plants.
+
+    Printed, it says who is best by how much, who succeeds how often, and how surely.
 
     Attributes
     ----------
@@ -79,6 +133,8 @@ class CampaignData:
         variation are sums over the joints, the peak is the worst joint's.
     dynamics
         Which ones: ``"compiled"`` or ``"pinocchio"``.
+    criterion
+        What counts as a success.
     """
 
     title: str
@@ -91,6 +147,7 @@ class CampaignData:
     cause: NDArray[np.str_]
     metrics: Mapping[str, FloatArray]
     dynamics: str = "compiled"
+    criterion: Success = ANY
 
     @property
     def runs(self) -> int:
@@ -98,10 +155,30 @@ class CampaignData:
         return len(self.samples)
 
     @property
-    def success(self) -> BoolArray:
+    def ended(self) -> BoolArray:
         """Whether a run came to its end with finite errors, (runs, controllers)."""
         ended = (self.outcome == "completed") | (self.outcome == "saturated")
         return np.asarray(ended & np.isfinite(self.metrics["rms"]))
+
+    @property
+    def success(self) -> BoolArray:
+        """Whether a run meets the criterion, (runs, controllers)."""
+        return self.criterion.met(self)
+
+    @property
+    def answer(self) -> list[str]:
+        """Sentences, the most important first: the best, successes, pairs."""
+        return statistics.answer(self)
+
+    def __str__(self) -> str:
+        lines = self.answer
+        if lines[_MOST_LINES:]:
+            lines[_MOST_LINES - 1 :] = [f"... and {len(lines) - _MOST_LINES + 1} lines more."]
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        rows = self.medians()
+        return html_table(self.title, list(rows[0]), ([*row.values()] for row in rows))
 
     def columns(self) -> dict[str, NDArray[Any]]:
         """Return a table by column, a row a run and controller, in the order of both."""
@@ -118,17 +195,22 @@ class CampaignData:
         return table | {label: np.repeat(values, several) for label, values in samples}
 
     def medians(self) -> list[dict[str, Any]]:
-        """Return a row for each controller: how its runs ended, and its successes' medians."""
-        rows = []
-        for k, name in enumerate(self.controllers):
-            row: dict[str, Any] = {"controller": name}
-            row |= {end: int(np.sum(self.outcome[:, k] == end)) for end in OUTCOMES}
-            well = self.success[:, k]
-            for figure, values in self.metrics.items():
-                middle = float(np.median(values[well, k])) if well.any() else math.nan
-                row[f"{figure} [{METRICS[figure].unit}]"] = middle
-            rows.append(row)
-        return rows
+        """Return a row for each controller: successes, medians over all plants, how runs ended.
+
+        A run that was lost counts as worse than any number.
+        """
+        measures = [(MEASURES[key], metric) for key, metric in _HEADS.items()]
+        middle = {
+            m.head: (1e3 if m.unit == "mrad" else 1.0)
+            * statistics.quantile(statistics.scored(self, metric), 0.5)
+            for m, metric in measures
+        }
+        return [
+            {"controller": name, "success [%]": 100.0 * float(self.success[:, k].mean())}
+            | {head: float(values[k]) for head, values in middle.items()}
+            | {end: int(np.sum(self.outcome[:, k] == end)) for end in OUTCOMES}
+            for k, name in enumerate(self.controllers)
+        ]
 
     def to_dataframe(self) -> Any:
         """Return the columns as a `pandas.DataFrame` (extra ``pandas``)."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 #: Metrics that are drawn, and what their axes say.
-SHOWN = {"rms": "RMS error", "energy": "energy", "peak_torque": "peak torque"}
+SHOWN = {"rms_tail": "RMS error of the last half", "energy": "energy", "peak_torque": "peak torque"}
 _WIDE = 9.6  # inches of a page
 _FAR = 8.0  # times the median from which on an axis is logarithmic
 _BARS = 12  # parameters of a tornado at most: those that matter most
@@ -65,7 +65,7 @@ def _write_out(axis: Axis, values: FloatArray) -> None:
 
 def all_of(data: CampaignData) -> dict[str, Figure]:
     """Return the figures of a campaign by their captions; what would say nothing is left out."""
-    caption = "Share of all plants with at most so much; a curve ends at the success rate"
+    caption = "Share of all plants with at most so much; a curve ends where runs were lost"
     figures = {
         caption: distributions(data),
         "Runs that ended well: distribution, quartiles, median": violins(data),

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import descriptions, own_code
-from fpid_pin.campaign.data import METRICS, CampaignData, Ended
+from fpid_pin.campaign.data import METRICS, CampaignData, Ended, Success
 from fpid_pin.campaign.study import Study
 from fpid_pin.campaign.uncertain import units_of
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
@@ -69,8 +69,10 @@ class Ledger:
                 if study is not None:
                     self._require_same(study)
                     with self._file:
-                        update = "UPDATE meta SET value = ? WHERE key = 'runs'"
-                        self._file.execute(update, (str(self.planned),))
+                        update = "UPDATE meta SET value = ? WHERE key = ?"
+                        self._file.execute(update, (str(self.planned), "runs"))
+                        self._file.execute(update, (study.text, "study"))
+                    self._study = json.loads(study.text)
             except BaseException:
                 self._file.close()
                 raise
@@ -86,8 +88,10 @@ class Ledger:
             raise FileFormatError(f"{self.path}: expected {expected}, got {got}")
 
     def _require_same(self, study: Study) -> None:
-        # A title decides no result.
-        found = differences(self._study | {"title": study.title}, json.loads(study.text))
+        asked = json.loads(study.text)
+        # These decide no result: the newest are kept.
+        named = {key: asked[key] for key in ("title", "success")}
+        found = differences(self._study | named, asked)
         if found:
             raise FileFormatError(
                 f"{self.path}: expected a ledger of this campaign, got another: {found[0]}"
@@ -139,6 +143,7 @@ class Ledger:
             cause=np.array([row[3] for row in rows], dtype=np.str_).reshape(shape),
             metrics={name: table[:, :, k].copy() for k, name in enumerate(METRICS)},
             dynamics=str(self._study["experiment"].get("dynamics", "")),
+            criterion=descriptions.from_dict(self._study.get("success", {}), Success),
         )
 
     def end(self, run: int, controller: str) -> Ended:

@@ -37,8 +37,8 @@ _PERCENT = ", %"
 
 _NOTES = {
     "Success": (
-        "A run succeeds when it ends, in its torque limits or at them, with finite errors. Best: "
-        "share of all plants with the least RMS error. Wilson's intervals hold for a number of "
+        "By the campaign's criterion, which the answer has. Best: share of all plants with the "
+        "least RMS error of the last half. Wilson's intervals hold for a number of "
         "runs that was fixed beforehand."
     ),
     "Errors and effort": (
@@ -48,12 +48,13 @@ _NOTES = {
     ),
     "Paired differences": (
         "First less second on the same plants; less is better. Medians and their bootstrap "
-        "intervals are of the plants on which both succeeded; a plant that one of them has lost "
-        "counts for the other. Every interval is of 95 % by itself."
+        "intervals are of the plants on which both came to their end; one that one of them has "
+        "lost counts for the other. Every interval is of 95 % by itself."
     ),
     "Sensitivity": (
-        "Spearman's rank correlation of a parameter with the RMS error, with its 95 % interval, "
-        "and the median error in its lowest and highest fifth; lost runs count as the worst."
+        "Spearman's rank correlation of a parameter with the RMS error of the last half, with its "
+        "95 % interval, and the median error in its lowest and highest fifth; lost runs count as "
+        "the worst."
     ),
     "The ten worst runs": "Those that were lost first, in the order of their numbers.",
 }
@@ -90,8 +91,7 @@ def report_html(
     several = range(len(data.controllers))
     marks = {name: colour(k) for k, name in enumerate(data.controllers)}
     differences = {name: comparisons(data, name) for name in figures.SHOWN}
-    told = answer(data, differences["rms"])
-    parts = [answer_html([*told, f"Dynamics: {data.dynamics}."])]
+    parts = [answer_html([*data.answer, f"Dynamics: {data.dynamics}."])]
 
     def add(heading: str, content: str) -> None:
         parts.append(section(heading, f"<p>{as_text(_NOTES[heading])}</p>{content}"))
@@ -108,7 +108,7 @@ def report_html(
         f'<i class="swatch" style="background: {colour(k)}"></i>{as_text(data.controllers[k])}'
         for k in several
     ]
-    first, lost = leader(data), data.runs - data.success.sum(axis=0)
+    first, lost = leader(data), data.runs - data.ended.sum(axis=0)
     if data.parameters:
         found = zip(spearman(data), tornado(data), strict=True)
         add("Sensitivity", _folded(names, [_sensitivity(data, *both) for both in found], first))
@@ -116,43 +116,6 @@ def report_html(
     tables = [_worst(data, k, replay_link) for k in several]
     add("The ten worst runs", _folded(heads, tables, first))
     return put_text(path, page_html(data.title or "Campaign", parts))
-
-
-def answer(data: CampaignData, differences: Sequence[Difference]) -> list[str]:
-    """Return what a campaign says, in lines, the most important first.
-
-    `differences` are those of all pairs in their RMS errors, as `comparisons` has them.
-    """
-    first = leader(data)
-    rate, names = success_rates(data)[first], data.controllers
-    ends = f"{100.0 * rate.low:.4g} to {100.0 * rate.high:.4g}"
-    of = f"of {data.runs} plant{'s' * (data.runs != 1)} (95 %: {ends} %)"
-    typical = quantile(scored(data), 0.5)[first]
-    if not data.success.any():
-        return [f"No controller succeeded on any {of}."]
-    lines = [f"{names[first]} succeeded on {100.0 * rate.estimate:.4g} % {of}."]
-    if np.isfinite(typical):
-        lines.append(f"Its RMS error is {typical:.3g} rad or less on half of the plants.")
-    lines += [_compared(names[d.second], d) for d in differences if d.first == first]
-    lines.append(f"{data.runs} runs, every controller on the same plants; seed {data.seed}.")
-    return lines
-
-
-def _compared(other: str, found: Difference) -> str:
-    """Say how the first of a pair is against the `other`."""
-    better, median = found.better, found.median
-    if found.differing == 0:
-        return f"Against {other}: no plant on which either is better."
-    share = f"{100.0 * better.estimate:.3g} % of {found.differing} plants"
-    text = f"Against {other}: the smaller error on {share}"
-    if better.low <= 0.5 <= better.high:
-        text += ", which does not tell them apart"
-    if np.isnan(median.estimate):
-        return text + "; no plant on which both succeeded."
-    text += f"; where both succeed, {median.estimate:+.3g} rad in the median"
-    if np.isnan(median.low):
-        return text + " (too few for an interval)."
-    return text + f" (95 %: {median.low:+.3g} to {median.high:+.3g})."
 
 
 def _interval(head: str, found: Sequence[float], unit: str = "") -> dict[str, object]:
@@ -219,7 +182,10 @@ def _worst(data: CampaignData, controller: int, replay_link: ReplayLink | None) 
         href = None if replay_link is None else replay_link(run, name)
         row: dict[str, object] = {"run": run}
         row |= {} if replay_link is None else {"replay": href and Link("replay", href)}
-        row |= {"outcome": str(data.outcome[run, controller]), "RMS error, rad": float(errors[run])}
+        row |= {
+            "outcome": str(data.outcome[run, controller]),
+            "RMS error of the last half, rad": float(errors[run]),
+        }
         row |= zip(heads, data.samples[run].tolist(), strict=True)
         rows.append(row | {"cause": str(data.cause[run, controller])})
     return rows

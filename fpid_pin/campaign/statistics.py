@@ -9,14 +9,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.campaign.data import CampaignData
 from fpid_pin.checks import FloatArray
+from fpid_pin.simulation.comparison import MEASURES, TIE, change
+from fpid_pin.text import against, enumerated
 
+if TYPE_CHECKING:
+    from fpid_pin.campaign.data import CampaignData
+
+#: What decides: the RMS error of the last half.
+DECIDES = "rms_tail"
 CONFIDENCE = 0.95
 #: Fewer differences have no bootstrap interval: resampled, so few say little about the rest.
 FEWEST = 20
@@ -50,11 +56,11 @@ def success_rates(data: CampaignData) -> list[Interval]:
     return [wilson(int(count), data.runs) for count in data.success.sum(axis=0)]
 
 
-def scored(data: CampaignData, metric: str = "rms") -> FloatArray:
+def scored(data: CampaignData, metric: str = DECIDES) -> FloatArray:
     """Return a metric with infinity where a run was lost, (runs, controllers)."""
     checks.choice("metric", metric, data.metrics)
     values = data.metrics[metric]
-    return np.where(data.success & ~np.isnan(values), values, np.inf)
+    return np.where(data.ended & ~np.isnan(values), values, np.inf)
 
 
 def quantile(scores: FloatArray, share: float) -> FloatArray:
@@ -73,7 +79,7 @@ class Difference:
 
     first: int  # their columns
     second: int
-    runs: int  # plants on which both succeeded
+    runs: int  # plants on which both came to their end
     #: Of the first one's metric less the second one's over these, in the metric's unit, with its
     #: bootstrap interval (percentiles of `RESAMPLES` resamples).
     median: Interval
@@ -82,7 +88,7 @@ class Difference:
 
 
 def paired_difference(
-    data: CampaignData, first: int, second: int, metric: str = "rms"
+    data: CampaignData, first: int, second: int, metric: str = DECIDES
 ) -> Difference:
     """Return how two controllers, by column, differ on the same plants.
 
@@ -98,7 +104,7 @@ def paired_difference(
     )
 
 
-def comparisons(data: CampaignData, metric: str = "rms") -> list[Difference]:
+def comparisons(data: CampaignData, metric: str = DECIDES) -> list[Difference]:
     """Return how all pairs of controllers differ; the leader is the first one of its pairs."""
     first = leader(data)
     order = sorted(range(len(data.controllers)), key=lambda k: k != first)
@@ -124,7 +130,7 @@ def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
     return Interval(estimate, float(found.low), float(found.high))
 
 
-def spearman(data: CampaignData, metric: str = "rms") -> FloatArray:
+def spearman(data: CampaignData, metric: str = DECIDES) -> FloatArray:
     """Return how a metric goes with each uncertain number: rank correlations and their intervals.
 
     Returns
@@ -154,7 +160,7 @@ def spearman(data: CampaignData, metric: str = "rms") -> FloatArray:
     return np.stack([rho, *ends], axis=-1)
 
 
-def tornado(data: CampaignData, metric: str = "rms") -> FloatArray:
+def tornado(data: CampaignData, metric: str = DECIDES) -> FloatArray:
     """Return the median of a metric where each uncertain number is small and where it is large.
 
     Returns
@@ -180,7 +186,7 @@ def tornado(data: CampaignData, metric: str = "rms") -> FloatArray:
     return found
 
 
-def best_shares(data: CampaignData, metric: str = "rms") -> FloatArray:
+def best_shares(data: CampaignData, metric: str = DECIDES) -> FloatArray:
     """Return the share of the plants on which each controller has the least of a metric.
 
     Those that are equal to the last bit divide a plant; nobody has one that all have lost, so that
@@ -202,3 +208,89 @@ def worst_runs(data: CampaignData, controller: int, count: int = 10) -> list[int
     """Return a controller's worst runs: first those that were lost, then by falling error."""
     order = np.argsort(-scored(data)[:, controller], kind="stable")
     return [int(run) for run in order[:count]]
+
+
+def answer(data: CampaignData) -> list[str]:
+    """Return what a campaign says, in lines, the most important first."""
+    if data.runs == 0:
+        return ["No runs."]
+    plants = f"{data.runs} plant{'s' * (data.runs != 1)}"
+    if not data.ended.any():
+        return [f"Nobody is best: all runs were lost, on {plants}."]
+    first, names = leader(data), data.controllers
+    several = {d.second: d for d in comparisons(data) if d.first == first}
+    scores, rates = scored(data), success_rates(data)
+    middle = quantile(scores, 0.5)
+    write = [MEASURES["tail"].write(1e3 * float(x)) for x in middle]
+    if not np.isfinite(middle[first]):
+        lines = [f"Nobody is best: {names[first]}, of most successes, was lost on half the plants."]
+    else:
+        order = [int(k) for k in np.argsort(middle, kind="stable") if k != first]
+        ties = [k for k in order if _ties(several[k], middle[first], rates)]
+        rest = [k for k in order if k not in ties]
+        told = [f"{names[first]}, {write[first]}{_median_ends(scores[:, first])}"]
+        if ties:
+            same = [f"{names[k]} ({write[k]})" for k in ties]
+            told.append(f"a tie with {enumerated(same)}")
+        if rivals := list(dict.fromkeys([*rest[:2], *(k for k in rest if k == 0)])):
+            better = [
+                f"{against(middle[first], middle[k])} {names[k]} ({write[k]})"
+                if np.isfinite(middle[k])
+                else f"{names[k]} was lost on half the plants"
+                for k in rivals
+            ]
+            told.append(enumerated(better))
+        varies = quantile(scored(data, "total_variation"), 0.5)
+        costs = [change(varies[first], varies[k], names[k]) for k in [*ties, *rest][:2]
+                 if np.isfinite(varies[k])]  # fmt: skip
+        lines = [
+            f"Best, by its median RMS error of the last half: {'; '.join(told)}."
+            + (f" Its torque varies {enumerated(costs)}." if costs else "")
+        ]
+    shares = sorted(range(len(names)), key=lambda k: (k != first, -rates[k].estimate))
+    well = [f"{names[k]} {100.0 * rates[k].estimate:.4g} %" for k in shares]
+    well[0] += _ends(rates[first].low, rates[first].high, 100.0)
+    words = data.criterion.words
+    lines.append(f"Success{f' ({words})' * bool(words)}: {', '.join(well)}.")
+    lines += [_compared(names[k], found) for k, found in several.items()]
+    return [*lines, f"{plants}, every controller on the same; seed {data.seed}."]
+
+
+def _ties(found: Difference, middle: float, rates: list[Interval]) -> bool:
+    """Return whether a pair's errors and successes do not tell them apart."""
+    one, two = rates[found.first], rates[found.second]
+    near = abs(found.median.estimate) <= TIE * middle
+    covers = found.median.low <= 0.0 <= found.median.high
+    return (near or covers) and one.low <= two.high and two.low <= one.high
+
+
+def _median_ends(scores: FloatArray) -> str:
+    """Return the interval of a median in brackets, by order statistics [mrad]."""
+    from scipy.stats import quantile_test
+
+    if len(scores) < FEWEST:
+        return ""
+    found = quantile_test(scores, p=0.5).confidence_interval(CONFIDENCE)
+    return _ends(float(found.low), float(found.high), 1e3)
+
+
+def _ends(low: float, high: float, factor: float) -> str:
+    """Return the ends of an interval in brackets."""
+    return f" (95 %: {factor * low:.4g} to {factor * high:.4g})"
+
+
+def _compared(other: str, found: Difference) -> str:
+    """Say how the first of a pair is against the `other`."""
+    better, median = found.better, found.median
+    if found.differing == 0:
+        return f"Against {other}: no plant on which either is better."
+    share = f"{100.0 * better.estimate:.3g} % of {found.differing} plants"
+    text = f"Against {other}: the smaller error on {share}"
+    if better.low <= 0.5 <= better.high:
+        text += ", which does not tell them apart"
+    if np.isnan(median.estimate):
+        return text + "; no plant on which both came to their end."
+    text += f"; where both did, {1e3 * median.estimate:+.3g} mrad in the median"
+    if np.isnan(median.low):
+        return text + " (too few for an interval)."
+    return text + f" (95 %: {1e3 * median.low:+.3g} to {1e3 * median.high:+.3g})."

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Annotated
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import descriptions
+from fpid_pin.campaign.data import Success
 from fpid_pin.campaign.uncertain import QUANTITIES, Distribution, labels_of, require_values, varied
 from fpid_pin.checks import Array, Check, FloatArray, OneOf, Text, Whole
 from fpid_pin.control import Controller
@@ -112,6 +113,8 @@ class Study(Description):
         What of the experiment is uncertain.
     title
         For reports.
+    success
+        When a run counts as a success: for reports, too.
 
     Raises
     ------
@@ -124,6 +127,7 @@ class Study(Description):
     controllers: Mapping[str, Controller]
     scenarios: Scenarios
     title: Annotated[str, Text] = ""
+    success: Success = field(default_factory=Success)
 
     def __post_init__(self) -> None:
         super().__post_init__()

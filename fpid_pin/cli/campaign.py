@@ -81,7 +81,8 @@ def _carry_out(
     except KeyboardInterrupt:
         say(f"{ledger}: `fpid-pin campaign resume {ledger}` goes on from here", error=True)
         raise
-    print_table(data.medians(), f"{data.runs} plants; medians of successes")
+    say(*data.answer)
+    print_table(data.medians(), f"{data.runs} plants; medians, lost ones as the worst")
     say(f"{ledger}: campaign export, replay and report read it")
 
 

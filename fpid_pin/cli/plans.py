@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeVar
 
 from fpid_pin import checks, descriptions
-from fpid_pin.campaign import Scenarios, Study
+from fpid_pin.campaign import Scenarios, Study, Success
 from fpid_pin.checks import Check, OneOf, Plain, Text, Whole
 from fpid_pin.cli.configuration import Config, moved
 from fpid_pin.control import Controller
@@ -94,11 +94,14 @@ class CampaignTable(Scenarios):
         ``"compiled"``, or ``"pinocchio"``: slower, the same within rounding.
     controllers
         Some of the ``[[controller]]``; default: all.
+    success
+        When a run counts as a success: ``error``, ``peak_torque``, ``at_limits``.
     """
 
     runs: Annotated[int, Whole(low=1)] = 1000
     dynamics: Annotated[str, OneOf(*DYNAMICS)] = "compiled"
     controllers: Annotated[Sequence[str] | None, Plain(list, "a list of names")] = None
+    success: Success = field(default_factory=Success)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -168,6 +171,6 @@ def read_campaign(config: Config) -> tuple[Study, int]:
     laws = {name: config.controllers[name] for name in names}
     scenarios = Scenarios(table.uncertain, table.sampling, table.seed, table.points)
     try:
-        return Study(experiment, laws, scenarios, config.title), table.runs
+        return Study(experiment, laws, scenarios, config.title, table.success), table.runs
     except FpidError as error:
         raise ConfigError.of(config.path, [moved(error, "campaign")]) from None

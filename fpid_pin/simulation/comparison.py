@@ -177,7 +177,7 @@ class Comparison(ReprMixin):
         variation = MEASURES["variation"]
         varies = [variation.of(run.metrics) for run in runs]
         costs = {
-            k: _changed(varies[ties[0]], varies[k], names[k])
+            k: change(varies[ties[0]], varies[k], names[k])
             for k in dict.fromkeys([*ties[1:2], *others, *rest[:1]])
             if np.isfinite(row[k])
         }
@@ -331,7 +331,7 @@ def compare(
     return Comparison(tuple(experiments), tuple(controllers), tuple(runs), measure)
 
 
-def _changed(value: float, other: float, name: str) -> str:
+def change(value: float, other: float, name: str) -> str:
     """Say by how much a torque varies more or less than another's."""
     if abs(value / other - 1.0) <= TIE if other else value == other:
         return f"as much as that of {name}"

@@ -73,8 +73,12 @@ class Faulty(Cosine):
         return super().sample(t)
 
 
+#: What decides first, at a scale of 1.
+SCALED = ("rms_tail", *(name for name in METRICS if name != "rms_tail"))
+
+
 def campaign(errors, samples=None, *, names=None, outcome=None, labels=None, title="made", seed=0):
-    """Return a campaign with these RMS errors, (runs, controllers); NaN: diverged."""
+    """Return a campaign with these tail errors, (runs, controllers); NaN: diverged."""
     errors = np.asarray(errors, dtype=float)
     runs, columns = errors.shape
     samples = np.zeros((runs, 0)) if samples is None else np.asarray(samples, dtype=float)
@@ -84,7 +88,7 @@ def campaign(errors, samples=None, *, names=None, outcome=None, labels=None, tit
     return CampaignData(
         title, seed, names or tuple("ABCDEFGH"[:columns]), labels, ("kg",) * len(labels), samples,
         outcome, np.where(np.isnan(errors), "speed 2e3 rad/s", ""),
-        {name: errors * scale for scale, name in enumerate(METRICS, start=1)},
+        {name: errors * scale for scale, name in enumerate(SCALED, start=1)},
     )  # fmt: skip
 
 

@@ -107,8 +107,8 @@ def test_a_run_that_fails_is_recorded_with_its_cause(tmp_path):
     assert (data.outcome[bad] == "failed").all()
     assert (data.cause[bad] == "ZeroDivisionError: a fault of its own").all()
     assert (data.outcome[~bad] == "completed").all()
-    assert not data.success[bad].any()
-    assert data.success[~bad].all()
+    assert not data.ended[bad].any()
+    assert data.ended[~bad].all()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -155,8 +155,8 @@ def test_outcomes_say_how_runs_ended(tmp_path):
     assert (data.outcome[:, 1] == "diverged").all()
     assert "beyond 30 rad/s" in data.cause[0, 1]
     assert np.isnan(data.metrics["rms"][:, 1]).all()
-    assert data.success[:, 0].all()
-    assert not data.success[:, 1].any()
+    assert data.ended[:, 0].all()
+    assert not data.ended[:, 1].any()
 
 
 class Losing(Executor):

@@ -29,7 +29,7 @@ def test_wilsons_interval_has_its_closed_form(successes, runs):
     assert ours[1:] == pytest.approx(sorted(ends), abs=1e-12)
 
 
-def test_saturated_is_a_success_and_what_is_not_finite_is_as_bad_as_lost():
+def test_saturated_has_come_to_its_end_and_what_is_not_finite_is_as_bad_as_lost():
     outcome = np.array([["completed"], ["saturated"], ["diverged"], ["failed"], ["completed"]])
     data = campaign([[1.0], [1.0], [1.0], [1.0], [np.inf]], outcome=outcome)
     assert statistics.success_rates(data)[0].estimate == 0.4

@@ -1,9 +1,12 @@
 """`fpid-pin campaign` as a person uses it."""
 
 import csv
+import json
+import sqlite3
 
 import pytest
 
+from fpid_pin.campaign import load
 from fpid_pin.cli.configuration import demo_config, parse
 from fpid_pin.cli.main import main
 from fpid_pin.cli.plans import read_campaign
@@ -15,6 +18,7 @@ CAMPAIGN = """
 runs = 8
 seed = 4
 controllers = ["FPID, published orders", "integer PID"]
+success = { error = 0.05 }
 [campaign.uncertain]
 mass = { kind = "uniform", low = 0.8, high = 1.2 }
 payload = { kind = "normal", mean = 0.5, std = 0.3 }
@@ -36,7 +40,10 @@ def test_run_resume_and_export(config, capsys):
     said = capsys.readouterr()
     assert "3 plants" in said.out
     assert "integer PID" in said.out
-    assert all(word in said.out for word in ("rms", "[rad]", "peak_torque"))
+    assert said.out.startswith("Best, by its median RMS error of the last half: ")
+    assert "Success (RMS error of the last half at most 50 mrad" in said.out
+    head = next(line for line in said.out.splitlines() if line.startswith("controller "))
+    assert head.split()[:4] == ["controller", "[%]", "[mrad]", "[N"]
     assert "dynamics compiled" in said.err
     ledger = "runs/short-campaign.sqlite"
     assert main(["campaign", "resume", ledger, "--runs", "8", "--chunk", "2"]) == 0
@@ -90,6 +97,7 @@ runs = 0
 sead = 4
 dynamics = "fast"
 controllers = ["nobody"]
+success = { eror = 0.05 }
 [campaign.uncertain]
 mass = { kind = "uniform", low = -0.8, high = 1.2 }
 paylod = { kind = "uniform", low = 0.0, high = 1.0 }
@@ -108,8 +116,29 @@ q0 = { kind = "uniform", low = 0.0 }
         "(did you mean payload?)",
         "campaign.uncertain.delay.kind",
         "campaign.uncertain.q0.high: expected a value, got none",
+        "campaign.success.eror: expected one of the keys error, peak_torque",
     ):
         assert sum(words in line for line in lines) == 1, words
     assert all(line.startswith("bad.toml: campaign.") for line in lines)
     with pytest.raises(ConfigError, match=r"campaign\.uncertain: expected a table, got none"):
         read_campaign(parse(SHORT, "bad.toml", tmp_path))
+
+
+def test_another_criterion_is_another_answer_of_the_same_runs(config, capsys):
+    runs = ["campaign", "run", str(config), "--runs", "3", "--out", "l.sqlite"]
+    assert main(runs) == 0
+    config.write_text(config.read_text().replace("error = 0.05", "error = 10.0, at_limits = true"))
+    capsys.readouterr()
+    assert main(runs) == 0
+    assert "at most 10000 mrad): " in capsys.readouterr().out
+    data = load("l.sqlite")
+    assert data.criterion.error == 10.0
+    assert data.success.all()
+    # A ledger of before has none: the default counts.
+    with sqlite3.connect("l.sqlite") as file:
+        ((text,),) = file.execute("SELECT value FROM meta WHERE key = 'study'")
+        study = json.loads(text)
+        del study["success"]
+        file.execute("UPDATE meta SET value = ? WHERE key = 'study'", (json.dumps(study),))
+    assert load("l.sqlite").criterion.error == 0.02
+    assert main(["campaign", "resume", "l.sqlite"]) == 0
