@@ -1,4 +1,4 @@
-"""A hook of mkdocs: pages that stand outside of `docs` are part of the site, too.
+"""A hook of mkdocs: pages that stand outside of `docs` are part of the site, too, and a playground.
 
 The record of the benchmarks with its results, CONTRIBUTING and CHANGELOG stay where a repository
 has them, and links between them and the pages work in both places.
@@ -12,12 +12,17 @@ from typing import Any
 
 from mkdocs.structure.files import File
 
+import fpid_pin as fp
+
 ROOT = Path(__file__).parents[1]
 OUTSIDE = ("CONTRIBUTING.md", "CHANGELOG.md", "benchmarks/RECORD.md", "benchmarks/results/*")
 
 
 def on_files(files: Any, config: Any) -> Any:
-    """Add the pages and pictures from outside."""
+    """Add the pages and pictures from outside, and the playground that `seeing-it.md` shows."""
+    paper, law = fp.paper_experiment(duration=10.0), fp.paper_controller(supervised=False)
+    page = fp.view.playground(paper, law, title="The paper's experiment")
+    files.append(File.generated(config, "pages/playground.html", content=page.text))
     for pattern in OUTSIDE:
         for path in sorted(ROOT.glob(pattern)):
             name = path.relative_to(ROOT).as_posix()

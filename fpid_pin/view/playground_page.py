@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.control import suggest_gains, suggest_observer
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidWarning
@@ -44,7 +45,7 @@ _SCRIPTS = (
 
 def playground(
     experiment: Experiment,
-    controllers: Controller | Sequence[Controller],
+    controllers: Controller | Sequence[Controller] | None = None,
     path: str | Path | None = None,
     *,
     title: str = "",
@@ -61,7 +62,9 @@ def playground(
     controllers
         Laws by their functions (`Controller`'s first two forms), one or several, whose fractional
         operators are of one design with shared poles. Several can be on the plots at once; a law
-        of one's own has a slider for each field that is a number.
+        of one's own has a slider for each field that is a number. None: that of `suggest_gains`.
+        Where an adaptive FPID is among them, and none with feedforward and observer, the page
+        offers these, too: with the first one's gains and orders, and the same with orders 1.
     path
         The file; it appears whole or not at all. None: for a notebook, nothing is written.
     title
@@ -83,15 +86,22 @@ def playground(
 
 
 def playground_html(
-    experiment: Experiment, controllers: Controller | Sequence[Controller], *, title: str = ""
+    experiment: Experiment,
+    controllers: Controller | Sequence[Controller] | None = None,
+    *,
+    title: str = "",
 ) -> str:
     """Return the text of the page that `playground` makes."""
     checks.instance("experiment", experiment, Experiment, "an Experiment")
+    if controllers is None:
+        controllers = suggest_gains(experiment.arm, step=experiment.step, name="FPID")
     laws: list[Law] = []
     for controller in [controllers] if isinstance(controllers, Controller) else controllers:
         laws.append(Law(controller, experiment, laws))
     if not laws:
         raise ArgumentError("controllers", "at least one controller", "none")
+    for controller in _with_model(experiment, laws):
+        laws.append(Law(controller, experiment, laws))
     if experiment.integrator != "semi_implicit_euler":
         raise ArgumentError("integrator", "semi_implicit_euler in a page", experiment.integrator)
     steps = settings.steps_of(experiment, laws)
@@ -121,6 +131,37 @@ def playground_html(
         + "\nThe plots are drawn by uPlot (github.com/leeoniya/uPlot):\n"
         + asset("uPlot.LICENSE.txt"),
     )
+
+
+def _has_model(law: Law) -> bool:
+    """Whether a law is an adaptive FPID beside feedforward and observer."""
+    own = law.controller
+    return isinstance(own, AdaptiveFpid) and own.feedforward and own.observer > 0.0
+
+
+def _has_orders(law: Law) -> bool:
+    own = law.controller
+    orders = (own.integral_order, own.derivative_order) if isinstance(own, AdaptiveFpid) else ()
+    return any(np.any(np.asarray(order) != 1.0) for order in orders)
+
+
+def _with_model(e: Experiment, laws: Sequence[Law]) -> list[Controller]:
+    """Return the first adaptive FPID beside feedforward and observer, and that with orders 1.
+
+    None where the page has such a law, or no FPID.
+    """
+    first = next((x.controller for x in laws if isinstance(x.controller, AdaptiveFpid)), None)
+    if first is None or any(map(_has_model, laws)):
+        return []
+    with warnings.catch_warnings(action="ignore", category=FpidWarning):
+        observer = first.observer or suggest_observer(e.arm, first, step=e.step)
+    name = "FPID + feedforward + observer"
+    best = replace(first, feedforward=True, observer=observer, name=name)
+    integer = replace(
+        best, integral_order=1.0, derivative_order=1.0, order_learning_rate=0.0,
+        name=name.replace("FPID", "integer PID"),
+    )  # fmt: skip
+    return [best, integer]
 
 
 def _worker(engine: Engine, table: dict[str, Any]) -> str:
@@ -181,10 +222,16 @@ def _presets(
     Settings of a law are those of the first adaptive FPID. The table's columns: what a page `needs`
     for it; the settings `now`, and those of the run that is `pinned` beside it, ``nothing`` or
     those that differ from the description. A value is a number, how much of one of `sizes`, or
-    ``yes`` or ``no``; ``orders`` stands for both of a law's.
+    ``yes`` or ``no``; ``orders`` stands for both of a law's, ``law`` for one that is not the first:
+    ``alone``, or beside feedforward and observer, ``best`` or, with orders 1, ``integer``.
     """
     fpids = [k for k, x in enumerate(laws) if isinstance(x.controller, AdaptiveFpid)]
     index, ours = fpids[0] if fpids else 0, of_paper(e.arm)
+    kinds = {
+        "alone": [k for k in fpids if not _has_model(laws[k])],
+        "best": [k for k in fpids if _has_model(laws[k]) and _has_orders(laws[k])],
+        "integer": [k for k in fpids if _has_model(laws[k]) and not _has_orders(laws[k])],
+    }
     guard, own = laws[index].supervisor, {*laws[index].settings, "supervised", "m_x"}
     weight = float(np.abs(e.arm.gravity_vector(np.asarray(e.q0))).max())
     each = np.ones(e.arm.n)
@@ -200,13 +247,15 @@ def _presets(
     able = {
         "": True, "several": len(laws) > 1, "slower": max(steps) > e.step, "fpid": bool(fpids),
         "paper": bool(fpids) and ours, "printed": guard.kind == "paper",
-        "sampled": guard.kind != "paper",
+        "sampled": guard.kind != "paper", "best": bool(kinds["best"] and kinds["alone"]),
+        "both": bool(kinds["best"] and kinds["integer"]),
     }  # fmt: skip
 
     def chosen(text: str) -> dict[str, Any] | None:
         if text == "nothing":
             return None
         found: dict[str, Any] = {}
+        controller = index
         for key, value in (part.split(" = ") for part in text.split("; ") if part):
             amount, _, size = value.partition(" ")
             if key == "orders":
@@ -214,6 +263,8 @@ def _presets(
                 if ours or value == "1":
                     names = ("integral_order", "derivative_order")
                     found |= {k: list(x) for k, x in zip(names, orders[value], strict=True)}
+            elif key == "law":
+                controller = kinds[value][0]
             elif key == "beside":
                 found[key] = [k for k in range(len(laws)) if k != index]
             elif amount in ("yes", "no"):
@@ -223,7 +274,7 @@ def _presets(
                 parts = [settings.rounded(x, 2) for x in np.ravel(total)]
                 found[key] = parts if np.ndim(total) else parts[0]
         named = {f"{index}.{key}" if key in own else key: x for key, x in found.items()}
-        return {"controller": index, **named}
+        return {"controller": controller, **named}
 
     return [
         {"name": row["name"], "text": row["text"], "now": chosen(row["now"]),

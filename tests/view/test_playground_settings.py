@@ -256,7 +256,28 @@ def test_an_arm_with_limits_and_friction_and_a_reference_without_a_formula(tmp_p
     for preset in page.table["presets"]:
         for key, value in (preset["now"] | (preset["pinned"] or {})).items():
             assert type(value) is type(start[key])
-            assert np.shape(value) == np.shape(start[key])
+            assert key == "beside" or np.shape(value) == np.shape(start[key])
+
+
+def test_an_fpid_is_offered_beside_feedforward_and_observer_and_with_orders_1(tmp_path):
+    job, law = fp.paper_experiment(duration=5.0), fp.paper_controller(supervised=False)
+    page = Page(tmp_path, job, [law])
+    names = [law.name, "FPID + feedforward + observer", "integer PID + feedforward + observer"]
+    assert [one["name"] for one in page.table["laws"]] == names
+    alone, best, integer = page.check([{"controller": k} for k in range(3)])
+    assert best.metrics.ise.sum() < 0.5 * alone.metrics.ise.sum()
+    assert np.array_equal(best.controller.integral_order, law.integral_order)
+    assert np.all(np.array(integer.controller.derivative_order) == 1.0)
+    assert integer.controller.observer == best.controller.observer > 0.0
+    pairs = {
+        preset["name"]: (preset["now"]["controller"], preset["pinned"]["controller"])
+        for preset in page.table["presets"]
+        if preset["pinned"] is not None
+    }
+    assert pairs["Feedforward and observer"] == (1, 0)
+    assert pairs["The same with integer orders"] == (1, 2)
+    # Whoever brings such a law is offered no more.
+    assert len(Page(tmp_path, job, [law, best.controller]).table["laws"]) == 2
 
 
 def test_a_link_is_refused_by_name(page):

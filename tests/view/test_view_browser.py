@@ -125,7 +125,7 @@ def test_a_report_is_readable_at_any_width(visit, make_run, two_link, tmp_path):
             page.emulate_media(color_scheme=scheme)
             page.evaluate(DRAWN)
             assert page.evaluate("document.documentElement.scrollWidth") <= width
-            for selector, count in (("table", 3), ("figure svg", 5), ("iframe", 1), ("pre", 1)):
+            for selector, count in (("table", 3), ("figure svg", 6), ("iframe", 1), ("pre", 1)):
                 boxes = [item.bounding_box() for item in page.locator(selector).all()]
                 assert len(boxes) == count, selector
                 for box in boxes:

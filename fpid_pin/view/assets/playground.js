@@ -49,7 +49,9 @@ const model = {
 
 function remember() {
   try {
-    history.replaceState(null, "", `#${toLink(model.now, model.pinned)}`);
+    // Without "#" where nothing differs: it would scroll a page that holds this one to here.
+    const link = toLink(model.now, model.pinned);
+    history.replaceState(null, "", link ? `#${link}` : location.pathname + location.search);
   } catch {
     // A page inside another has no address of its own; its link button still has one to copy.
   }
