@@ -119,6 +119,9 @@ def replay(
     run: Annotated[int, typer.Option(help="Number of the plant.")],
     controller: Annotated[str | None, typer.Option(help="By name; none: the first.")] = None,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("replay.html"),
+    save: Annotated[
+        Path | None, typer.Option(help="And the run, as .npz: `view` reads it.")
+    ] = None,
     allow_import: AllowImport = False,
 ) -> None:
     """Simulate a run again, beside its nominal twin."""
@@ -130,6 +133,8 @@ def replay(
     again = campaign.replay(ledger, run, controller)
     say(*str(again).splitlines())
     say_written(_write_replay(again, html))
+    if save is not None:
+        say_written(again.run.save(save))
 
 
 @app.command()

@@ -107,6 +107,7 @@ class Nameless(fp.Controller):
         ('[[controller]]\nkind = "nameless"\nkp = 30.0\n', "nameless", "nameless.npz"),
     ],
 )
+@pytest.mark.filterwarnings("ignore:.*of the cost at the start")
 def test_a_controller_called_as_a_result_takes_no_result_s_place(tmp_path, law, label, file):
     path, out = tmp_path / "study.toml", tmp_path / "out"
     path.write_text(HEAD + law + TUNE)

@@ -12,7 +12,6 @@ from bounded import finished
 
 import fpid_pin as fp
 from fpid_pin import descriptions
-from fpid_pin.campaign import replay
 from fpid_pin.cli.configuration import demo_config, load, parse
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError
@@ -115,10 +114,10 @@ def test_the_whole_way_with_a_robot_s_file_and_own_code_beside_the_configuration
     does("campaign", "run", "study/arm.toml", ALLOWED, "--out", "deep/ledger.sqlite")
     does("campaign", "resume", "deep/ledger.sqlite", "--runs", "4", ALLOWED)
     does("campaign", "report", "deep/ledger.sqlite", ALLOWED, "--no-replays")
-    does("campaign", "replay", "deep/ledger.sqlite", "--run", "3", ALLOWED)
-    again = replay("deep/ledger.sqlite", 3, "mine")
+    does("campaign", "replay", "deep/ledger.sqlite", "--run", "3", "--save", "again.npz", ALLOWED)
+    again = fp.campaign.replay("deep/ledger.sqlite", 3)
     assert again.exact
-    again.run.save("again.npz")
+    assert np.array_equal(again.run.q, fp.Run.load("again.npz").q)
     does("view", "again.npz", "--html", "again.html")
 
     does("export", tuned, "--controller", "tuned", "--out", "c", ALLOWED, "--ticks", "20")
