@@ -18,6 +18,7 @@ from fpid_pin.cli.screen import say
 from fpid_pin.control.gains import impossible_joints
 from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import kind_of, put_text
+from fpid_pin.simulation.toml import toml_text
 from fpid_pin.text import visible
 
 #: The reference of ``init.toml``: so far to both sides at most [rad], [m], this part of what
@@ -43,8 +44,6 @@ def run_init(text: str, table: dict[str, Any], out: Path) -> None:
 
 def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) -> str:
     """Return the text of a configuration for an arm."""
-    import tomli_w
-
     amplitude, offset = swing(arm)
     kinds = sorted(set(arm.units), reverse=True)
     load = payload(arm)
@@ -53,8 +52,8 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
     return Template(template).substitute(
         asked=visible(asked),
         file=visible(str(file)),
-        title=tomli_w.dumps({"t": f"{arm.name}: which controller?"}).partition("= ")[2].strip(),
-        arm=tomli_w.dumps({"arm": table}).strip(),
+        title=toml_text({"t": f"{arm.name}: which controller?"}).partition("= ")[2].strip(),
+        arm=toml_text({"arm": table}).strip(),
         amplitude=amplitude.tolist(),
         offset=np.round(offset, 6).tolist(),
         phase=np.round(np.linspace(0.0, np.pi, arm.n, endpoint=False), 2).tolist(),

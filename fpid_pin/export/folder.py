@@ -17,6 +17,7 @@ from fpid_pin.export.c_source import CSource
 from fpid_pin.export.law import start
 from fpid_pin.files import hidden_folder, kind_of, sync, sync_tree
 from fpid_pin.references import Hold
+from fpid_pin.simulation.toml import toml_text
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -119,8 +120,6 @@ def write_sources(source: CSource, folder: Path) -> None:
 
 
 def _toml(controller: Controller, arm: Arm, step: float, horizon: float) -> str:
-    import tomli_w
-
     rest = Hold(tuple(arm.home.tolist()))
     table = {
         "format": 1,
@@ -129,4 +128,4 @@ def _toml(controller: Controller, arm: Arm, step: float, horizon: float) -> str:
         "simulation": {"step": step},
         "controller": [descriptions.to_dict(controller)],
     }
-    return f"# Exported with --horizon {horizon:g}.\n{tomli_w.dumps(table)}"
+    return f"# Exported with --horizon {horizon:g}.\n{toml_text(table)}"

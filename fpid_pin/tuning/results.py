@@ -331,10 +331,16 @@ class ParetoResult(ReprMixin):
         return len(self.controllers)
 
     def __str__(self) -> str:
-        return (
-            f"{len(self)} controllers, {self.costs.shape[1]} costs ({self.evaluations} evaluations)"
-        )
+        several = self.costs.shape[1]
+        title = f"{len(self)} controllers, {several} costs ({self.evaluations} evaluations)"
+        rows = []
+        for k, j in enumerate(np.argmin(self.costs, axis=0)):
+            found = dict(zip(self.history.labels, self.parameters[j].tolist(), strict=True))
+            rows.append((f"least cost {k + 1}, {self.costs[j, k]:.4g}", found, ""))
+        return listing(title, rows)
 
     def _repr_html_(self) -> str:
         head = [f"cost {k + 1}" for k in range(self.costs.shape[1])] + list(self.history.labels)
-        return html_table(str(self), head, np.column_stack([self.costs, self.parameters]).tolist())
+        return html_table(
+            str(self).splitlines()[0], head, np.column_stack([self.costs, self.parameters]).tolist()
+        )

@@ -176,6 +176,10 @@ def test_the_front_holds_nothing_that_is_beaten():
         assert np.array_equal(table, front.costs)
         assert (np.diff(front.costs[:, 0]) >= 0).all()
         assert len(front.history.rows()[0]) == len(front.history.labels) + 4 + 2 * count
+        head, *lines = str(front).splitlines()
+        assert head.startswith(f"{len(front)} controllers, {count} costs (")
+        assert len(lines) == count
+        assert all("integral_order.0 0." in line for line in lines)
 
 
 def test_a_cost_map_is_the_cost_at_every_pair_of_orders():
