@@ -139,13 +139,6 @@ def test_conditions_replace_parts_of_the_nominal_experiment():
     assert nominal.sensors is None
 
 
-def test_all_faults_are_reported_at_once_with_their_paths():
-    bad = TEXT.replace("k1 = 2.0", "kk = 2.0", 1).replace("m_x = 5.0", "m_x = true", 1)
-    lines = faults(bad.replace(f"amplitude = {AMPLITUDE}", 'amplitude = "x"'))
-    paths = ["controller.0.kk", "controller.0.supervisor.m_x", "disturbance.0.amplitude"]
-    assert sorted(line.split(":")[0] for line in lines) == paths
-
-
 def test_a_urdf_s_path_starts_at_the_configuration_s_folder(tmp_path):
     urdf = Path(__file__).parents[2] / "urdf" / "two_link.urdf"
     (tmp_path / "arm.urdf").write_text(urdf.read_text().replace('effort="0" velocity="0"', ""))

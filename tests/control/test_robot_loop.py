@@ -31,14 +31,6 @@ def call(robot, k, **more):
     return robot.torque(q, *reference, v=v, **more)
 
 
-def test_on_time_it_is_the_loop_to_the_last_bit():
-    loop, robot = started(), RobotLoop(started())
-    for k in range(50):
-        assert (call(robot, k) == loop.torque(*straight(k))).all()
-    assert robot.ticks.on_time == 50
-    assert "50 ticks on time, 0 late" in str(robot.ticks)
-
-
 @pytest.mark.parametrize("names", [(TWO, ONE), ("finger", TWO, ONE, "thumb")])
 def test_a_robot_s_order_and_its_other_joints(names):
     loop, robot = started(), RobotLoop(started(), joint_names=names)

@@ -141,16 +141,8 @@ def test_javascript_means_what_python_means(node, tmp_path):
 
 
 def test_the_text_is_the_equations():
-    from fpid_pin.kernels import functions, operator, records
+    from fpid_pin.kernels import operator, records
 
-    program = Program(c99.C99())
-    program.add(functions.clip, [REAL, REAL])
-    assert program.text.endswith(
-        "static real_t clip(real_t x, real_t limit)\n{\n"
-        "    if (isfinite(x)) {\n        if (x > limit) {\n            x = limit;\n"
-        "        } else if (x < -limit) {\n            x = -limit;\n        }\n    }\n"
-        "    return x;\n}\n"
-    )
     poles = array_kind("pole", np.zeros(24, records.POLE))
     modes = array_kind("mode", np.zeros(24, records.MODE))
     operator_ = array_kind("operator", np.zeros(1, records.OPERATOR), ()).element

@@ -9,13 +9,11 @@ import pytest
 
 from fpid_pin.fractional import ExponentialSum
 from fpid_pin.kernels.operator import (
-    advance_operator,
     initialise,
     record,
     sample,
     variable_order_derivative,
 )
-from fpid_pin.kernels.records import INTEGRAL, INTEGRAL_OF_ERROR
 
 pytestmark = pytest.mark.kernels
 
@@ -159,48 +157,3 @@ def test_an_order_moved_back_and_forth_gives_what_one_that_was_always_there_give
     assert (moved[0][40:] == was[0][40:]).all()
     assert (moved[1][40:] == was[1][40:]).all()
     assert (moved[0][1:40] != was[0][1:40]).any()
-
-
-# ---------------------------------------------------------------------- an operator of a law
-
-#: Columns of a law's numbers here: a signal, its rate, the order, the output, its derivative.
-SIGNAL, RATE, ORDER, OUTPUT, BY_ORDER = range(5)
-LAW = DESIGN.coefficients([0.4], step=STEP, horizon=SAMPLES * STEP)
-
-
-def ticked(kind, f, rate, *, held=None, cut=None, orders=None, rated=True, sign=1.0):
-    """The kernel tick by tick: outputs, and derivatives by the order, (N,) each."""
-    op, poles, modes = (array[0] for array in LAW.records())
-    op.kind, op.source, op.output, op.sign, op.order_column = kind, SIGNAL, OUTPUT, sign, -1
-    op.rate = RATE if rated else -1
-    if orders is not None:
-        op.variable, op.order_column = 1, ORDER
-    numbers, grid, found = np.zeros(5), table(), []
-    for k in range(len(f)):
-        numbers[SIGNAL], numbers[RATE] = f[k], rate[k]
-        numbers[ORDER] = 0.0 if orders is None else orders[k]
-        advance_operator(
-            op, grid, poles, modes, numbers, k > 0, held is not None and held[k],
-            0.0 if cut is None else cut[k], STEP,
-        )  # fmt: skip
-        found.append(numbers[[OUTPUT, BY_ORDER]])
-    return np.array(found).T
-
-
-def test_an_integral_sums_its_signal_up_and_stands_still_while_it_would_wind_up():
-    """I^0.6 of a constant is t^0.6/Gamma(1.6); of the error its integral comes from outside."""
-    one, zero = np.ones(SAMPLES), np.zeros(SAMPLES)
-    truth = np.array([float(mp.mpf(t) ** 0.6 * mp.rgamma(1.6)) for t in T])
-    for found in (
-        ticked(INTEGRAL, one, zero)[0], ticked(INTEGRAL_OF_ERROR, T, one)[0],
-        # What pushes downwards unwinds a torque that was cut upwards.
-        ticked(INTEGRAL, one, zero, cut=one, sign=-1.0)[0],
-        ticked(INTEGRAL_OF_ERROR, T, one, cut=-one)[0],
-    ):  # fmt: skip
-        assert np.abs(found - truth).max() < 1e-8
-    stop = np.arange(SAMPLES) >= 20
-    for kind, f, rate in ((INTEGRAL, one, zero), (INTEGRAL_OF_ERROR, np.minimum(T, T[19]), one)):
-        for how in ({"held": stop}, {"cut": 1.0 * stop}):
-            found = ticked(kind, f, rate, **how)[0]
-            assert (found[20:] == found[19]).all()
-            assert np.abs(found[:20] - truth[:20]).max() < 1e-8

@@ -1,4 +1,4 @@
-"""Numbers, sensors, and stretches of a run with their figures of merit."""
+"""Numbers, records, sensors, and stretches of a run with their figures of merit."""
 
 import dataclasses
 
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import fpid_pin as fp
 from fpid_pin.kernels import functions, sensors
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.records import SENSOR
+from fpid_pin.kernels.records import SENSOR, record_type
 from fpid_pin.references import Sinusoid
 
 pytestmark = pytest.mark.kernels
@@ -51,6 +51,17 @@ def test_only_a_push_in_the_direction_of_the_cut_winds_up(cut, push):
 @given(st.one_of(st.floats(-1e9, 1e9), st.integers(-1000, 1000).map(lambda k: k + 0.5)))
 def test_numbers_are_rounded_as_numpy_does(x):
     assert sensors.rounded(x) == np.rint(x)
+
+
+def test_a_name_that_a_record_has_already_is_refused():
+    kind = record_type({"a": "one", "b": "two"}, {"c": "a count"})
+    assert kind.names == ("a", "b", "c")
+    record = np.zeros(1, kind)[0]
+    record.a, record.c = 2.5, 3.0
+    assert (record.a, record.c) == (2.5, 3)
+    assert kind["c"] == np.int64
+    with pytest.raises(ValueError, match="mean"):
+        record_type({"a": "", "mean": ""})
 
 
 # ---------------------------------------------------------------------- sensors
