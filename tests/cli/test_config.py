@@ -139,17 +139,6 @@ def test_conditions_replace_parts_of_the_nominal_experiment():
     assert nominal.sensors is None
 
 
-def test_a_urdf_s_path_starts_at_the_configuration_s_folder(tmp_path):
-    urdf = Path(__file__).parents[2] / "urdf" / "two_link.urdf"
-    (tmp_path / "arm.urdf").write_text(urdf.read_text().replace('effort="0" velocity="0"', ""))
-    text = TEXT.replace('kind = "two_link"', 'kind = "urdf"\npath = "arm.urdf"')
-    config = parse(text, "c.toml", tmp_path)
-    assert config.experiment.arm.n == 2
-    (tmp_path / "arm.urdf").unlink()
-    with pytest.raises(ConfigError, match="arm.urdf"):
-        parse(text, "c.toml", tmp_path)
-
-
 def test_a_circle_of_the_tool_is_one_of_the_configuration_s_arm():
     head = 'format = 1\n[arm]\nkind = "planar"\nlengths = [1, 1, 1]\nmasses = [1, 1, 1]\n'
     circle = '[reference]\nkind = "tool_circle"\nradius = 0.1\nperiod = 2.0\n'

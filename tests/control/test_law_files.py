@@ -136,6 +136,8 @@ def test_an_edited_law_and_whatever_it_calls_act_at_once_from_a_warm_cache(run, 
     assert run(script + IMPORTED.replace("laws", "elsewhere")) == first
     assert compiled(cache) == kept, "the second process compiled them again"
     (run.folder / "elsewhere.py").unlink()
+    for path in kept:
+        path.write_bytes(b"damaged, so compiled anew")
     for k, (name, old, new, _) in enumerate(EDITS):
         edit(run.folder / f"{name}{k}.py", old, new)
     constants.write_text("HALF = 0.25\n")
@@ -145,6 +147,7 @@ def test_an_edited_law_and_whatever_it_calls_act_at_once_from_a_warm_cache(run, 
         assert torque == [factor * x for x in before], new
     halved = [[x / 2.0 for x in torque] for torque in used[2:]]
     assert again[len(EDITS) :] == used[:2] + halved
+    assert sum(path.read_bytes()[:7] == b"damaged" for path in kept) < len(kept)
 
 
 def test_laws_of_a_script_and_of_a_notebook_s_cells_run_as_they_stand(run):
@@ -172,7 +175,8 @@ play(cells["Own"]())
 def test_without_compilation_every_law_gives_the_same_torques(cache):
     done = finished(
         [sys.executable, HERE / "every_law.py"],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"}, timeout=240,
+        env=os.environ | {"NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(sys.path)},
+        timeout=240,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     plain = json.loads(done.stdout)

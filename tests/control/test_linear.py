@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import every_law
 import numpy as np
 import pytest
-from own_laws import PythonPid, own
+from own_laws import FractionalSurface, PythonPid, own
 
 import fpid_pin as fp
 from fpid_pin.control import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
-from fpid_pin.control.law import Derivative, Integral
 from fpid_pin.control.linear import linear_arm, linearised
 from fpid_pin.control.poses import gravity_stiffness
 from fpid_pin.control.stability import stability_report
@@ -19,25 +18,6 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold
 
 STEP, HORIZON = 1e-3, 5.0
-
-
-@dataclass(frozen=True, eq=False)
-class FractionalSurface(fp.Controller):
-    """Operators of the law's own surface, which has another one in it."""
-
-    operators = {
-        "d_e": Derivative(0.5),
-        "d_s": Derivative(0.7, of="s"),
-        "i_s": Integral(0.6, of="s", sign=-1),
-    }
-
-    @staticmethod
-    def surface(c):
-        c.s = -(c.e_dot + 2.0 * c.d_e)
-
-    @staticmethod
-    def torque(c):
-        return 30.0 * c.e - 3.0 * c.d_s - 5.0 * c.i_s
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
 """A law of one's own in its three forms; what the engine does for it; that its faults are its own.
 
-tests/control/own_laws.py has the laws. That they are the loops that are written out is in
+tests/own_laws.py has the laws. That they are the loops that are written out is in
 test_laws.py, that a law runs as it stands in its file in test_law_files.py.
 """
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from bounded import finished
 from numpy.typing import ArrayLike
+from own_laws import PythonPd
 
 import fpid_pin as fp
 from fpid_pin import descriptions
@@ -31,14 +32,6 @@ class Unprintable(fp.Controller):
     @staticmethod
     def torque(c):
         return c.kp * c.e if -1.0 < c.e < 1.0 else 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class Numpy(fp.Controller):
-    kp: ArrayLike = 1.0
-
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        return self.kp * (q_ref - q)
 
 
 def read(path):
@@ -186,7 +179,7 @@ def many(n):
 @pytest.mark.parametrize(
     "check",
     [
-        refused("Numpy: expected a law by its functions", Numpy()),
+        refused("PythonPd: expected a law by its functions", PythonPd(1.0, 1.0)),
         refused(r"test_export_folder.py:\d+: torque: cannot be printed: -1.0 < c.e", Unprintable()),
         refused("expected at most 32 joints, got 33", law(), many(33)),
         refused("expected one with modes", law(design=fp.fractional.L1()), error=fp.FpidError),
@@ -215,44 +208,20 @@ def test_a_folder_that_exists_is_left_alone(tmp_path):
     assert (tmp_path / "c" / "mine").read_text() == "mine"
 
 
-CONFIG = """
-format = 1
-[arm]
-kind = "two_link"
-[reference]
-kind = "sinusoid"
-[simulation]
-step = 0.002
-duration = 1.0
-[[controller]]
-kind = "adaptive_fpid"
-name = "mine"
-kp = 20
-ki = 10
-kd = 5
-integral_order = 0.9
-derivative_order = 0.9
-[[controller]]
-kind = "pid"
-kp = 1
-ki = 1
-kd = 1
-"""
-
-
 @pytest.mark.usefixtures("gcc")
 def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     config = tmp_path / "config.toml"
-    config.write_text(CONFIG)
+    experiment = fp.Experiment(ARM, fp.references.Sinusoid(), duration=1.0, step=0.002)
+    written = fp.to_toml(experiment, {"mine": law(), "PID": fp.Pid(1.0, 1.0, 1.0)})
+    config.write_text(written)
     out = tmp_path / "c"
     command = ["export", str(config), "--controller", "mine", "--horizon", "20", "--out", str(out)]
     assert main(command) == 0
     assert "fpid.h" in capsys.readouterr().out
     kept = (out / "controller.toml").read_text()
     assert kept.startswith("# Exported: controller 'mine', --horizon 20 --ticks 2000.")
-    assert tomllib.loads(kept) == tomllib.loads(CONFIG)
+    assert tomllib.loads(kept) == tomllib.loads(written)
     proof = read(out / "vectors.bin")
-    experiment = fp.Experiment(ARM, fp.references.Sinusoid(), duration=1.0, step=0.002)
     run = fp.simulate(experiment, law())
     assert np.array_equal(proof.inputs[:, 0], run.q)
     assert main(command) == 2
@@ -265,17 +234,6 @@ def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     assert main([*command[:3], "none", "--out", str(tmp_path / "d")]) == 2
     assert "--controller" in capsys.readouterr().err
     assert main([*command[:3], "PID", "--out", str(tmp_path / "d")]) == 0
-
-
-def test_the_configuration_beside_the_c_is_one_that_export_reads(tmp_path, monkeypatch):
-    """Made in Python, exported again from the command line: the same controller."""
-    monkeypatch.setattr(build, "compiler", lambda: None)  # which would measure both
-    first = fp.export_c(law(k1=3.0), ARM, 2e-3, tmp_path / "first", horizon=30.0, ticks=5)
-    again = tmp_path / "again"
-    command = ["export", str(first / "controller.toml"), "--horizon", "30", "--out", str(again)]
-    assert main(command) == 0
-    for name in ("fpid.h", "fpid.c", "fpid_parameters.c"):
-        assert (again / name).read_text() == (first / name).read_text()
 
 
 @pytest.mark.usefixtures("gcc")

@@ -1,19 +1,15 @@
 """The cache of compiled kernels: never stale, never in the way."""
 
-import ctypes
 import os
 import shutil
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 from bounded import finished
 
 import fpid_pin
-from fpid_pin.control import functions
 from fpid_pin.kernels import compiled
-from fpid_pin.kernels.records import GIVEN
 
 QUIET = {"PYTHONDONTWRITEBYTECODE": "1"}
 PACKAGE = Path(fpid_pin.__file__).parent
@@ -118,48 +114,6 @@ def test_a_function_that_was_typed_in_is_compiled_all_the_same():
     room = {}
     exec("def twice(x):\n    return 2.0 * x\n", room)
     assert compiled.kernel(room["twice"])(1.5) == 3.0
-
-
-def weak(c):
-    return 2.0 * c.e
-
-
-def strong(c):
-    return 3.0 * c.e
-
-
-def asked(function):
-    """Return what a law's function makes of an error of 1 rad, called by its address."""
-    joints = np.zeros(1, GIVEN)
-    joints["e"] = joints["scale"] = 1.0
-    kinds = [ctypes.c_void_p] * 6 + [ctypes.c_int64] * 2
-    address = functions.address_of(function, GIVEN, "torque")
-    ctypes.CFUNCTYPE(None, *kinds)(address)(joints.ctypes.data, *[None] * 5, 1, 0)
-    return float(joints["u_law"][0])
-
-
-def test_a_law_has_files_of_its_own_and_broken_ones_are_compiled_anew(monkeypatch, tmp_path):
-    monkeypatch.setattr(compiled, "CACHE", tmp_path)
-
-    def in_a_new_process(function):
-        monkeypatch.setattr(functions, "_KNOWN", {})
-        return asked(function)
-
-    assert asked(weak) == 2.0
-    files = set(tmp_path.rglob("*.nb?"))
-    assert len(files) == 2
-    assert in_a_new_process(strong) == 3.0
-    assert len(set(tmp_path.rglob("*.nb?"))) == 4
-    for content in (b"", b"not what it was"):
-        for path in files:
-            path.write_bytes(content)
-        assert in_a_new_process(weak) == 2.0
-        assert in_a_new_process(strong) == 3.0
-        assert all(path.read_bytes() != content for path in files)
-    # A function that does something else is another one, whatever it is called.
-    changed = weak.__code__.replace(co_consts=(None, 5.0))
-    monkeypatch.setattr(weak, "__code__", changed)
-    assert in_a_new_process(weak) == 5.0
 
 
 def test_kernels_have_no_vector_loops_and_a_users_functions_keep_theirs(tmp_path):

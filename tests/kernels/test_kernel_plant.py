@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from own_laws import FractionalSurface
 
 import fpid_pin as fp
 from fpid_pin.kernels import functions, sensors
@@ -99,24 +100,6 @@ RUBS = fp.Plant(ARM.with_payload(0.3), dry_friction=(0.5, 0.2, 0.1), effort_limi
 FPID = fp.AdaptiveFpid(40.0, 20.0, 4.0, 0.8, 0.7, design=fp.fractional.ExponentialSum(8))
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class OfItsSurface(fp.Controller):
-    """Joint by joint, with operators of a signal of its own."""
-
-    order: float = 0.5
-    operators = {
-        "i_s": fp.control.Integral("order", of="s"), "d_s": fp.control.Derivative(0.5, of="s"),
-    }  # fmt: skip
-
-    @staticmethod
-    def surface(c):
-        c.s = c.e_dot + 5.0 * c.e
-
-    @staticmethod
-    def torque(c):
-        return 4.0 * c.s + 10.0 * c.i_s + 0.1 * c.d_s
-
-
 STRETCHES = {
     "FPID": (BASE, FPID),
     "FPID, adaptive orders, Runge-Kutta": (
@@ -128,7 +111,7 @@ STRETCHES = {
         dataclasses.replace(FPID, feedforward=True, supervisor=fp.Supervisor.quiet(0.8, 0.7)),
     ),
     "Slotine-Li": (dataclasses.replace(BASE, plant=RUBS), fp.SlotineLi(5.0, 5.0)),
-    "operators of its own signal": (BASE, OfItsSurface()),
+    "operators of its own surface": (BASE, FractionalSurface(scale=0.02)),
     "weight, late": (
         dataclasses.replace(BASE, q0=0.0, sensors=fp.Sensors(delay=1)),
         fp.GravityOnly(),

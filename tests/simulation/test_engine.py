@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from own_laws import JointPd, PythonPd
 
 import fpid_pin as fp
 from fpid_pin.costs import METRICS, FromRows, MetricCost, QuadraticCost, SettlingCost, ToolCost
@@ -82,43 +83,18 @@ def test_dynamics_are_pinocchios_where_runs_are_recorded_and_compiled_where_they
         dataclasses.replace(PAPER, dynamics="compile")
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class ByJoints(fp.Controller):
-    """PD, joint by joint."""
-
-    kp: float = 60.0
-    kd: float = 12.0
-    shown = {"e": "e"}
-
-    @staticmethod
-    def torque(c):
-        return c.kp * c.e + c.kd * c.e_dot
-
-
-class InPython(ByJoints):
-    """The same for one robot, in NumPy."""
-
-    torque = None
-
-    def begin(self, state):
-        state.shown["e"] = np.zeros(state.n)
-
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        state.shown["e"][:] = q_ref - q
-        return self.kp * (q_ref - q) + self.kd * (v_ref - v)
-
-
 @pytest.mark.parametrize("dynamics", ["compiled", "pinocchio"])
 def test_a_law_in_python_moves_as_the_same_law_joint_by_joint(dynamics):
     experiment = dataclasses.replace(
         PAPER, dynamics=dynamics, sensors=SENSORS, duration=4.2,
         plant=fp.Plant(effort_limit=(30.0, 8.0), dry_friction=0.3),
     )  # fmt: skip
+    guard = fp.Supervisor(2.0, 1.0, observer=20.0)
     runs = [
-        fp.simulate(experiment, law(observer=20.0, supervisor=fp.Supervisor(2.0, 1.0, observer=20)))
-        for law in (ByJoints, InPython)
+        fp.simulate(experiment, law(60.0, 12.0, observer=20.0, supervisor=guard))
+        for law in (JointPd, PythonPd)
     ]
-    for name in ("q", "torque", "e"):
+    for name in ("q", "torque"):
         one, other = (getattr(run, name) for run in runs)
         assert one.shape == other.shape == (4201, 2)
         assert np.abs(one - other).max() < 1e-9
@@ -360,7 +336,7 @@ def test_the_memory_of_a_cost_does_not_grow_with_the_horizon():
 def test_threads_do_compiled_work_and_processes_what_holds_the_lock():
     for experiment, law, threads in (
         (PAPER, FPID, True), (PAPER.with_dynamics("pinocchio"), FPID, False),
-        (PAPER, InPython(), False),
+        (PAPER, PythonPd(60.0, 12.0), False),
     ):  # fmt: skip
         with executor_of(None, 1, [experiment, PAPER], [FPID, law]) as pool:
             assert isinstance(pool, ThreadPoolExecutor) == threads

@@ -1,5 +1,6 @@
 """Any text is a configuration, or lines that name the file and the key."""
 
+import copy
 import os
 import re
 import tomllib
@@ -82,16 +83,10 @@ def places(table, path=()):
 PLACES = list(places(TABLE))
 
 
-def copied(value):
-    if isinstance(value, dict):
-        return {key: copied(item) for key, item in value.items()}
-    return [copied(item) for item in value] if isinstance(value, list) else value
-
-
 @st.composite
 def spoilt(draw):
     """Return the demo's table with some of it replaced, removed or added."""
-    table = copied(TABLE)
+    table = copy.deepcopy(TABLE)
     for _ in range(draw(st.integers(1, 3))):
         path = draw(st.sampled_from(PLACES))
         inner = table
@@ -140,7 +135,7 @@ def test_a_key_of_any_table_may_be_called_as_an_argument_is(tmp_path, tally):
     assert fault_of(TEXT, tmp_path) == ""
     names = ("self", "cls", "kind", "path", "args", "kwargs")
     for path in [(), *PLACES]:
-        table = copied(TABLE)
+        table = copy.deepcopy(TABLE)
         inner = table
         for key in path:
             inner = inner[key]

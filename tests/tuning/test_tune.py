@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
+from own_laws import PythonPd
 
 import fpid_pin as fp
 from fpid_pin.control import gains
@@ -259,15 +259,6 @@ SHORT = fp.paper_experiment(duration=0.1, step=5e-3)
 GAINS = Space(kp=(10, 100, "log"), kd=(1, 20))
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class PythonPd(fp.Controller):
-    kp: ArrayLike = 50.0
-    kd: ArrayLike = 10.0
-
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        return self.kp * (q_ref - q) + self.kd * (v_ref - v)
-
-
 def test_it_says_before_the_search_how_long_it_takes(monkeypatch):
     clock = iter((0.0, 36.0))
     monkeypatch.setattr(
@@ -277,7 +268,7 @@ def test_it_says_before_the_search_how_long_it_takes(monkeypatch):
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         counts = []
-        tune(SHORT, PythonPd(), GAINS, settings=settings,
+        tune(SHORT, PythonPd(50.0, 10.0), GAINS, settings=settings,
              progress=lambda _: counts.append(len(caught)))  # fmt: skip
     (warning,) = caught
     assert warning.category is fp.FpidWarning

@@ -173,6 +173,25 @@ class Many(fp.Controller):
         return c.d_e + c.half - c.i_s + c.d_slow + c.i_e + c.d_s
 
 
+@dataclass(frozen=True, eq=False)
+class FractionalSurface(fp.Controller):
+    """Operators of the law's own surface, which has another one in it."""
+
+    operators = {
+        "d_e": Derivative(0.5),
+        "d_s": Derivative(0.7, of="s"),
+        "i_s": Integral(0.6, of="s", sign=-1),
+    }
+
+    @staticmethod
+    def surface(c):
+        c.s = -(c.e_dot + 2.0 * c.d_e)
+
+    @staticmethod
+    def torque(c):
+        return 30.0 * c.e - 3.0 * c.d_s - 5.0 * c.i_s
+
+
 def own(torque=None, **body):
     """Return a law of the joint form, made here, that has these functions and declarations."""
     functions = {"torque", "surface", "adapt", "torques", "adapts"}
