@@ -1,12 +1,15 @@
 """A hook of mkdocs: pages that stand outside of `docs` are part of the site, too, and a playground.
 
 The record of the benchmarks with its results, CONTRIBUTING and CHANGELOG stay where a repository
-has them, and links between them and the pages work in both places.
+has them, and links between them and the pages work in both places. The notebooks of examples/ are
+pages with what they have stored.
 """
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +30,28 @@ def on_files(files: Any, config: Any) -> Any:
         for path in sorted(ROOT.glob(pattern)):
             name = path.relative_to(ROOT).as_posix()
             files.append(File.generated(config, name, abs_src_path=str(path)))
+    for path in sorted((ROOT / "examples").glob("*.ipynb")):
+        page = "\n\n".join(shown(json.loads(path.read_text(encoding="utf-8"))))
+        page = page.replace(".ipynb)", ".md)")
+        files.append(File.generated(config, f"examples/{path.stem}.md", content=page))
     return files
+
+
+def shown(notebook: dict[str, Any]) -> Iterator[str]:
+    """Yield a notebook's cells and what they have stored, as Markdown."""
+    for cell in notebook["cells"]:
+        text = "".join(cell["source"])
+        yield text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```"
+        for output in cell.get("outputs", []):
+            kinds = {kind: "".join(data) for kind, data in output.get("data", {}).items()}
+            image = next((kind for kind in kinds if kind.startswith("image/")), None)
+            if image:
+                yield f'<img alt="" src="data:{image};base64,{kinds[image].strip()}">'
+            elif "text/html" in kinds:
+                yield re.sub(r"\n\s*\n", "\n", kinds["text/html"])
+            else:
+                printed = "".join(output.get("text", kinds.get("text/plain", "")))
+                yield f"```text\n{printed.rstrip()}\n```"
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Any) -> str:

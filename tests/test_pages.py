@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import json
 import re
 import sys
 from pathlib import Path
@@ -69,8 +70,21 @@ def test_examples_run_and_each_says_something(tmp_path):
     assert all(told)
 
 
+def cells(notebook):
+    """Yield each cell of code of a notebook with what it has stored as printed."""
+    for cell in json.loads(notebook.read_text(encoding="utf-8"))["cells"]:
+        if cell["cell_type"] == "code":
+            kinds = [output["output_type"] for output in cell["outputs"]]
+            assert "error" not in kinds
+            printed = [o["text"] for o in cell["outputs"] if o["output_type"] == "stream"]
+            yield "".join(cell["source"]), "".join(line for text in printed for line in text)
+
+
 def test_the_code_of_a_page_runs_from_top_to_bottom_and_prints_what_stands_there(tmp_path):
-    """A block of text below one of code is what it prints, and so is a comment beside a print."""
+    """A block of text below one of code is what it prints, and so is a comment beside a print.
+
+    Notebooks are pages, too.
+    """
     pages = {}
     for page in sorted((ROOT / "docs").glob("*.md")):
         text = page.read_text(encoding="utf-8")
@@ -79,6 +93,9 @@ def test_the_code_of_a_page_runs_from_top_to_bottom_and_prints_what_stands_there
             pages[page.stem] = re.findall(
                 r"^```python\n(.*?)^```\n(?:\n```text\n(.*?)^```$)?", text, re.M | re.S
             )
+    for notebook in sorted((ROOT / "examples").glob("*.ipynb")):
+        assert notebook.stat().st_size < 400_000
+        pages[notebook.stem] = list(cells(notebook))
     for name, blocks in pages.items():
         program = "".join(f'{block}\nprint("end of block")\n' for block, _ in blocks)
         (tmp_path / f"{name}.py").write_text(program, encoding="utf-8")
@@ -86,10 +103,10 @@ def test_the_code_of_a_page_runs_from_top_to_bottom_and_prints_what_stands_there
     told = run(tmp_path, *(f"{name}.py" for name in pages))
     for (name, blocks), printed in zip(pages.items(), told, strict=True):
         for (block, text), lines in zip(blocks, printed.split("end of block\n"), strict=False):
-            assert not text or alike(text, lines), f"{name}.md prints {lines}"
+            assert not text or alike(text, lines), f"{name} prints {lines}"
             for comment in re.findall(r"^print\(.*\)  # (.*)$", block, re.M):
                 assert any(alike(comment, line) for line in lines.splitlines()), (
-                    f"{name}.md prints {lines}"
+                    f"{name} prints {lines}"
                 )
 
 

@@ -288,7 +288,8 @@ class Comparison(ReprMixin):
 
     def _repr_html_(self) -> str:
         rows = self.rows()
-        return html_table(self, list(rows[0]), ([*row.values()] for row in rows))
+        caption = " ".join(str(self).splitlines())
+        return html_table(caption, list(rows[0]), ([*row.values()] for row in rows))
 
 
 def compare(
