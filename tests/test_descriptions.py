@@ -170,7 +170,11 @@ def test_a_law_of_one_s_own_may_declare_checks_or_none():
         count: Annotated[int, Whole(low=1)] = 3
         width: Annotated[float | None, Number("s", above=0.0)] = None
 
-    assert not Checked([1, 2]).gain.flags.writeable
+    given = np.array([1.0, 2.0])
+    kept = Checked(given).gain
+    assert (kept == given).all()
+    assert not kept.flags.writeable
+    assert not np.shares_memory(kept, given)
     for changes, line in [
         ({"gain": (1.0, -1.0)}, "gain.1: expected a number >= 0, got -1"),
         ({"count": 0}, "count: expected a whole number >= 1, got 0"),

@@ -300,6 +300,11 @@ def test_costs_and_metrics_while_running_have_the_bits_of_the_record(plant):
 
 
 def test_numbers_that_do_not_match_are_refused():
+    for duration, step in ((1.0, 0.0), (1.0, -1.0), (1e-4, 1e-3), (0.0, 1.0)):
+        with pytest.raises(ArgumentError, match="step|duration"):
+            fp.paper_experiment(duration=duration, step=step)
+    for duration, step, rows in ((20.0, 1e-3, 20001), (1e-3, 1e-3, 2), (0.3, 0.1, 4)):
+        assert fp.paper_experiment(duration=duration, step=step).rows == rows
     with pytest.raises(ArgumentError, match="equal numbers, or one of either, got 2 and 3"):
         fp.simulate([PAPER] * 2, [FPID] * 3)
     with pytest.raises(ArgumentError, match="experiment: expected an Experiment, got str"):
