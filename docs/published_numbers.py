@@ -6,9 +6,9 @@ A page is cut at its headings. A number in a section's sentences and tables is i
 section names, by a link or in `code`: the stored output of a script of benchmarks/ (naming
 one of the two names both), or a file of the repository that is no page, such as the file of a law
 for its defaults; or in a block of code on the page, which the tests run. It may be rounded, to two
-digits at least. Left out are what is written as code, labels such as (22), section 5.1, [3] and
-years, and whole numbers up to 10. The file to name is the one that the number is from: in a large
-one any number of two digits is found.
+digits at least. Left out are code and HTML, labels such as (22), section 5.1, [3] and years, and
+whole numbers up to 10. The file to name is the one that the number is from: in a large one any
+number of two digits is found.
 
 A table that begins like one of the stored output which its section names is written as it stands
 there, and the numbers that are nowhere are printed. `benchmarks/record.py` does this, too.
@@ -79,7 +79,9 @@ def missing(text: str, folder: Path) -> list[str]:
         stored = " ".join([blocks, *files]).replace("_", "")
         known = [value for _, value, _ in numbers(stored)]
         prose = BLOCK.sub("", section)
-        prose = re.sub(r"^    .*$|`[^`]*`|(?<=\])\([^)]*\)", "", prose, flags=re.MULTILINE)
+        prose = re.sub(
+            r"^    .*$|`[^`]*`|<\w[^>]*>|(?<=\])\([^)]*\)", "", prose, flags=re.MULTILINE
+        )
         for written, value, room in numbers(LABEL.sub("", prose)):
             free = value <= 10.0 and re.fullmatch(r"\d+", written)
             near = 1e-9 * value + room

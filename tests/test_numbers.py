@@ -34,6 +34,7 @@ def test_every_number_has_its_source_beside_it_and_tables_are_as_stored(page):
         # A default, in the file of its law.
         ("gamma is 25 ([law](../fpid_pin/control/fpid.py)).", []),
         ("By (22), [31], section 5.1, SHA-256, h^12, `kp = 99`, in 2009 and in 3 steps.", []),
+        ('<iframe style="width: 100%; border: 1px solid #8888"></iframe>', []),
         ("```python\nprint(77.31)\n```\n\nThat is 77.31.\n", []),
         ("# Here\n\n99.0\n\n## There\n\n[source](../benchmarks/results/validation.md)\n", ["99.0"]),
     ],
