@@ -16,42 +16,16 @@ from fpid_pin.kernels.records import SENSOR, record_type
 from fpid_pin.references import Sinusoid
 
 pytestmark = pytest.mark.kernels
-numbers = st.floats(-1e6, 1e6)
 
 
-def records(kind, n, **values):
-    found = np.zeros(n, kind)
-    for name, value in values.items():
-        found[name] = value
-    return found
-
-
-# ---------------------------------------------------------------------- numbers
-
-
-clip, winds_up, sign = map(kernel, (functions.clip, functions.winds_up, functions.sign))
-
-
-@given(numbers, st.floats(0.0, 1e6))
-def test_a_clipped_number_is_the_nearest_within(x, limit):
-    assert clip(x, limit) == float(np.clip(x, -limit, limit))
-    assert sign(x) == np.sign(x)
-
-
-def test_what_is_not_finite_stays_and_inf_is_no_limit():
-    for x, limit in ((np.nan, 1.0), (1e300, np.inf), (-np.inf, 2.0), (np.inf, 2.0)):
-        assert np.array_equal(clip(x, limit), x, equal_nan=True)
-
-
-@given(numbers, numbers)
-def test_only_a_push_in_the_direction_of_the_cut_winds_up(cut, push):
-    expected = np.sign(cut) * np.sign(push) > 0.0 and abs(cut * push) > 0.0
-    assert winds_up(cut, push) == expected
+sign = kernel(functions.sign)
 
 
 @given(st.one_of(st.floats(-1e9, 1e9), st.integers(-1000, 1000).map(lambda k: k + 0.5)))
-def test_numbers_are_rounded_as_numpy_does(x):
+def test_numbers_are_rounded_as_numpy_does_and_have_its_signs(x):
+    """How they are clipped, and what winds up, is in tests/control."""
     assert sensors.rounded(x) == np.rint(x)
+    assert sign(x) == np.sign(x)
 
 
 def test_a_name_that_a_record_has_already_is_refused():
@@ -69,10 +43,13 @@ def test_a_name_that_a_record_has_already_is_refused():
 
 
 def test_delay_noise_bias_steps_and_filter_come_in_this_order():
-    joints = records(
-        SENSOR, 2, delay=[2, 0], noise_q=0.1, noise_v=0.2, bias=0.3, resolution=[0.0, 0.25],
-        derived=[0, 1], keep=0.5, gain=50.0,
-    )  # fmt: skip
+    joints = np.zeros(2, SENSOR)
+    values = {
+        "delay": [2, 0], "noise_q": 0.1, "noise_v": 0.2, "bias": 0.3, "resolution": [0.0, 0.25],
+        "derived": [0, 1], "keep": 0.5, "gain": 50.0,
+    }  # fmt: skip
+    for name, value in values.items():
+        joints[name] = value
     history, noise = np.zeros((3, 2, 2)), np.random.default_rng(0).normal(size=(4, 2, 2))
     inputs, kept, last = np.zeros((5, 2)), 0.0, None
     q, v = np.random.default_rng(1).normal(size=(2, 6, 2))
