@@ -10,7 +10,14 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
-from fpid_pin.control.poses import gravity_stiffness, seeded_poses, worst_pose
+from fpid_pin.control.poses import (
+    STARTS,
+    gravity_instability,
+    heaviness,
+    inertia_slope,
+    seeded_poses,
+    worst_pose,
+)
 from fpid_pin.control.stability import critical_gain, frequencies
 from fpid_pin.fractional import Design
 from fpid_pin.fractional.design import modes_of
@@ -85,15 +92,17 @@ class DerivativeBound:
         """Return (M + h F_v/2)^-1 at a pose, (n, n)."""
         return np.asarray(np.linalg.inv(self.arm.mass_matrix(q) + self._friction))
 
-    def load_at(self, kd: FloatArray, q: FloatArray) -> tuple[float, FloatArray]:
+    def load_at(self, kd: FloatArray, q: FloatArray) -> tuple[float, FloatArray, FloatArray]:
         """Return which part of the bound Kd [N m s^mu/rad], scale included, uses up at a pose.
 
-        Also which part of that is each joint's, (n,): its derivative by ln Kd, over itself.
+        Also which part of that is each joint's, (n,): its derivative by ln Kd, over itself; and its
+        derivative by q, (n,).
         """
         # The product is similar to a symmetric matrix.
-        root = np.sqrt(kd / self.critical)
-        values, vectors = np.linalg.eigh(root[:, np.newaxis] * self.mobility(q) * root)
-        return float(values[-1]), np.asarray(vectors[:, -1] ** 2)
+        root, mobility = np.sqrt(kd / self.critical), self.mobility(q)
+        values, vectors = np.linalg.eigh(root[:, np.newaxis] * mobility * root)
+        moved = mobility @ (root * vectors[:, -1])
+        return float(values[-1]), vectors[:, -1] ** 2, -inertia_slope(self.arm, q, moved)
 
     def worst(self, kd: FloatArray) -> tuple[float, FloatArray]:
         """Return the largest load that is found, and its pose; one pose alone is not searched."""
@@ -103,8 +112,8 @@ class DerivativeBound:
         loads = np.linalg.eigvalsh(root[:, np.newaxis] * self._mobility * root)[:, -1]
         if len(self.poses) == 1:
             return float(loads[0]), self.poses[0]
-        starts = self.poses[np.argsort(-loads)[:2]]
-        load, pose = worst_pose(self.arm, lambda q: self.load_at(kd, q)[0], starts)
+        starts = self.poses[np.argsort(-loads)[:STARTS]]
+        load, pose = worst_pose(self.arm, lambda q: self.load_at(kd, q)[::2], starts)
         # Where one Kd is worst another is not far from it.
         self.poses = np.vstack([self.poses, pose])
         self._mobility = np.concatenate([self._mobility, self.mobility(pose)[np.newaxis]])
@@ -116,18 +125,11 @@ class DerivativeBound:
         They are home; where the arm is heaviest, where gravity is most unstable (M and dG/dq over
         the scale s_j, (n,)), and where it is lightest, searched for; and three seeded ones.
         """
-        root = 1.0 / np.sqrt(scale)
-
-        def heaviness(q: FloatArray) -> float:
-            mass = root[:, np.newaxis] * self.arm.mass_matrix(q) * root
-            return float(np.linalg.eigvalsh(mass)[-1])
-
-        def gravity_instability(q: FloatArray) -> float:
-            stiffness = root[:, np.newaxis] * gravity_stiffness(self.arm, q) * root
-            return max(1e-9, -float(np.linalg.eigvalsh(0.5 * (stiffness + stiffness.T))[0]))
-
         poses = seeded_poses(self.arm, 200, 0)
-        found = [worst_pose(self.arm, f, poses)[1] for f in (heaviness, gravity_instability)]
+        found = [
+            worst_pose(self.arm, lambda q, f=f: f(self.arm, scale, q), poses)[1]  # type: ignore[misc]
+            for f in (heaviness, gravity_instability)
+        ]
         return np.vstack([self.arm.home, *found, self.worst(scale)[1], poses[1:4]])
 
     def ceilings(self, controller: AdaptiveFpid) -> GainCeilings:

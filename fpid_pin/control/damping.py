@@ -186,7 +186,7 @@ def nearest_gains(
         table = gains(y)
         values, rows = [], []
         for pose in heavy_poses:
-            load, parts = bound.load_at(table[2], pose)
+            load, parts, _ = bound.load_at(table[2], pose)
             values.append(np.log(part / load))
             rows.append([*np.zeros(2 * n), *-parts, 0.0])
         for k in undamped_poses:

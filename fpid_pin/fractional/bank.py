@@ -123,8 +123,7 @@ class Bank:
         value, rate
             f and f' now, of the bank's shape; `rate` only where it is measured.
         out
-            Where to write the result; the bank's own buffer, overwritten by the next call, when
-            it is None.
+            Where to write the result, of the bank's shape; None: into a new array.
 
         Raises
         ------
@@ -159,10 +158,8 @@ class Bank:
             self.step,
         )  # fmt: skip
         self._tick += 1
-        result = self._output.reshape(self.shape)
-        if out is None:
-            return result
-        np.copyto(out, result)
+        out = np.empty(self.shape) if out is None else out
+        np.copyto(out, self._output.reshape(self.shape))
         return out
 
     def recorded(self, value: FloatArray, rate: FloatArray | None = None) -> FloatArray:

@@ -12,8 +12,9 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.control import Safeguards, explain_gains, gain_ceilings, suggest_gains
-from fpid_pin.control.ceilings import critical_derivative
+from fpid_pin.control.ceilings import DerivativeBound, critical_derivative
 from fpid_pin.control.gains import impossible_joints
+from fpid_pin.control.poses import gravity_instability, heaviness
 from fpid_pin.fractional import Crone, ExponentialSum
 from fpid_pin.references import Hold
 
@@ -47,6 +48,34 @@ def test_the_loop_breaks_where_the_sampled_bound_says(name, mu):
     peaks = [np.abs(r.v).max() for r in fp.simulate(experiment, laws)]
     assert max(peaks[:2]) < 1e-5
     assert min(peaks[2:]) > 1e-3
+
+
+def test_the_last_bits_of_gains_do_not_move_the_limit_of_an_arm_that_is_nearly_singular(kinova):
+    arm, found = kinova
+    rng, kd = np.random.default_rng(0), np.asarray(found.controller.kd)
+    changes = [1e-12 * rng.normal(size=arm.n) for _ in range(8)]
+    laws = [dataclasses.replace(found.controller, kd=kd * (1.0 + x), learning_rate=0.0,
+                                safeguards=None) for x in changes]  # fmt: skip
+    limits = [gain_ceilings(arm, law, step=2e-3).kd_limit for law in laws]
+    # Nor does it matter which poses a search starts from.
+    limits += [gain_ceilings(arm, laws[0], step=2e-3, seed=seed).kd_limit for seed in (1, 2)]
+    assert (np.ptp(limits, axis=0) < 0.01 * np.min(limits, axis=0)).all()
+
+
+@pytest.mark.parametrize("name", ["kinova", "z1"])
+def test_the_derivatives_that_worst_poses_are_searched_by_are_those_of_the_measures(name):
+    arm, step = arm_named(name).with_friction(viscous=0.1), 1e-5
+    law = suggest_gains(arm, adaptive=False)
+    bound = DerivativeBound(arm, law, step=1e-3, horizon=20.0)
+    measures = (
+        lambda q: bound.load_at(np.asarray(law.kd), q)[::2],
+        lambda q: heaviness(arm, law.scale, q),
+        lambda q: gravity_instability(arm, law.scale, q),
+    )
+    for measure, q in itertools.product(measures, bound.poses[1:4]):
+        value, slope = measure(q)
+        sides = [[measure(q + sign * x)[0] for x in step * np.eye(arm.n)] for sign in (1.0, -1.0)]
+        assert slope == pytest.approx(np.subtract(*sides) / (2.0 * step), abs=1e-5 * value)
 
 
 @pytest.mark.parametrize("step", [1e-3, 4e-3])

@@ -2,13 +2,16 @@
 
 import dataclasses
 import functools
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fpid_pin as fp
 from fpid_pin.control import lyapunov_matrix
-from fpid_pin.disturbances import Cosine
+from fpid_pin.disturbances import Cosine, Pulse
+
+DOCS = Path(__file__).parents[2] / "docs" / "supervisor.md"
 
 
 def supervisor(**changes):
@@ -143,6 +146,24 @@ def test_it_keeps_the_set_where_sgn_makes_it_worse_and_the_torque_stays_quiet(st
         assert largest(runs["sgn"], R) > largest(runs["none"], R)
     else:
         assert largest(runs["sgn"], R) < 1.01
+
+
+@beyond
+@pytest.mark.parametrize(
+    ("told", "push"),
+    [("(30, 12) cos 10 t", Cosine((30.0, 12.0), 10.0)),
+     ("(300, 120) cos 100 t", Cosine((300.0, 120.0), 100.0)),
+     ("(150, 75) at once", Pulse((150.0, 75.0), start=1.0))],
+)  # fmt: skip
+def test_the_page_says_how_far_a_push_too_fast_for_the_observer_gets(told, push):
+    size = push.amplitude if isinstance(push, Cosine) else push.torque
+    guards = (None, F, fp.Supervisor.quiet(3.0, 1.0, observer=300.0),
+              dataclasses.replace(R, disturbance_bound=size))  # fmt: skip
+    plant = fp.Plant(disturbance=push)
+    experiment = dataclasses.replace(fp.paper_experiment(duration=4.0), plant=plant)
+    experiment = experiment.with_dynamics("compiled")
+    reached = [largest(fp.simulate(experiment, supervised(guard)), R) for guard in guards]
+    assert f"| {told} | {' | '.join(f'{v:.2f}' for v in reached)} |" in DOCS.read_text()
 
 
 @beyond

@@ -119,6 +119,13 @@ def test_running_past_the_horizon_warns_once_and_computes_nothing_for_it(design,
     assert seen[0].filename == __file__
 
 
+def test_what_an_update_returns_is_the_caller_s_and_stays_as_it_is():
+    value, rate = signal(50, (2,))
+    bank = bank_of(ExponentialSum(24), [0.3, 0.7])
+    kept = [bank.update(*sample) for sample in zip(value, rate, strict=True)]
+    assert np.array_equal(kept, exact.stream(bank_of(ExponentialSum(24), [0.3, 0.7]), value, rate))
+
+
 class Odd(Design):
     def coefficients(self, order, *, step, horizon):
         return 3
