@@ -21,12 +21,12 @@ from fpid_pin import checks, descriptions
 from fpid_pin.arms.tables import _KINDS
 from fpid_pin.campaign import Distribution, Scenarios, Success
 from fpid_pin.campaign.uncertain import QUANTITIES
-from fpid_pin.cli.configuration import Payload
 from fpid_pin.cli.plans import CampaignTable, TuneTable
 from fpid_pin.control.gains import explain_gains
 from fpid_pin.disturbances import Disturbance
 from fpid_pin.fractional.design import Design
 from fpid_pin.references import Reference
+from fpid_pin.simulation.experiment import Payload
 from fpid_pin.text import shown
 from fpid_pin.tuning import SearchSettings
 
@@ -189,7 +189,7 @@ def page() -> str:
     simulation = ("arm", "reference", "plant", "sensors")
     lines += ["## `[simulation]`", "", "Clock, start and integration.", ""]
     lines += fields(fp.Experiment, simulation)
-    lines += ["## `[plant]`", "", first_line(fp.Plant), "", *fields(fp.Plant, ("payload",))]
+    lines += ["## `[plant]`", "", first_line(fp.Plant), "", *fields(fp.Plant)]
     lines += ["### `payload`", "", first_line(Payload), "", *fields(Payload)]
     lines += ["## `[sensors]`", "", first_line(fp.Sensors), "", *fields(fp.Sensors)]
     lines += family("`[[disturbance]]`", Disturbance, "Torques from outside; several add up.")

@@ -9,9 +9,10 @@ from __future__ import annotations
 import difflib
 import math
 import operator
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from fpid_pin.exceptions import ArgumentError as ArgumentError
 from fpid_pin.text import cut, shown
 
+T = TypeVar("T")
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 #: Sampling periods that a simulation can have [s], and the most rows: whole numbers are exact.
@@ -26,6 +28,8 @@ STEPS = (1e-9, 10.0)
 MOST_ROWS = 1 << 53
 #: Characters of a wrong choice: the nearest right one is to be read after it.
 _SHORT = 40
+#: What is between the words of a name.
+_WORDS = re.compile(r"[\W_]+")
 
 
 def read_only(values: ArrayLike) -> FloatArray:
@@ -155,15 +159,28 @@ def choice(name: str, value: Any, options: Iterable[str], among: str = "one of")
     expected = cut(f"{among} " + ", ".join(known)) if known else "none"
     small = value.lower() if isinstance(value, str) else ""
     near = [option for option in known if option.lower() == small]
-    near = near or difflib.get_close_matches(small and value, known, n=1)
+    # A word of a longer name, "fpid" of "adaptive_fpid", comes before what is written alike.
+    near = near or [option for option in known if small and small in _WORDS.split(option.lower())]
+    near = near or difflib.get_close_matches(small, known, n=1)
     hint = f" (did you mean {near[0]}?)" if near else ""
     raise ArgumentError(name, expected, f"{shown(value, _SHORT)}{hint}")
 
 
 def instance(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> None:
-    """Check that `value` is an instance of `kind`."""
+    """Check that `value` is an instance of `kind`; that it is no class is said in words."""
+    if isinstance(value, type):
+        raise ArgumentError(name, expected, f"the class {value.__name__}, not one that it makes")
     if not isinstance(value, kind):
         raise ArgumentError(name, expected, f"{type(value).__name__}")
+
+
+def several(name: str, value: Any, kind: type[T], expected: str) -> list[T]:
+    """Return one instance of `kind`, or several, as a list of them, each checked."""
+    many = isinstance(value, Iterable) and not isinstance(value, (kind, type))
+    items = list(value) if many else [value]
+    for item in items:
+        instance(name, item, kind, expected)
+    return items
 
 
 def plain(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> Any:

@@ -60,6 +60,8 @@ class Description:
 
     #: What the names of its fields begin with in an error: ``plant.dry_friction``.
     _path: ClassVar[str] = ""
+    #: The field that a plain value in its place is; such a one may also be given as a table.
+    _short: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         first: tuple[str, int] | None = None
@@ -131,10 +133,14 @@ class Key:
         family = cast("type", self.family)
 
         def member(name: str, item: Any) -> Any:
-            if faults is not None and not isinstance(item, family):
+            if isinstance(item, family):
+                pass
+            elif faults is not None:
                 item = build(item, family, name, faults)
                 if item is None:
                     return None
+            elif getattr(family, "_short", "") and not isinstance(item, type):
+                item = from_dict(item, family, name)
             checks.instance(name, item, family, _called(family) + " or None" * self.optional)
             try:
                 for check in self.checks:
@@ -310,7 +316,9 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
     A table may leave out its kind where the family has only one, has none where no name is
     registered, and may hold descriptions that are built already.
     """
-    before = len(faults)
+    before, short = len(faults), getattr(family, "_short", "")
+    if short and not isinstance(table, Mapping):
+        table = {short: table}
     if not isinstance(table, Mapping):
         faults.append(ArgumentError(path or "description", "a table", shown(table)))
         return None

@@ -15,7 +15,7 @@ from fpid_pin import checks
 from fpid_pin.arms.robot_file import one_line, read_robot
 from fpid_pin.arms.tree import Tree
 from fpid_pin.arms.urdf import urdf_tree
-from fpid_pin.exceptions import ArgumentError, ArmError
+from fpid_pin.exceptions import ArmError
 from fpid_pin.text import cut
 
 
@@ -54,9 +54,6 @@ def note(name: str) -> str:
 
 def example_tree(name: str) -> tuple[Tree, Mapping[str, float]]:
     """Return an arm of the catalogue before its joints are held, and those that the entry holds."""
-    if isinstance(name, str) and name not in ENTRIES and name.lower() in ENTRIES:
-        known = ", ".join(names())
-        raise ArgumentError("arm", f"one of {known}", f"{name!r} (did you mean {name.lower()}?)")
     entry = ENTRIES[checks.choice("arm", name, names())]
     # Heavy (it loads half a dozen packages' worth of paths), hence not at import.
     from example_robot_data.robots_loader import getModelPath
@@ -103,6 +100,19 @@ def described_file(name: str) -> tuple[str, list[str] | None]:
     raise ArmError(f"{name}: expected a description with a URDF or an MJCF file, got neither")
 
 
+def descriptions() -> list[str]:
+    """Return the names that `Arm.from_description` knows; none where the package is missing."""
+    try:
+        return _modules(importlib.import_module(_PACKAGE))
+    except ImportError:
+        return []
+
+
+def _modules(package: Any) -> list[str]:
+    names = (item.name for item in pkgutil.iter_modules(package.__path__))
+    return [name for name in names if name.endswith(ENDING) and not name.startswith("_")]
+
+
 def _module(name: Any) -> Any:
     """Import the module of a description, which downloads the robot the first time."""
     try:
@@ -112,12 +122,7 @@ def _module(name: Any) -> Any:
             f"{cut(str(name))}: expected the package robot_descriptions, got none "
             "(pip install fpid_pin[descriptions])"
         ) from None
-    known = [
-        item.name
-        for item in pkgutil.iter_modules(package.__path__)
-        if item.name.endswith(ENDING) and not item.name.startswith("_")
-    ]
-    checks.choice("description", name, known)
+    checks.choice("description", name, _modules(package))
     with one_line(f"{name}: cannot be downloaded"):
         return importlib.import_module(f"{_PACKAGE}.{name}")
 

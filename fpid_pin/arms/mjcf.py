@@ -26,7 +26,7 @@ from fpid_pin.arms.tree import Body, Keep, Tree
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArmError
 from fpid_pin.resources import needed
-from fpid_pin.text import cut, listed
+from fpid_pin.text import cut, listed, named
 
 #: By MuJoCo's enumerations mjtJoint and mjtGeom.
 _KINDS = ("FreeFlyer", "Spherical", PRISMATIC, REVOLUTE)
@@ -36,6 +36,8 @@ _SHOWN = 2
 #: Transmissions (mjtTrn) to a joint; an activation (mjtDyn) that stays within the control's range.
 _TO_JOINT, _BOUNDED = (0, 1), (0, 2, 3)
 _ANY = (-np.inf, np.inf)
+#: An equality constraint (mjtEq) that couples two joints.
+_COUPLED = 2
 
 
 def mjcf_tree(path: str | Path, arm: str | None = None, keep: Keep | None = None) -> Tree:
@@ -93,7 +95,8 @@ class _Reader:
             if int(model.geom_bodyid[geom]) in self.at and int(model.geom_bodyid[geom]) >= base:
                 tree.shapes += self._shapes(geom)
         # What pulls at joints in MuJoCo and is no part of an arm here.
-        counts = {"equality constraint": model.neq, "tendon": model.ntendon,
+        self._couple()
+        counts = {"equality constraint": model.neq - len(tree.coupled), "tendon": model.ntendon,
                   "flexible body": model.nflex, "plugin": model.nplugin}  # fmt: skip
         left_out = [f"{count} {what}(s)" for what, count in counts.items() if count]
         if model.opt.density or model.opt.viscosity or any(model.opt.wind):
@@ -108,6 +111,18 @@ class _Reader:
             path.append(body)
             body = int(self.model.body_parentid[body])
         return path[::-1]
+
+    def _couple(self) -> None:
+        """Note which joints another one leads: q = q(0) + c_0 + c_1 (q of the other - its q(0))."""
+        model, tree = self.model, self.result
+        for k in np.flatnonzero(model.eq_type == _COUPLED):
+            j, master = int(model.eq_obj1id[k]), int(model.eq_obj2id[k])
+            offset, factor, *higher = (float(x) for x in model.eq_data[k][:5])
+            names = [self.joints[i] for i in (j, master)]
+            if master >= 0 and not any(higher) and {*names} <= {*tree.names}:
+                rest, its_rest = (float(model.qpos0[model.jnt_qposadr[i]]) for i in (j, master))
+                tree.coupled[names[0]] = (names[1], factor, rest + offset - factor * its_rest)
+                tree.remark(names[0], f"left out: an equality constraint to {named(names[1])}")
 
     # ------------------------------------------------------------------ the arm in a scene
 

@@ -106,6 +106,8 @@ class Tree:
     rest: dict[str, float] = field(default_factory=dict)  # where joints are drawn; 0 if not here
     #: Joint: (master, multiplier, offset).
     mimics: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+    #: The same of joints that are coupled where they are read from, and may move on their own here.
+    coupled: dict[str, tuple[str, float, float]] = field(default_factory=dict)
     home: dict[str, float] = field(default_factory=dict)  # of each joint, where the file has a pose
     tool: str | None = None
     credit: str = ""
@@ -206,9 +208,10 @@ class Tree:
             kept = self._kept(keep)
             drawn = {name: self.rest.get(name, 0.0) for name in names if name not in kept}
             values = drawn | values
-        for _ in self.mimics:
+        followers = self.mimics | self.coupled
+        for _ in followers:
             # A mimic joint follows its master, by way of others perhaps; a lock of its own counts.
-            for name, (master, factor, offset) in self.mimics.items():
+            for name, (master, factor, offset) in followers.items():
                 if name not in lock and master in values:
                     values[name] = factor * values[master] + offset
         return {names.index(name): value for name, value in values.items()}
@@ -245,14 +248,15 @@ class Tree:
             )
         if fault:
             # A finger that others follow is no part of the arm either.
-            masters = {master for master, _, _ in self.mimics.values()}
+            followers = self.mimics | self.coupled
+            fingers = {*self.coupled, *(master for master, _, _ in followers.values())}
             for k in able:
-                if self.names[k] in masters and not below[k]:
+                if self.names[k] in fingers and not below[k]:
                     below[above[k]].remove(k)
             chain = _main_chain(below)
             others = [self.names[k] for k in free if k not in chain]
             rest = {name: self.rest.get(name, 0.0) for name in others
-                    if name not in self.mimics or self.mimics[name][0] not in others}  # fmt: skip
+                    if name not in followers or followers[name][0] not in others}  # fmt: skip
             if any(self.kinds[k] not in UNITS for k in free):
                 rest = {}
             # What stands on a joint that no arm has is not to be had by its tip either.

@@ -38,7 +38,7 @@ _LENGTHS = {
     "sphere": {"radius": 1},
     "mesh": {"scale": 3},
 }
-_TO_SET = "(with_limits sets one)"
+_TO_SET = "(with_limits, in files changes = [{ limits = ... }], sets one)"
 
 
 def urdf_tree(

@@ -213,14 +213,14 @@ def varied(nominal: Experiment, values: Mapping[str, FloatArray], seed: int) -> 
         return {key: value[prefix + key] for key in keys if prefix + key in value}
 
     cosine, plant = ("amplitude", "frequency", "phase"), nominal.plant or Plant()
-    changed = some("viscous_friction", "dry_friction")
+    changed: dict[str, Any] = some("viscous_friction", "dry_friction")
     scaled = some("mass", "inertia")
     carried: list[dict[str, Any]] = [{"scaled_links": scaled}] if scaled else []
     if "payload" in value:
         carried.append({"payload": {"mass": float(value["payload"])}})
     if carried:
-        arm = nominal.arm if plant.arm is None else plant.arm
-        changed["arm"] = arm.with_changes(*carried)
+        arm = plant.resolve(nominal.arm).arm
+        changed |= {"arm": arm.with_changes(*carried), "payload": None}
     pushed = some(*cosine, prefix="disturbance_")
     if pushed:
         disturbance: Any = plant.disturbance

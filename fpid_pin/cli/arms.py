@@ -50,8 +50,8 @@ def _table(text: str) -> dict[str, Any]:
     path = Path(text)
     if path.suffix or path.is_file() or len(path.parts) > 1:
         return {"kind": KINDS[kind_of(path)][0].lower(), "path": text}
-    if not text.endswith(ENDING):
-        checks.choice("arm", text, ("two_link", *catalogue.names()))
+    if not text.lower().endswith(ENDING):
+        checks.choice("arm", text, ("two_link", *catalogue.names(), *catalogue.descriptions()))
     return {"kind": "description", "name": text}
 
 
@@ -66,11 +66,17 @@ def _lock(item: str) -> tuple[str, float]:
 
 
 def arm_of_table(table: dict[str, Any]) -> Arm:
-    """Build the arm of `arm_table`; an error's hint is written as the command line has it."""
+    """Build the arm of `arm_table`; an error is written as the command line has it."""
     try:
         return arm_of(table)
     except HoldError as error:
         raise error.written("shell") from None
+    except ArgumentError as error:
+        option, *rest = error.name.split(".")
+        if option in ("lock", "keep", "tool", "inertia", "package_dirs"):
+            name = " ".join([f"--{option.removesuffix('s').replace('_', '-')}", *rest])
+            raise ArgumentError(name, error.expected, error.got) from None
+        raise
 
 
 def arm_rows() -> list[Row]:

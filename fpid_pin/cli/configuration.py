@@ -3,7 +3,7 @@
     format = 1
     import           a Python file, or several, with kinds of one's own (see `fpid_pin.own_code`)
     [arm]            kind and the arguments of that kind of arm
-    [plant]          arguments of Plant, and payload = {mass, com, frame}
+    [plant]          arguments of Plant
     [reference]      kind and its arguments
     [[disturbance]]  kind and its arguments; several add up
     [sensors]        arguments of Sensors
@@ -26,11 +26,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
 
-from numpy.typing import ArrayLike
-
 from fpid_pin import checks, descriptions, own_code
 from fpid_pin.arms import Arm
-from fpid_pin.checks import Array, Number, Text
+from fpid_pin.checks import Text
 from fpid_pin.cli.screen import say, say_if_compiling
 from fpid_pin.control import Controller
 from fpid_pin.descriptions import Description
@@ -51,27 +49,11 @@ _PATHS = {"path", "package_dirs", "import"}
 Table = Annotated[Mapping[str, Any], checks.Plain(Mapping, "a table")]
 
 
-@dataclass(frozen=True, eq=False)
-class Payload(Description):
-    """A body that the plant holds, and no controller knows of."""
-
-    mass: Annotated[float, Number("kg", low=0.0)]
-    com: Annotated[ArrayLike, Array("m", shape=(3,))] = (0.0, 0.0, 0.0)
-    frame: Annotated[str | None, Text] = None
-
-
-@dataclass(frozen=True, eq=False)
-class PlantTable(Plant):
-    """A plant as files have it."""
-
-    payload: Payload | None = None
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surroundings(Description):
     """What a condition may have otherwise."""
 
-    plant: PlantTable | None = None
+    plant: Plant | None = None
     sensors: Sensors | None = None
     disturbance: Sequence[Disturbance] | None = None
 
@@ -278,8 +260,7 @@ def _read(
         return None
     nominal = _experiment(file, file, "", faults)
     conditions = {
-        c.name: _experiment(file, c, f"condition.{k}.", faults)
-        for k, c in enumerate(file.condition)
+        c.name: _experiment(file, c, f"condition.{k}", faults) for k, c in enumerate(file.condition)
     }
     if faults:
         return None
@@ -318,28 +299,22 @@ def _experiment(file: File, own: Surroundings, path: str, faults: list[FpidError
         getattr(file, name) if getattr(own, name) is None else getattr(own, name)
         for name in ("plant", "sensors", "disturbance")
     )
-    parts: dict[str, Any] = {}
-    if plant is not None:
-        parts = {key: getattr(plant, key) for key in descriptions.keys(Plant)}
-        if plant.payload is not None:
-            try:
-                parts["arm"] = (plant.arm or file.arm).with_payload(**vars(plant.payload))
-            except FpidError as error:
-                faults.append(moved(error, f"{path}plant.payload"))
     pushes = [*(() if plant is None or plant.disturbance is None else (plant.disturbance,))]
     pushes += disturbance or ()
     if pushes:
-        parts["disturbance"] = Sum(pushes) if pushes[1:] else pushes[0]
-    table = {"arm": file.arm, "reference": file.reference, "sensors": sensors}
+        one = Sum(pushes) if pushes[1:] else pushes[0]
+        plant = replace(plant or Plant(), disturbance=one)
+    table = {"arm": file.arm, "reference": file.reference, "sensors": sensors, "plant": plant}
     table |= file.simulation.given()
     found: list[FpidError] = []
-    if parts:
-        table["plant"] = Plant(**parts)
     experiment = descriptions.build(table, Experiment, "", found)
     for fault in found:
-        known = descriptions.keys(Simulation)
-        inner = isinstance(fault, ArgumentError) and fault.name.split(".")[0] in known
-        faults.append(moved(fault, "simulation") if inner else fault)
+        head = fault.name.split(".")[0] if isinstance(fault, ArgumentError) else ""
+        if head in descriptions.keys(Simulation):
+            fault = moved(fault, "simulation")
+        elif path and getattr(own, head, None) is not None:
+            fault = moved(fault, path)
+        faults.append(fault)
     return experiment
 
 

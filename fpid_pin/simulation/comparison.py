@@ -326,6 +326,7 @@ def compare(
     measure = None if metric is None else MEASURES[checks.choice("metric", metric, MEASURES)]
     if isinstance(experiments, Experiment):
         experiments = {"nominal": experiments}
+    checks.instance("experiments", experiments, Mapping, "an Experiment, or some by name")
     controllers = by_name(controllers)
     pairs = list(product(experiments.values(), controllers.values()))
     runs = simulate([e for e, _ in pairs], [law for _, law in pairs], progress=progress)

@@ -20,6 +20,7 @@ from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.resources import require_memory
 from fpid_pin.simulation.experiment import Experiment, Outcome
+from fpid_pin.simulation.limits import asks_degrees
 from fpid_pin.simulation.paper import default_cost
 from fpid_pin.simulation.recorded import describe_run
 from fpid_pin.simulation.run import Run
@@ -40,12 +41,8 @@ def _pairs(
     """Broadcast experiments and controllers against each other: equal lengths, or one is single."""
     if isinstance(experiments, Controller) and not isinstance(controllers, Controller):
         raise ArgumentError("experiment", "the experiment first, then the controller", "a law")
-    left = [experiments] if isinstance(experiments, Experiment) else list(experiments)
-    right = [controllers] if isinstance(controllers, Controller) else list(controllers)
-    for e in left:
-        checks.instance("experiment", e, Experiment, "an Experiment")
-    for c in right:
-        checks.instance("controller", c, Controller, "a Controller")
+    left = checks.several("experiment", experiments, Experiment, "an Experiment")
+    right = checks.several("controller", controllers, Controller, "a Controller")
     runs = max(len(left), len(right))
     if not left or not right or not {len(left), len(right)} <= {1, runs}:
         raise ArgumentError(
@@ -103,7 +100,8 @@ def simulate(
     Warns
     -----
     FpidWarning
-        A joint whose effort limit is lower than gravity at the start pose.
+        A joint whose effort limit is lower than gravity at the start pose; angles that seem to be
+        in degrees, beyond a turn or five times the joint's limits.
     """
     experiments, controllers = _pairs(experiment, controller)
     size = sum(e.rows * (1 + _NUMBERS * e.arm.n) * 8.0 for e in experiments)
@@ -116,6 +114,9 @@ def simulate(
     for line in dict.fromkeys(lines):
         warnings.warn(line, FpidWarning, stacklevel=2)
     runs = _record(experiments, controllers, progress)
+    asked = (asks_degrees(e.arm, run) for e, run in zip(experiments, runs, strict=True))
+    if line := next(filter(None, asked), ""):
+        warnings.warn(line, FpidWarning, stacklevel=2)
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
     return runs[0] if single else runs
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint, Whole
+from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint, Text, Whole
 from fpid_pin.control.poses import joints_that_fall
 from fpid_pin.descriptions import Description, described
 from fpid_pin.disturbances import Disturbance
@@ -18,6 +18,28 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Motion, Reference
 
 DYNAMICS = ("pinocchio", "compiled")
+
+
+@described("payload")
+@dataclass(frozen=True, eq=False)
+class Payload(Description):
+    """A body that the plant holds, and no controller knows of; a number in its place is its mass.
+
+    Parameters
+    ----------
+    mass
+        Its mass [kg].
+    com
+        Its centre of mass, in `frame` [m].
+    frame
+        The frame that it is fixed to; None: the tool's.
+    """
+
+    _short = "mass"
+
+    mass: Annotated[float, Number("kg", low=0.0)]
+    com: Annotated[ArrayLike, Array("m", shape=(3,))] = (0.0, 0.0, 0.0)
+    frame: Annotated[str | None, Text] = None
 
 
 @described("plant")
@@ -28,13 +50,16 @@ class Plant(Description):
     Parameters
     ----------
     arm
-        The true inertias, payload and gravity; None: those of the nominal arm.
+        The true inertias and gravity; None: those of the nominal arm.
     viscous_friction, dry_friction
         F_v [N m s/rad] and F_d [N m], scalar or (n,); None: the arm's own.
     disturbance
         d(t).
     effort_limit
         Where the drives clip [N m], scalar or (n,); None: the arm's own; inf: nowhere.
+    payload
+        What the arm holds besides: its mass at the tool [kg], or a table of mass [kg], com [m] and
+        frame, as in a file.
     """
 
     _path = "plant"
@@ -44,6 +69,7 @@ class Plant(Description):
     dry_friction: Annotated[ArrayLike | None, PerJoint("N m", low=0.0)] = None
     disturbance: Disturbance | None = None
     effort_limit: Annotated[ArrayLike | None, PerJoint("N m", above=0.0, finite=False)] = None
+    payload: Payload | float | dict[str, Any] | None = None
 
     def resolve(self, nominal: Arm) -> ResolvedPlant:
         """Fill what is left open from `nominal` and check every length against it."""
@@ -52,6 +78,12 @@ class Plant(Description):
             raise ArgumentError(
                 "plant.arm", f"{nominal.n} joints, as the nominal arm", f"{arm.n} joints"
             )
+        if isinstance(self.payload, Payload):
+            try:
+                arm = arm.with_payload(**vars(self.payload))
+            except ArgumentError as error:
+                name = f"plant.payload.{error.name}"
+                raise ArgumentError(name, error.expected, error.got) from None
 
         def own(name: str) -> FloatArray:
             value = getattr(self, name)
@@ -220,8 +252,12 @@ class Experiment(Description):
 
 def plant_of(experiment: Experiment) -> ResolvedPlant:
     """Return the plant of an experiment; None means the nominal arm, undisturbed."""
-    plant = Plant() if experiment.plant is None else experiment.plant
-    return plant.resolve(experiment.arm)
+    kept = vars(experiment)
+    if "_resolved" not in kept:
+        plant = Plant() if experiment.plant is None else experiment.plant
+        kept["_resolved"] = plant.resolve(experiment.arm)
+    found: ResolvedPlant = kept["_resolved"]
+    return found
 
 
 @dataclass(frozen=True)

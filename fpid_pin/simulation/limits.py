@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fpid_pin.arms import Arm
 from fpid_pin.simulation.run import Run
 
 
@@ -58,6 +59,25 @@ class Exceedance:
             f"{self.joint}: beyond its {self.passed} limit of {self.limit:.3g} {unit} at "
             f"{self.time:.3g} s (worst {self.value:.3g} {unit}, {share})"
         )
+
+
+def asks_degrees(arm: Arm, run: Run) -> str:
+    """Return a line where the start or the reference of a joint that turns is far too large in rad.
+
+    That is beyond a whole turn, or five times as far as the joint's limits. Empty: nowhere.
+    """
+    farthest = np.abs(np.vstack([run.q[:1], run.q_ref])).max(axis=0, initial=0.0)
+    limit = np.maximum(np.abs(arm.lower), np.abs(arm.upper))
+    plausible = np.minimum(2.0 * np.pi, 5.0 * limit)
+    excess = np.where(np.array(arm.units) == "rad", farthest / plausible, 0.0)
+    j = int(np.argmax(excess))
+    if not excess[j] > 1.0 + 1e-9:
+        return ""
+    known = f"limits {arm.lower[j]:.3g} and {arm.upper[j]:.3g} rad" if limit[j] < np.inf else ""
+    return (
+        f"{arm.name}: joint {arm.joint_names[j]} is to go to {farthest[j]:.3g} rad"
+        f"{f' ({known})' if known else ''}: degrees? Angles are in rad"
+    )
 
 
 def limit_report(run: Run) -> list[Exceedance]:

@@ -102,11 +102,9 @@ class Problem:
         *,
         several: bool = False,
     ) -> None:
-        experiments = [experiment] if isinstance(experiment, Experiment) else list(experiment)
+        experiments = checks.several("experiment", experiment, Experiment, "an Experiment")
         if not experiments:
             raise ArgumentError("experiment", "at least one", "none")
-        for each in experiments:
-            checks.instance("experiment", each, Experiment, "an Experiment")
         sizes = sorted({each.arm.n for each in experiments})
         if len(sizes) > 1:
             raise ArgumentError("experiment", "arms with one number of joints", sizes)
@@ -249,7 +247,7 @@ def scenarios(
             true = plant
             if mass > 0.0:
                 base = plant or Plant()
-                arm = experiment.arm if base.arm is None else base.arm
-                true = dataclasses.replace(base, arm=arm.with_payload(mass))
+                arm = base.resolve(experiment.arm).arm.with_payload(mass)
+                true = dataclasses.replace(base, arm=arm, payload=None)
             varied.append(dataclasses.replace(experiment, plant=true))
     return varied

@@ -96,7 +96,7 @@ def playground_html(
     if controllers is None:
         controllers = suggest_gains(experiment.arm, step=experiment.step, name="FPID")
     laws: list[Law] = []
-    for controller in [controllers] if isinstance(controllers, Controller) else controllers:
+    for controller in checks.several("controllers", controllers, Controller, "a Controller"):
         laws.append(Law(controller, experiment, laws))
     if not laws:
         raise ArgumentError("controllers", "at least one controller", "none")

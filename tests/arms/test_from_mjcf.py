@@ -302,6 +302,26 @@ def test_the_arm_of_a_scene_is_named_by_its_base_or_tip_and_the_rest_is_told(tmp
         assert Arm.from_mjcf(write(tmp_path, text)).n == 1
 
 
+GRIPPER = """<mujoco><worldbody><body name="arm"><joint name="a" axis="0 1 0"/>{inertial}
+<body><joint name="finger" type="slide" ref="0.1"/>{inertial}</body>
+<body><joint name="follower" type="slide" ref="0.3"/>{inertial}</body></body></worldbody>
+<equality><joint joint1="follower" joint2="finger" polycoef="0.01 -2 0 0 0"/></equality></mujoco>"""
+
+
+def test_a_joint_that_another_leads_follows_its_lock(tmp_path):
+    path = write(tmp_path, GRIPPER.replace("{inertial}", I))
+    with pytest.raises(ArmError, match=r"keep='arm' or lock=\{'finger': 0.1\}\)"):
+        Arm.from_mjcf(path)
+    one = Arm.from_mjcf(path, lock={"finger": 0.15})
+    # As MuJoCo has it: q - q(0) is the polynomial of the other's.
+    both = {"finger": 0.15, "follower": 0.3 + 0.01 - 2.0 * 0.05}
+    assert one.joint_names == ("a",)
+    assert one.mass_matrix([0.0]) == pytest.approx(Arm.from_mjcf(path, both).mass_matrix([0.0]))
+    # A lock of its own counts.
+    own = Arm.from_mjcf(path, {"finger": 0.15, "follower": 0.0})
+    assert own.mass_matrix([0.0]) != pytest.approx(one.mass_matrix([0.0]))
+
+
 PULLS = {
     "a spring": (world('<joint name="j" axis="0 1 0" stiffness="3"/>' + I), "'j': left out: a spr"),
     "gravity compensation": (

@@ -10,6 +10,7 @@ from robots import write
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
+from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError, ArmError
 
 XACRO = (
@@ -111,6 +112,9 @@ def test_what_is_saved_needs_neither_package_nor_network(package, tmp_path, monk
     ("name", "message"),
     [
         ("too_description", "description: expected one of .*did you mean two_description"),
+        ("two", r"did you mean two_description\?"),
+        ("TWO_description", r"did you mean two_description\?"),
+        ("Lifter", r"did you mean lifter_mj_description\?"),
         ("bad_macro_description", "xacro cannot write it out: Install it with `pip install xacro"),
         ("far_description", "far_description: cannot be downloaded: no network at all"),
         ("empty_description", "expected a description with a URDF or an MJCF file, got neither"),
@@ -120,6 +124,11 @@ def test_what_is_no_description_is_refused_on_one_line(package, name, message):
     with pytest.raises((ArgumentError, ArmError), match=message) as caught:
         Arm.from_description(name)
     assert "\n" not in str(caught.value)
+
+
+def test_the_command_line_suggests_names_of_the_package_too(package, capsys):
+    assert main(["inspect", "Lifter"]) == 2
+    assert "got 'Lifter' (did you mean lifter_mj_description?)" in capsys.readouterr().err
 
 
 def test_a_missing_package_says_how_to_install_it(monkeypatch):
