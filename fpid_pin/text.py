@@ -7,7 +7,7 @@ what is shown has them written out. What a message quotes may be as long as a fi
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from html import escape
 from typing import Any
 
@@ -22,6 +22,9 @@ _PARTS = {
     2: "half of", 3: "a third of", 4: "a quarter of", 5: "a fifth of", 10: "a tenth of",
     20: "a twentieth of", 30: "a thirtieth of", 100: "a hundredth of",
 }  # fmt: skip
+#: Units of joints that turn, and what they are of joints that slide.
+_OF_SLIDES = {"N²m²s": "N²s", "N m": "N", "mrad": "mm", "rad": "m"}
+_SLIDING = re.compile(rf"(?<!\w)({'|'.join(_OF_SLIDES)})(?![a-z])")
 _CUT = re.compile(r"\.\.\. \(\d+ characters\)$")
 # What `str.isspace` takes for white space although it ends a line or is a control character.
 _BREAKS = "".join(map(chr, (*range(9, 14), *range(28, 32), 0x85, 0x2028, 0x2029)))
@@ -132,6 +135,20 @@ def brief(value: Any) -> str:
         parts = list(map(brief, value))
         return parts[0] if len(set(parts)) == 1 else f"[{' '.join(parts)}]"
     return visible(str(value))
+
+
+def unit_for(unit: str, angles: Collection[str]) -> str:
+    """Return a unit of joints that turn as it is for joints whose angles are in these units.
+
+    ``"N m/rad"`` is ``"N/m"`` where that is ``"m"``, and both where joints of both kinds are meant.
+    """
+    own = {"rad": unit, "m": _SLIDING.sub(lambda found: _OF_SLIDES[found[0]], unit)}
+    return " or ".join(dict.fromkeys(own[angle] for angle in own if angle in angles))
+
+
+def head_for(head: str, angles: Collection[str]) -> str:
+    """Return the head of a column with its unit, ``"peak [N m]"``, for such joints."""
+    return re.sub(r"(?<=\[).*(?=\]$)", lambda found: unit_for(found[0], angles), head)
 
 
 def percent(part: float) -> str:

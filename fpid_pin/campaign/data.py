@@ -20,7 +20,7 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.resources import needed
 from fpid_pin.simulation import Outcome
 from fpid_pin.simulation.comparison import MEASURES
-from fpid_pin.text import ReprMixin, html_table
+from fpid_pin.text import ReprMixin, head_for, html_table, unit_for
 
 #: How a run can end; the first two have come to their end.
 OUTCOMES = ("completed", "saturated", "diverged", "failed")
@@ -57,13 +57,13 @@ class Success(Description):
     peak_torque: Annotated[float | None, Number("N m", above=0.0)] = None
     at_limits: Annotated[bool, Flag] = False
 
-    @property
-    def words(self) -> str:
-        """The criterion in words."""
-        parts = [f"RMS error of the last half at most {1e3 * self.error:g} mrad"]
+    def words(self, angles: Sequence[str]) -> str:
+        """Return the criterion in words, for joints whose coordinates have these units."""
+        unit = unit_for("mrad", angles)
+        parts = [f"RMS error of the last half at most {1e3 * self.error:g} {unit}"]
         parts = parts if np.isfinite(self.error) else []
         if self.peak_torque is not None:
-            parts.append(f"torque at most {self.peak_torque:g} N m")
+            parts.append(f"torque at most {self.peak_torque:g} {unit_for('N m', angles)}")
         return ", ".join([*parts, *(() if self.at_limits else ("no torque at its limit",))])
 
     def met(self, data: CampaignData) -> BoolArray:
@@ -135,6 +135,8 @@ class CampaignData(ReprMixin):
         Which ones: ``"compiled"`` or ``"pinocchio"``.
     criterion
         What counts as a success.
+    angles
+        Units of the joints' coordinates: ``"rad"``, of those that slide ``"m"``.
     """
 
     title: str
@@ -148,6 +150,11 @@ class CampaignData(ReprMixin):
     metrics: Mapping[str, FloatArray]
     dynamics: str = "compiled"
     criterion: Success = ANY
+    angles: tuple[str, ...] = ("rad",)
+
+    def unit(self, metric: str) -> str:
+        """Return the unit of a metric of these joints."""
+        return unit_for(METRICS[metric].unit, self.angles)
 
     @property
     def runs(self) -> int:
@@ -201,7 +208,7 @@ class CampaignData(ReprMixin):
         """
         measures = [(MEASURES[key], metric) for key, metric in _HEADS.items()]
         middle = {
-            m.head: (1e3 if m.unit == "mrad" else 1.0)
+            head_for(m.head, self.angles): (1e3 if m.unit == "mrad" else 1.0)
             * statistics.quantile(statistics.scored(self, metric), 0.5)
             for m, metric in measures
         }

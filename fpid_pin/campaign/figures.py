@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpid_pin.campaign.data import METRICS, CampaignData
+from fpid_pin.campaign.data import CampaignData
 from fpid_pin.campaign.statistics import quantile, scored, spearman, tornado
 from fpid_pin.checks import FloatArray
 from fpid_pin.view.style import DASHES, INK, PLAIN, colour, lettering, new_figure, styled, thinned
@@ -26,9 +26,9 @@ _LETTERS, _LINES = 34, 3  # of a controller's name above its panel
 _GREY, _LOST = "#808080", "#D20D48"
 
 
-def label(metric: str) -> str:
+def label(data: CampaignData, metric: str) -> str:
     """Return what an axis or a table calls a metric, with its unit."""
-    return f"{SHOWN.get(metric, metric)}, {METRICS[metric].unit}"
+    return f"{SHOWN.get(metric, metric)}, {data.unit(metric)}"
 
 
 def _scale(panel: Axes, scores: FloatArray) -> bool:
@@ -95,7 +95,7 @@ def distributions(data: CampaignData) -> Figure:
             x, y = thinned(x, np.linspace(0.0, 100.0 * len(errors) / data.runs, len(x)))
             dashes = DASHES[min(k // PLAIN, len(DASHES) - 1)]
             panel.step(x, y, where="post", color=colour(k), linestyle=dashes)
-        panel.set(xlabel=label(metric), ylim=(-2.0, 102.0))
+        panel.set(xlabel=label(data, metric), ylim=(-2.0, 102.0))
         _scale(panel, scores)
     axes[0].set_ylabel("share of all plants, %")
     columns = max(int(_WIDE / (0.5 + 0.07 * max(map(len, names)))), 1)
@@ -121,7 +121,7 @@ def violins(data: CampaignData) -> Figure:
             values = column[np.isfinite(column)]
             if len(values):
                 _violin(panel, values, k, log)
-        panel.set(xlabel=label(metric), ylim=(len(names) - 0.5, -0.5))
+        panel.set(xlabel=label(data, metric), ylim=(len(names) - 0.5, -0.5))
         panel.set_yticks(range(len(names)), names if panel is axes[0] else [])
         panel.grid(visible=False, axis="y")
     return figure
@@ -164,7 +164,7 @@ def tornado_plot(data: CampaignData) -> Figure:
         left = k % columns == 0
         labels = [lettering(data.parameters[j]) if left else "" for j in order]
         panel.set_yticks(range(len(order)), labels)
-        panel.set(xlabel=f"median {label('rms')}", ylim=(max(len(order), 1) - 0.4, -0.6))
+        panel.set(xlabel=f"median {label(data, 'rms')}", ylim=(max(len(order), 1) - 0.4, -0.6))
     key = {
         "the parameter's lowest fifth": Patch(facecolor="none", edgecolor=_GREY),
         "its highest fifth": Patch(color=_GREY),
@@ -243,7 +243,7 @@ def scatter(data: CampaignData, x: int, y: int) -> Figure:
                       rasterized=True)  # fmt: skip
         panel.set(xlabel=heads[0], ylabel="" if k % columns else heads[1])
         panel.tick_params(labelbottom=True)
-    bar = figure.colorbar(ScalarMappable(norm), ax=panels, label=label("rms"), extend="both",
+    bar = figure.colorbar(ScalarMappable(norm), ax=panels, label=label(data, "rms"), extend="both",
                           fraction=0.04)  # fmt: skip
     _write_out(bar.ax.yaxis, np.array([norm.vmin, norm.vmax]))
     return figure

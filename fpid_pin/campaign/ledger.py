@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import descriptions, own_code
+from fpid_pin.arms import Arm
 from fpid_pin.campaign.data import METRICS, CampaignData, Ended, Success
 from fpid_pin.campaign.study import Study
 from fpid_pin.campaign.uncertain import units_of
@@ -132,18 +133,20 @@ class Ledger:
             rows, shape = rows[: runs * several], (runs, several)
             table = np.array([row[first:] for row in rows], dtype=np.float64)
             table = table.reshape(*shape, last - first + len(parameters))
+        angles = descriptions.from_dict(self._study["experiment"]["arm"], Arm).units
         return CampaignData(
             title=str(self._study["title"]),
             seed=int(self._study["scenarios"]["seed"]),
             controllers=self.controllers,
             parameters=parameters,
-            units=units_of(parameters),
+            units=units_of(parameters, angles),
             samples=table[:, 0, len(METRICS) :].copy(),
             outcome=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
             cause=np.array([row[3] for row in rows], dtype=np.str_).reshape(shape),
             metrics={name: table[:, :, k].copy() for k, name in enumerate(METRICS)},
             dynamics=str(self._study["experiment"].get("dynamics", "")),
             criterion=descriptions.from_dict(self._study.get("success", {}), Success),
+            angles=tuple(dict.fromkeys(angles)),
         )
 
     def end(self, run: int, controller: str) -> Ended:

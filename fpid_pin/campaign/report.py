@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fpid_pin.campaign import figures
-from fpid_pin.campaign.data import METRICS, OUTCOMES, CampaignData
+from fpid_pin.campaign.data import OUTCOMES, CampaignData
 from fpid_pin.campaign.statistics import (
     Difference,
     best_shares,
@@ -99,7 +99,7 @@ def report_html(
     add("Success", table_html(_success(data), marks))
     add("Errors and effort", table_html(_metrics(data), marks))
     if len(several) > 1:
-        heads = [as_text(figures.label(metric)) for metric in differences]
+        heads = [as_text(figures.label(data, metric)) for metric in differences]
         tables = [_pairs(data, found) for found in differences.values()]
         add("Paired differences", _folded(heads, tables, 0, marks))
     drawn = "".join(starmap(figure_html, figures.all_of(data).items()))
@@ -141,7 +141,7 @@ def _metrics(data: CampaignData) -> Table:
     return [
         {"controller": name}
         | {
-            f"{metric.replace('_', ' ')}, {what}, {METRICS[metric].unit}":
+            f"{metric.replace('_', ' ')}, {what}, {data.unit(metric)}":
                 float(quantile(scored(data, metric), share)[k])
             for metric in data.metrics
             for what, share in shares.items()
@@ -163,7 +163,7 @@ def _pairs(data: CampaignData, several: list[Difference]) -> Table:
 
 def _sensitivity(data: CampaignData, rho: FloatArray, ends: FloatArray) -> Table:
     """Return a row a parameter, (parameters, 3) and (parameters, 2), what matters most first."""
-    heads = "median error where small, rad", "where large, rad"
+    heads = [f"{x}, {data.unit('rms')}" for x in ("median error where small", "where large")]
     return [
         {"parameter": data.parameters[j]}
         | _interval("correlation", rho[j])
@@ -184,7 +184,7 @@ def _worst(data: CampaignData, controller: int, replay_link: ReplayLink | None) 
         row |= {} if replay_link is None else {"replay": href and Link("replay", href)}
         row |= {
             "outcome": str(data.outcome[run, controller]),
-            "RMS error of the last half, rad": float(errors[run]),
+            f"RMS error of the last half, {data.unit('rms')}": float(errors[run]),
         }
         row |= zip(heads, data.samples[run].tolist(), strict=True)
         rows.append(row | {"cause": str(data.cause[run, controller])})

@@ -7,7 +7,7 @@ each by itself, for a number of runs that was fixed beforehand.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -16,7 +16,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.simulation.comparison import MEASURES, TIE, change
-from fpid_pin.text import against, enumerated
+from fpid_pin.text import against, enumerated, head_for
 
 if TYPE_CHECKING:
     from fpid_pin.campaign.data import CampaignData
@@ -221,7 +221,9 @@ def answer(data: CampaignData) -> list[str]:
     several = {d.second: d for d in comparisons(data) if d.first == first}
     scores, rates = scored(data), success_rates(data)
     middle = quantile(scores, 0.5)
-    write = [MEASURES["tail"].write(1e3 * float(x)) for x in middle]
+    tail = MEASURES["tail"]
+    tail = replace(tail, head=head_for(tail.head, data.angles))
+    write = [tail.write(1e3 * float(x)) for x in middle]
     if not np.isfinite(middle[first]):
         lines = [f"Nobody is best: {names[first]}, of most successes, was lost on half the plants."]
     else:
@@ -250,9 +252,9 @@ def answer(data: CampaignData) -> list[str]:
     shares = sorted(range(len(names)), key=lambda k: (k != first, -rates[k].estimate))
     well = [f"{names[k]} {100.0 * rates[k].estimate:.4g} %" for k in shares]
     well[0] += _ends(rates[first].low, rates[first].high, 100.0)
-    words = data.criterion.words
+    words = data.criterion.words(data.angles)
     lines.append(f"Success{f' ({words})' * bool(words)}: {', '.join(well)}.")
-    lines += [_compared(names[k], found) for k, found in several.items()]
+    lines += [_compared(names[k], found, tail.unit) for k, found in several.items()]
     return [*lines, f"{plants}, every controller on the same; seed {data.seed}."]
 
 
@@ -279,8 +281,8 @@ def _ends(low: float, high: float, factor: float) -> str:
     return f" (95 %: {factor * low:.4g} to {factor * high:.4g})"
 
 
-def _compared(other: str, found: Difference) -> str:
-    """Say how the first of a pair is against the `other`."""
+def _compared(other: str, found: Difference, unit: str) -> str:
+    """Say how the first of a pair is against the `other`; errors times 1,000 have this unit."""
     better, median = found.better, found.median
     if found.differing == 0:
         return f"Against {other}: no plant on which either is better."
@@ -290,7 +292,7 @@ def _compared(other: str, found: Difference) -> str:
         text += ", which does not tell them apart"
     if np.isnan(median.estimate):
         return text + "; no plant on which both came to their end."
-    text += f"; where both did, {1e3 * median.estimate:+.3g} mrad in the median"
+    text += f"; where both did, {1e3 * median.estimate:+.3g} {unit} in the median"
     if np.isnan(median.low):
         return text + " (too few for an interval)."
     return text + f" (95 %: {1e3 * median.low:+.3g} to {1e3 * median.high:+.3g})."

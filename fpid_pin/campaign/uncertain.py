@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -17,6 +17,7 @@ from fpid_pin.descriptions import Description, described
 from fpid_pin.disturbances import Cosine
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import Experiment, Plant, Sensors
+from fpid_pin.text import unit_for
 
 #: Half a cell of the grid that Sobol points lie on: a normal quantile of 0 is -inf.
 _EDGE = 2.0**-31
@@ -161,9 +162,19 @@ QUANTITIES = {
 }
 
 
-def units_of(labels: Iterable[str]) -> tuple[str, ...]:
-    """Return the units of uncertain numbers by their labels: ``"payload"``, ``"mass.0"``."""
-    return tuple(QUANTITIES[label.split(".")[0]].unit for label in labels)
+def units_of(labels: Iterable[str], angles: Sequence[str]) -> tuple[str, ...]:
+    """Return the units of uncertain numbers by their labels: ``"payload"``, ``"mass.0"``.
+
+    `angles` are the units of the joints' coordinates, (n,); those of an oscillation are no joint's.
+    """
+
+    def unit(label: str) -> str:
+        key, _, joint = label.partition(".")
+        of = QUANTITIES[key].unit
+        its = angles[int(joint) : int(joint) + 1] if joint else angles
+        return of if key.endswith(("frequency", "phase")) else unit_for(of, its)
+
+    return tuple(map(unit, labels))
 
 
 def require_values(path: str, distribution: Distribution) -> Distribution:

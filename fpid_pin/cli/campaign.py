@@ -167,7 +167,8 @@ def attack(
         )  # fmt: skip
     for k, name in enumerate(data.controllers):
         cause = f" ({data.cause[k, k]})" if data.cause[k, k] else ""
-        say(f"{name}: {data.outcome[k, k]}{cause}, RMS {data.metrics['rms'][k, k]:.4g} rad")
+        error = f"RMS {data.metrics['rms'][k, k]:.4g} {data.unit('rms')}"
+        say(f"{name}: {data.outcome[k, k]}{cause}, {error}")
         for label, unit, value in zip(data.parameters, data.units, data.samples[k], strict=True):
             say(f"  {label}: {value:.6g} {unit}")
         say(f'  fpid-pin campaign replay {out} --run {k} --controller "{name}"')

@@ -299,7 +299,7 @@ def live(
     browser: option.Browser = True,
     port: option.Port = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
-    push: Annotated[float | None, typer.Option(help="Torque of a push [N m].")] = None,
+    push: Annotated[float | None, typer.Option(help="Of a push [N m], of a slide [N].")] = None,
     baseline: Annotated[float, typer.Option(help="Run so long without the view first [s].")] = 0.0,
     allow_import: AllowImport = False,
 ) -> None:

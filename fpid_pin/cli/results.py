@@ -23,13 +23,13 @@ from fpid_pin.cli.screen import (
 from fpid_pin.control import Controller
 from fpid_pin.resources import installed
 from fpid_pin.simulation import Comparison, Experiment, compare
-from fpid_pin.simulation.comparison import FIGURES, LEGEND
+from fpid_pin.simulation.comparison import LEGEND
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Columns that a screen has room for.
-_ON_SCREEN = ("controller", *list(FIGURES)[:6], "best")
+#: Columns that a screen has room for: condition, controller and the first figures.
+_ON_SCREEN = 8
 
 
 @dataclass(frozen=True)
@@ -94,14 +94,14 @@ def write_results(
         head: drop_constant(drop_constant(table, "condition"), "outcome")
         for head, table in {
             **(tables or {}),
-            "All joints": rows,
+            "Each run": rows,
             "Each joint": comparison.joint_rows(),
             "Limits": comparison.limit_rows(),
         }.items()
         if table
     }
     files = {"config.toml": config.text}
-    for name, head in (("summary", "All joints"), ("joints", "Each joint"), ("limits", "Limits")):
+    for name, head in (("summary", "Each run"), ("joints", "Each joint"), ("limits", "Limits")):
         if head in shown:
             files[f"{name}.csv"] = comma_separated(shown[head])
     files["summary.md"] = "\n".join([
@@ -138,7 +138,7 @@ def write_results(
 
 def show(config: Config, comparison: Comparison, out: Path) -> None:
     """Print the answer, the figures behind it, and where everything is."""
-    rows = [{head: row[head] for head in ("condition", *_ON_SCREEN)} for row in comparison.rows()]
+    rows = [dict([*row.items()][:_ON_SCREEN], best=row["best"]) for row in comparison.rows()]
     say(*comparison.answer)
     print_table(drop_constant(rows, "condition"), config.title)
     say(

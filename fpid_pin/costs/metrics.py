@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Annotated, Any, get_type_hints
 
@@ -23,8 +22,8 @@ class Metric:
 
     Parameters
     ----------
-    unit, sliding
-        Its unit for a joint that turns, and for one that slides.
+    unit
+        Its unit for a joint that turns (`text.unit_for` has that of others).
     joints
         One of `REDUCTIONS`.
     meaning
@@ -32,14 +31,8 @@ class Metric:
     """
 
     unit: str
-    sliding: str
     joints: str
     meaning: str
-
-    def unit_of(self, angles: Collection[str]) -> str:
-        """Return the unit for joints whose angles are in these, ``"rad"`` or ``"m"``."""
-        units = {"rad": self.unit, "m": self.sliding}
-        return " or ".join(dict.fromkeys(unit for angle, unit in units.items() if angle in angles))
 
     def of(self, values: FloatArray) -> float:
         """Return the one number of all joints' figures, (n,)."""
@@ -55,25 +48,25 @@ class Metrics:
     of a completed run. Each field has its `Metric`: see `METRICS`.
     """
 
-    ise: Annotated[FloatArray, Metric("rad² s", "m² s", "sum", "integral of e^2")]
-    iae: Annotated[FloatArray, Metric("rad s", "m s", "sum", "integral of |e|")]
-    itae: Annotated[FloatArray, Metric("rad s²", "m s²", "sum", "integral of t |e|")]
-    rms: Annotated[FloatArray, Metric("rad", "m", "rms", "root mean square of e")]
-    rms_tail: Annotated[FloatArray, Metric("rad", "m", "rms",
+    ise: Annotated[FloatArray, Metric("rad² s", "sum", "integral of e^2")]
+    iae: Annotated[FloatArray, Metric("rad s", "sum", "integral of |e|")]
+    itae: Annotated[FloatArray, Metric("rad s²", "sum", "integral of t |e|")]
+    rms: Annotated[FloatArray, Metric("rad", "rms", "root mean square of e")]
+    rms_tail: Annotated[FloatArray, Metric("rad", "rms",
         "the same over the planned last half; NaN for a run that ended earlier")]
-    energy: Annotated[FloatArray, Metric("N²m²s", "N²s", "sum", "integral of u^2")]
-    total_variation: Annotated[FloatArray, Metric("N m", "N", "sum", "sum of |u_k - u_(k-1)|")]
-    peak_torque: Annotated[FloatArray, Metric("N m", "N", "worst", "largest |u|")]
-    peak_error: Annotated[FloatArray, Metric("rad", "m", "worst", "largest |e|")]
-    settling_time: Annotated[FloatArray, Metric("s", "s", "worst",
+    energy: Annotated[FloatArray, Metric("N²m²s", "sum", "integral of u^2")]
+    total_variation: Annotated[FloatArray, Metric("N m", "sum", "sum of |u_k - u_(k-1)|")]
+    peak_torque: Annotated[FloatArray, Metric("N m", "worst", "largest |u|")]
+    peak_error: Annotated[FloatArray, Metric("rad", "worst", "largest |e|")]
+    settling_time: Annotated[FloatArray, Metric("s", "worst",
         "from when on |e| <= SETTLING_BAND to the end; 0 where it always was, inf where it is "
         "beyond at the end, or where the run ended early")]
-    overshoot: Annotated[FloatArray, Metric("rad", "m", "worst",
+    overshoot: Annotated[FloatArray, Metric("rad", "worst",
         "largest error on the side opposite to the one at the start, that is, how far beyond the "
         "reference the joint went; 0 where it starts within the band")]
-    saturated: Annotated[FloatArray, Metric("share of time", "share of time", "worst",
+    saturated: Annotated[FloatArray, Metric("share of time", "worst",
         "share of the rows whose torque is at its limit, the least of the law's and the drives'")]
-    torque_rate: Annotated[FloatArray, Metric("N m/s", "N/s", "worst",
+    torque_rate: Annotated[FloatArray, Metric("N m/s", "worst",
         "root mean square of (u_k - u_(k-1))/h: what the arm feels as jerk, which is M^-1 times "
         "the torque's rate, but for smoother terms")]
 # fmt: on

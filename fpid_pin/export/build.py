@@ -150,8 +150,8 @@ def _measured(folder: Path) -> tuple[str, str]:
         part = found.difference / found.peak if found.peak else 0.0
         lines.append(
             f"- `{what}`: {found.equal} of {found.total} torques equal to the last bit; "
-            f"largest difference {found.difference:.2e} N m, {part:.1e} of the largest torque "
-            f"({found.peak:.3g} N m), over {found.ticks} ticks."
+            f"largest difference {found.difference:.2e}, {part:.1e} of the largest torque or force "
+            f"({found.peak:.3g} N m or N), over {found.ticks} ticks."
         )
     return "\n".join(rows), "\n".join(lines)
 

@@ -29,6 +29,7 @@ from fpid_pin.fractional.design import (
     check_order,
     modes_of,
 )
+from fpid_pin.fractional.exponential_sum import ExponentialSum
 from fpid_pin.text import ReprMixin
 
 TRUSTED_WITHIN = 0.01
@@ -178,13 +179,23 @@ class OperatorReport(ReprMixin):
         """What was measured and what a sample costs, in lines."""
         one, many = self.cost
         return [
-            f"{self.design!r}, step {self.step:g} s, horizon {self.horizon:g} s,"
-            f" {self.states} numbers a signal",
-            f"cost of a sample: {one * 1e6:.1f} us for one signal,"
-            f" {many / 240 * 1e9:.0f} ns a signal for 240",
-            f"magnitude and phase over {self.band[0]:.3g} .. {self.band[1]:.3g} rad/s;"
-            " trusted: within 1 %; noise: output for one unit a sample",
+            f"Fractional derivatives by {self._design_in_words()}, for steps of {self.step:g} s "
+            f"and up to {self.horizon:g} s; {self.states} numbers are kept for each signal.",
+            f"A sample takes {one * 1e6:.1f} us for one signal, and {many / 240 * 1e9:.0f} ns for "
+            "each of 240 at once.",
+            f"Errors of magnitude and phase are the largest from {self.band[0]:.3g} to "
+            f"{self.band[1]:.3g} rad/s; trusted is what is within 1 %; noise is the output's "
+            "deviation for samples that each deviate by 1.",
         ]
+
+    def _design_in_words(self) -> str:
+        design, modes = self.design, self.states - 3
+        if isinstance(design, Crone):
+            return f"a CRONE filter of order {modes} from {design.low:g} to {design.high:g} rad/s"
+        if isinstance(design, ExponentialSum):
+            wanted = f", enough for an accuracy of {design.tolerance:g}"
+            return f"a sum of {modes} exponentials{wanted if design.tolerance else ''}"
+        return repr(design)
 
     @property
     def rows(self) -> list[dict[str, float]]:

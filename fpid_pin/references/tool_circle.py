@@ -14,6 +14,7 @@ from fpid_pin.checks import Array, Flag, FloatArray, Number
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references.reference import Motion
+from fpid_pin.text import unit_for
 
 #: Points of the circle whose joint angles are solved for; a periodic spline joins them.
 POINTS = 180
@@ -126,7 +127,8 @@ def _solve(arm: Arm, points: FloatArray, angles: FloatArray, orientation: bool) 
     if drift > 1e-5:
         raise ArgumentError(
             "reference", "a circle on which the joints return to where they began",
-            f"a turn that ends {drift:.3g} rad away (through a singular pose?)",
+            f"a turn that ends {drift:.3g} {unit_for('rad', arm.units)} away "
+            "(through a singular pose?)",
         )  # fmt: skip
     for j in range(arm.n):
         beyond = (path[:, j] < arm.lower[j]) | (path[:, j] > arm.upper[j])
@@ -134,8 +136,10 @@ def _solve(arm: Arm, points: FloatArray, angles: FloatArray, orientation: bool) 
             k = int(np.argmax(beyond))
             raise ArgumentError(
                 "reference",
-                f"joint {arm.joint_names[j]} within [{arm.lower[j]:.3g}, {arm.upper[j]:.3g}] rad",
-                f"{path[k, j]:.3g} rad at {np.degrees(angles[k]):.0f} degrees of the circle",
+                f"joint {arm.joint_names[j]} within [{arm.lower[j]:.3g}, {arm.upper[j]:.3g}] "
+                f"{arm.units[j]}",
+                f"{path[k, j]:.3g} {arm.units[j]} at {np.degrees(angles[k]):.0f} degrees of the "
+                "circle",
             )
     return path
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -21,7 +21,7 @@ from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import Exceedance, limit_report
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.toml import by_name
-from fpid_pin.text import ReprMixin, against, enumerated, html_table, percent
+from fpid_pin.text import ReprMixin, against, enumerated, head_for, html_table, percent
 
 COST = QuadraticCost()
 #: What the heads of the tables mean.
@@ -59,16 +59,20 @@ def _joints(metric: str, factor: float = 1.0) -> Callable[[Metrics], float]:
 #: What a comparison may be decided by.
 MEASURES = {
     "tail": Measure(
-        "RMS error of the last half", "tail (all joints) [mrad]", _joints("rms_tail", 1e3)
+        "RMS error of the last half", "tail (rms of joints) [mrad]", _joints("rms_tail", 1e3)
     ),
     "variation": Measure(
-        "torque variation (all joints)", "variation (all joints) [N m]", _joints("total_variation")
+        "torque variation (sum of joints)",
+        "variation (sum of joints) [N m]",
+        _joints("total_variation"),
     ),
-    "rms": Measure("RMS error", "RMS (all joints) [mrad]", _joints("rms", 1e3)),
+    "rms": Measure("RMS error", "RMS (rms of joints) [mrad]", _joints("rms", 1e3)),
     "peak": Measure(
         "peak torque (worst joint)", "peak (worst joint) [N m]", _joints("peak_torque")
     ),
-    "energy": Measure("energy (all joints)", "energy (all joints) [N²m²s]", _joints("energy")),
+    "energy": Measure(
+        "energy (sum of joints)", "energy (sum of joints) [N²m²s]", _joints("energy")
+    ),
     "cost": Measure(f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "cost (33)", COST.of),
     "peak_error": Measure(
         "peak error (worst joint)", "peak error (worst joint) [mrad]", _joints("peak_error", 1e3)
@@ -80,7 +84,7 @@ FIGURES = {measure.head: measure.of for measure in MEASURES.values()} | {
     "at its limit (worst joint) [%]": _joints("saturated", 100.0),
     "torque rate (worst joint) [N m/s]": _joints("torque_rate"),
 }
-_OF_WHOLE_RUNS = ("tail (all joints) [mrad]", "cost (33)")
+_OF_WHOLE_RUNS = ("tail (rms of joints) [mrad]", "cost (33)")
 #: Columns of each joint, and the metric that each is of.
 _JOINT_COLUMNS = {
     "RMS [rad]": "rms", "RMS tail [rad]": "rms_tail", "ISE [rad^2 s]": "ise", "IAE [rad s]": "iae",
@@ -116,6 +120,11 @@ class Comparison(ReprMixin):
         of = self.measure.of if self.measure else lambda metrics: np.inf
         values = [of(run.metrics) if run.outcome.completed else np.inf for run in self.runs]
         return np.reshape(values, (len(self.conditions), len(self.controllers)))
+
+    @cached_property
+    def angles(self) -> set[str]:
+        """The units of the joints' coordinates: ``"rad"``, ``"m"``, or both."""
+        return {unit for run in self.runs for unit in run.arm.units}
 
     @property
     def is_best(self) -> BoolArray:
@@ -181,7 +190,7 @@ class Comparison(ReprMixin):
             for k in dict.fromkeys([*ties[1:2], *others, *rest[:1]])
             if np.isfinite(row[k])
         }
-        if measure is variation or not costs:
+        if measure.of is variation.of or not costs:
             return text
         return f"{text} Its torque varies {enumerated([*costs.values()][:2])}."
 
@@ -241,7 +250,8 @@ class Comparison(ReprMixin):
             ended = not run.outcome.completed
             row: dict[str, Any] = {"condition": condition, "controller": controller}
             for head, figure in FIGURES.items():
-                row[head] = np.inf if ended and head in _OF_WHOLE_RUNS else figure(run.metrics)
+                value = np.inf if ended and head in _OF_WHOLE_RUNS else figure(run.metrics)
+                row[head_for(head, self.angles)] = value
             row["outcome"] = str(run.outcome) if ended else "completed"
             rows.append(row | ({"best": "best" if first else ""} if self.measure else {}))
         return rows
@@ -249,7 +259,7 @@ class Comparison(ReprMixin):
     def joint_rows(self) -> list[dict[str, Any]]:
         """Return a row for each run and joint: every metric.
 
-        A column's [rad] and [N m] are [m] and [N] of a joint that slides, whose name says so.
+        Where a column has a unit for each kind, the names of joints that slide say that they do.
         """
         return [
             {
@@ -258,7 +268,8 @@ class Comparison(ReprMixin):
                 "joint": joint if unit == "rad" else f"{joint} [m, N]",
             }
             | {
-                head: getattr(run.metrics, name)[j] * (100.0 if head.endswith("[%]") else 1.0)
+                head_for(head, self.angles): getattr(run.metrics, name)[j]
+                * (100.0 if head.endswith("[%]") else 1.0)
                 for head, name in _JOINT_COLUMNS.items()
             }
             for (condition, controller), run, _ in self._each()
@@ -330,6 +341,9 @@ def compare(
     controllers = by_name(controllers)
     pairs = list(product(experiments.values(), controllers.values()))
     runs = simulate([e for e, _ in pairs], [law for _, law in pairs], progress=progress)
+    if measure is not None:
+        angles = {unit for e in experiments.values() for unit in e.arm.units}
+        measure = replace(measure, head=head_for(measure.head, angles))
     return Comparison(tuple(experiments), tuple(controllers), tuple(runs), measure)
 
 

@@ -245,7 +245,8 @@ class Robot:
         if not np.isfinite(self.v[j]):
             cause = "speed is not finite"
         elif not slow[j]:
-            cause = f"speed {abs(self.v[j]):.3g} rad/s is beyond {limit[j]:g} rad/s"
+            unit = f"{self.experiment.arm.units[j]}/s"
+            cause = f"speed {abs(self.v[j]):.3g} {unit} is beyond {limit[j]:g} {unit}"
         else:
             cause = f"{'angle' if np.isfinite(torque[j]) else 'torque'} is not finite"
         return Outcome(False, row * self.experiment.step, self.experiment.arm.joint_names[j], cause)

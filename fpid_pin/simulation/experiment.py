@@ -16,6 +16,7 @@ from fpid_pin.descriptions import Description, described
 from fpid_pin.disturbances import Disturbance
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Motion, Reference
+from fpid_pin.text import unit_for
 
 DYNAMICS = ("pinocchio", "compiled")
 
@@ -194,7 +195,8 @@ class Experiment(Description):
         start = self.motion(np.zeros(1))[0][0]
         v0 = checks.per_joint("v0", 0.0 if self.v0 is None else self.v0, n)
         if (np.abs(v0) > self.runaway_speed).any():
-            expected = f"at most runaway_speed ({self.runaway_speed:g} rad/s)"
+            unit = unit_for("rad/s", self.arm.units)
+            expected = f"at most runaway_speed ({self.runaway_speed:g} {unit})"
             raise ArgumentError("v0", expected, v0)
         self._set(q0=checks.per_joint("q0", start if self.q0 is None else self.q0, n), v0=v0)
         disturbance = plant_of(self).disturbance

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from fpid_pin import descriptions, own_code
+from fpid_pin import checks, descriptions, own_code
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.experiment import Experiment
@@ -82,7 +82,7 @@ def by_name(
     """Return controllers by the names that tables give them; refuse two of one name."""
     if isinstance(controllers, Mapping):
         return dict(controllers)
-    given = [controllers] if isinstance(controllers, Controller) else list(controllers)
+    given = checks.several("controllers", controllers, Controller, "a Controller")
     named = {law.name or type(law).__name__: law for law in given}
     if len(named) < len(given):
         raise ArgumentError("controllers", "a name of its own each", listed(named))

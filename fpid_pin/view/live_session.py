@@ -232,7 +232,8 @@ class KeyInput:
         announce: Callable[[str], None],
     ) -> None:  # fmt: skip
         self._simulation, self._joint, self._torque = simulation, joint, torque
-        self._names = simulation.robot.experiment.arm.joint_names
+        self._arm = simulation.robot.experiment.arm
+        self._names = self._arm.joint_names
         self._say = announce
         self.pushes: list[tuple[float, str, float]] = []
 
@@ -247,7 +248,8 @@ class KeyInput:
                 t, name = self._simulation.t, self._names[self._joint]
                 self._simulation.push(self._joint, torque, _PUSH_TIME)
                 self.pushes.append((t, name, torque))
-                self._say(f"t = {t:.2f} s: {torque:+.1f} N m on {name}")
+                unit = self._arm.effort_units[self._joint]
+                self._say(f"t = {t:.2f} s: {torque:+.1f} {unit} on {name}")
         return "q" not in keys
 
 

@@ -21,6 +21,7 @@ from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS, of_paper
+from fpid_pin.text import head_for, unit_for
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.document import Page, as_text, asset, closed, document
 from fpid_pin.view.playground_engine import Engine
@@ -37,6 +38,8 @@ _SIGNALS = {
     "u_law": "torque of the law itself [N m]", "u_model": "torque by the model [N m]",
     "u_s": "torque of the supervisor [N m]",
 }  # fmt: skip
+#: Units of the table below the curves.
+_UNITS = ("rad", "rad s", "N m", "N²m²s")
 _SCRIPTS = (
     "bodies", "stage", "playground_settings", "playground_plots", "playground_scene",
     "playground_controls", "playground",
@@ -119,7 +122,10 @@ def playground_html(
         title,
         style=asset("uPlot.min.css") + asset("playground.css"),
         body=Template(asset("playground.html")).substitute(
-            title=as_text(title), engine=_worker(engine, shown)
+            title=as_text(title),
+            engine=_worker(engine, shown),
+            angle=unit_for("rad", experiment.arm.units),
+            effort=unit_for("N m", experiment.arm.units),
         ),
         scripts=[
             meshcat_file("dist/main.min.js"),
@@ -200,12 +206,17 @@ def _page(
             "groups": settings.law_groups(law),
             "orders": law.orders,
             "bound": settings.rounded(law.supervisor.reference_bound * 1.0001),
-            "signals": [[signal, _SIGNALS.get(signal, signal)] for signal in law.signals],
+            "signals": [
+                [signal, head_for(_SIGNALS.get(signal, signal), e.arm.units)]
+                for signal in law.signals
+            ],
         }
         for law, name in zip(laws, names, strict=True)
     ]
     return {
-        "joints": list(e.arm.joint_names), "start": start, "steps": steps, "laws": about,
+        "joints": list(e.arm.joint_names),
+        "units": [{u: unit_for(u, [angle]) for u in _UNITS} for angle in e.arm.units],
+        "start": start, "steps": steps, "laws": about,
         "groups": settings.shared_groups(e, start),
         "presets": _presets(e, laws, steps, peak.tolist()),
         "toml": settings.toml_tables(e, laws, names),

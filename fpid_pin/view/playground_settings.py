@@ -20,6 +20,7 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.experiment import Experiment, plant_of
 from fpid_pin.simulation.toml import own_files
+from fpid_pin.text import unit_for
 from fpid_pin.view.document import asset
 from fpid_pin.view.playground_engine import encoded
 from fpid_pin.view.playground_law import Law, one_number
@@ -90,7 +91,7 @@ def outside(e: Experiment) -> dict[str, Any]:
         "reference": reference,
         "disturbance": {"phase": main.phase, "others": others},
         "v0": np.asarray(e.v0), "duration": e.duration, "runaway": e.runaway_speed,
-        "joints": list(e.arm.joint_names),
+        "joints": list(e.arm.joint_names), "units": list(e.arm.units),
         "targets": [[x["key"], *x["memory"].rsplit(".", 1)] for x in _rows() if x["memory"]],
         "cutoff": 500.0 if e.sensors is None else e.sensors.velocity_cutoff,
     })  # fmt: skip
@@ -207,6 +208,9 @@ def shared_groups(e: Experiment, start: Mapping[str, Any]) -> list[dict[str, Any
     }  # fmt: skip
     kinds = ("all", "sinusoid") if isinstance(e.reference, Sinusoid) else ("all",)
     groups = _sliders(kinds, start, sizes)
+    for slider in (slider for group in groups for slider in group["controls"]):
+        if not slider["key"].endswith("frequency"):
+            slider["unit"] = unit_for(slider["unit"], e.arm.units)
     for slider in groups[0]["controls"]:
         if slider["key"] == "effort_limit" and limits:
             slider["joints"] = "factor"

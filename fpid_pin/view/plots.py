@@ -12,7 +12,7 @@ from fpid_pin.control.gains import SuggestedFpid
 from fpid_pin.costs import METRICS
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
-from fpid_pin.text import cut, percent
+from fpid_pin.text import cut, percent, unit_for
 from fpid_pin.view.maps import convergence, cost_map, heat_map, profile
 from fpid_pin.view.panels import REFERENCE, joints_of, looks_of, overview
 from fpid_pin.view.scene import as_runs, captions_of
@@ -213,7 +213,9 @@ def gains(run: Run) -> Figure:
     orders = ORDERS if has_all(run, ORDERS) else ()
     count = 3 + len(orders)
     figure, panels = new_figure(count, 1, _WIDTH, 5.0 * count / 3)
-    units = (*(_SCALED_UNITS if scaled else _GAIN_UNITS), "", "")
+    angles = joints_of(run).units
+    own = [unit_for(unit, angles) for unit in _GAIN_UNITS]
+    units = (*(_SCALED_UNITS if scaled else own), "", "")
     for panel, (name, label), unit in zip(panels, (*GAINS, *orders), units, strict=False):
         _all_joints(panel, run, name)
         panel.set_ylabel(f"{label}, {unit}".removesuffix(", "))
@@ -247,8 +249,9 @@ def lyapunov(run: Run) -> Figure:
     _all_joints(lower, run, "u_s")
     part = 100.0 * float((run.signals["u_s"] != 0.0).any(axis=1).mean())
     lower.set(
-        ylabel="$u_s$, N m", xlabel="time, s", title=f"supervisor, acting {part:.3g} % of the time"
-    )
+        ylabel=f"$u_s$, {unit_for('N m', joints_of(run).units)}", xlabel="time, s",
+        title=f"supervisor, acting {part:.3g} % of the time",
+    )  # fmt: skip
     legend(lower, min(run.q.shape[1], 4))
     return figure
 

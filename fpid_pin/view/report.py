@@ -12,6 +12,7 @@ import numpy as np
 from fpid_pin.costs import METRICS
 from fpid_pin.files import put_text
 from fpid_pin.simulation.run import Run
+from fpid_pin.text import unit_for
 from fpid_pin.view.document import Link, as_text, asset, document, framed
 from fpid_pin.view.panels import joints_of
 from fpid_pin.view.plots import figures as standard_figures
@@ -159,7 +160,8 @@ def metrics_table(runs: Sequence[Run], captions: Sequence[str]) -> Table:
     joints = [joints_of(run) for run in runs]
     angles = {unit for each in joints for unit in each.units}
     told = [
-        f"{name.replace('_', ' ')}, {metric.unit_of(angles)}" for name, metric in METRICS.items()
+        f"{name.replace('_', ' ')}, {unit_for(metric.unit, angles)}"
+        for name, metric in METRICS.items()
     ]
     rows: list[list[object]] = [["run", "joint", *told]]
     for run, caption, each in zip(runs, captions, joints, strict=True):

@@ -66,7 +66,7 @@ def test_compare_begins_with_the_answer_and_writes_runs_tables_figures_and_repor
     head = next(line for line in printed.splitlines() if line.startswith("controller"))
     assert head.split()[:2] == ["controller", "[mrad]"]
     assert list(rows_of(out / "summary.csv")[0])[2:4] == [
-        "tail (all joints) [mrad]", "variation (all joints) [N m]",
+        "tail (rms of joints) [mrad]", "variation (sum of joints) [N m]",
     ]  # fmt: skip
     rows = rows_of(out / "summary.csv")
     for condition in ("nominal", "payload"):
@@ -95,9 +95,9 @@ def test_run_takes_one_controller_by_name_and_says_whether_all_joints_are_meant(
     m = fp.Run.load(out / "integer-pid.npz").metrics
     (row,) = rows_of(out / "summary.csv")
     expected = {
-        "energy (all joints) [N²m²s]": m.energy.sum(),
-        "variation (all joints) [N m]": m.total_variation.sum(),
-        "RMS (all joints) [mrad]": 1e3 * (m.rms**2).mean() ** 0.5,
+        "energy (sum of joints) [N²m²s]": m.energy.sum(),
+        "variation (sum of joints) [N m]": m.total_variation.sum(),
+        "RMS (rms of joints) [mrad]": 1e3 * (m.rms**2).mean() ** 0.5,
         "peak (worst joint) [N m]": m.peak_torque.max(),
         "peak error (worst joint) [mrad]": 1e3 * m.peak_error.max(),
         "settled (worst joint) [s]": m.settling_time.max(),

@@ -9,7 +9,11 @@ from fpid_pin.cli import screen
 NAMES = [
     "adaptive FPID with a long name", "a_name_without_any_place_to_break_it_at_all", "PID", "x" * 60
 ]  # fmt: skip
-HEADS = ["tail (all joints) [mrad]", "RMS (all joints) [mrad]", "energy (all joints) [N²m²s]"]
+HEADS = [
+    "tail (rms of joints) [mrad]",
+    "RMS (rms of joints) [mrad]",
+    "energy (sum of joints) [N²m²s]",
+]
 
 
 def printed(rows, capsys, width=80):

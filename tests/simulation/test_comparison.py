@@ -23,8 +23,8 @@ def run(tail, outcome=COMPLETED, kind="fpid", variation=1.0):
         rms_tail=tail * np.array([3.0, 4.0]),
         total_variation=variation * metrics.total_variation,
     )
-    meta = {"controller": {"kind": kind}}
-    return SimpleNamespace(metrics=metrics, outcome=outcome, limits=[], meta=meta)
+    meta, arm = {"controller": {"kind": kind}}, SimpleNamespace(units=("rad",))
+    return SimpleNamespace(metrics=metrics, outcome=outcome, limits=[], meta=meta, arm=arm)
 
 
 @pytest.fixture(autouse=True)
@@ -100,7 +100,7 @@ def test_the_first_sentence_is_over_what_the_user_has_names_ties_and_what_the_to
         "that of integer and 2.4 times that of rival."
     ]
     by = ranked({"nominal": {"now": NOW, "rival": RIVAL}}, "variation").answer
-    assert by == ["Least torque variation (all joints): rival, 3.5 N m; 17 % of now (21 N m)."]
+    assert by == ["Least torque variation (sum of joints): rival, 3.5 N m; 17 % of now (21 N m)."]
     several = ranked({name: {"new": NEW, "integer": INTEGER, "rival": RIVAL} for name in "ab"})
     assert several.answer[1] == "Best by condition: new and integer alike under a and b."
     assert ranked({"nominal": {"A": run(1e-3)}}).answer == []

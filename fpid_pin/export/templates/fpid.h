@@ -1,8 +1,9 @@
 /* A controller exported by fpid_pin $version. Generated: change what made it, not this.
  *
- * Units: m, kg, s, rad, N m. Call fpid_step() every FPID_STEP seconds, with what was measured just
- * now, and apply the torque until the next call. No memory is allocated, nothing is global but
- * constants: several robots are several states.
+ * Units: m, kg, s, rad, N m; of joints that slide m in place of rad, N in place of N m. Call
+ * fpid_step() every FPID_STEP seconds, with what was measured just now, and apply the torque until
+ * the next call. No memory is allocated, nothing is global but constants: several robots are several
+ * states.
  */
 #ifndef FPID_H
 #define FPID_H

@@ -97,6 +97,8 @@ const METRICS = [
   ["iae", "∫|e| dt", "rad s", total], ["peak_torque", "largest torque", "N m", Math.max],
   ["energy", "∫u² dt", "N²m²s", total], ["total_variation", "torque's ups and downs", "N m", total]];
 
+// A unit of joints that turn as it is of these.
+const ofJoints = (unit, joints) => [...new Set(joints.map((j) => PAGE.units[j][unit]))].join(" or ");
 const several = () => model.now.beside.length > 0;
 const chosen = () => (element("joint").value === "all" ? JOINTS.map((_, j) => j)
   : [Number(element("joint").value)]);
@@ -123,7 +125,7 @@ function table() {
       const said = `${change > 0 ? "+" : "−"}${label(tidy(Math.abs(change), 2))} %`;
       cells.push(make("td", {class: kind}, !Number.isFinite(change) ? "–" : kind ? said : "0 %"));
     }
-    return make("tr", {}, make("th", {scope: "row"}, text, make("small", {}, unit)), ...cells);
+    return make("tr", {}, make("th", {scope: "row"}, text, make("small", {}, ofJoints(unit, joints))), ...cells);
   }));
 }
 

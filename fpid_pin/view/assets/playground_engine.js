@@ -150,7 +150,7 @@ function outcome(row, S) {
   const brief = Math.abs(power) < 3 ? String(Number(speed.toPrecision(3)))
     : `${Number(digits)}e${power[0]}${power.slice(1).padStart(2, "0")}`;
   const cause = !finite("plant.v", j) ? "speed is not finite"
-    : !slow(j) ? `speed ${brief} rad/s is beyond ${E.runaway} rad/s`
+    : !slow(j) ? `speed ${brief} ${E.units[j]}/s is beyond ${E.runaway} ${E.units[j]}/s`
       : !finite("torque", j) ? "torque is not finite" : "angle is not finite";
   return {completed: false, time: row * S.step, joint: E.joints[j], cause};
 }
