@@ -189,12 +189,15 @@ class OperatorReport(ReprMixin):
         ]
 
     def _design_in_words(self) -> str:
-        design, modes = self.design, self.states - 3
+        design = self.design
         if isinstance(design, Crone):
-            return f"a CRONE filter of order {modes} from {design.low:g} to {design.high:g} rad/s"
+            band = f"from {design.low:g} to {design.high:g} rad/s"
+            wider = f", widened by {design.widening:g} decades" if design.widening else ""
+            return f"a CRONE filter of order {2 * design.n + 1} {band}{wider}"
         if isinstance(design, ExponentialSum):
-            wanted = f", enough for an accuracy of {design.tolerance:g}"
-            return f"a sum of {modes} exponentials{wanted if design.tolerance else ''}"
+            wanted = design.tolerance
+            enough = "" if wanted is None else f", enough for an accuracy of {wanted:g}"
+            return f"a sum of {self.states - 3} exponentials{enough}"
         return repr(design)
 
     @property
