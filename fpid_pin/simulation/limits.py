@@ -62,7 +62,7 @@ class Exceedance:
 
 
 def asks_degrees(arm: Arm, run: Run) -> str:
-    """Return a line where the start or the reference of a joint that turns is far too large for radians.
+    """Return a line where a start or a reference of a joint that turns is too far for radians.
 
     That is beyond a whole turn, or five times as far as the joint's limits. Empty: nowhere.
     """
