@@ -1,0 +1,135 @@
+"""Which small faults in kernels, operators and laws does no test notice?
+
+A mutant has one fault in one function: an operator exchanged, a number a tenth or one off, a
+condition negated, a `not` or an assignment to a field or element left out. A seeded sample of each
+room meets, in a copy of this clone, the tests that pass through its line, then those that pass
+through its file, the fastest first, until one fails or they have had their time. An hour or two.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import tokenize
+from collections.abc import Iterator
+from itertools import accumulate
+from pathlib import Path
+from xml.etree import ElementTree
+
+from common import Bench, Part, run
+from coverage import CoverageData
+
+ROOT = Path(__file__).parents[1]
+#: Mutants of each room; how long the tests of one take at most when nothing is wrong [s].
+COUNTS, SECONDS = {"kernels": 70, "fractional": 60, "control": 60}, 25.0
+PAIRS = ("+ -", "* /", "< <=", "> >=", "+= -=", "and or", "min max", "minimum maximum")
+SWAPS = {a: b for pair in map(str.split, PAIRS) for a, b in (pair, pair[::-1])}
+SWAPS |= {"not": "", "if": "if not", "while": "while not"}
+PYTEST = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+
+Fault = tuple[Path, int, int, int, str]  # file, line, columns from and to, what is there instead
+
+
+def faults(path: Path) -> Iterator[Fault]:
+    """Yield all mutants of a file."""
+    functions = [f for f in ast.walk(ast.parse(path.read_text())) if isinstance(f, ast.FunctionDef)]
+    within = {line for f in functions for line in range(f.body[0].lineno, f.end_lineno + 1)}
+    lines, last = path.read_text().splitlines(keepends=True), ""
+    for kind, old, (line, begin), (_, end), _ in tokenize.generate_tokens(iter(lines).__next__):
+        new = SWAPS.get(old)
+        if kind == tokenize.NUMBER and "j" not in old:
+            new = str(int(old) + 1) if old.isdigit() else f"{1.1 * float(old) or 0.1:.15g}"
+        unpacks = old == "*" and last in ("(", "[", "{", ",", "\n", "return")
+        if new is not None and line in within and not unpacks:
+            yield path, line, begin, end, new
+        last = old
+    for node in (node for f in functions for node in ast.walk(f)):
+        stays = isinstance(node, ast.Assign) and not isinstance(node.targets[0], ast.Name)
+        if (stays or isinstance(node, ast.AugAssign)) and node.lineno == node.end_lineno:
+            yield path, node.lineno, node.col_offset, len(lines[node.lineno - 1]) - 1, "pass"
+
+
+def plant(fault: Fault) -> str:
+    """Write a fault into its file; return where and what it is."""
+    path, line, begin, end, new = fault
+    for kept in path.parent.glob(f"__pycache__/{path.stem}.*"):
+        kept.unlink()
+    lines = path.read_text().splitlines(keepends=True)
+    whole = lines[line - 1]
+    lines[line - 1] = whole[:begin] + new + whole[end:]
+    path.write_text("".join(lines))
+    what = f"{whole[:begin]}[{whole[begin:end]} -> {new}]{whole[end:]}".strip().replace("|", "\\|")
+    return f"| {path.parent.name}/{path.name}:{line} | `{what}` |"
+
+
+def outcome(tree: Path, fault: Fault, seconds: dict[str, float], data: CoverageData) -> str:
+    """Return what becomes of a mutant: killed, survived or timed out."""
+    visits = data.contexts_by_lineno(str(fault[0])).items()
+    seen = {(line != fault[1], c.rpartition("|")[0]) for line, contexts in visits for c in contexts}
+    order = sorted((away, seconds[test], test) for away, test in seen if test in seconds)
+    tests = list(dict.fromkeys(test for _, _, test in order))
+    spent = accumulate(seconds[test] for test in tests)
+    tests = [test for test, sum_ in zip(tests, spent, strict=True) if sum_ <= SECONDS]
+    if not tests:
+        return "survived"
+    words = [*PYTEST, "-x", *tests]
+    try:
+        done = subprocess.run(words, cwd=tree, stdout=subprocess.DEVNULL, timeout=6.0 * SECONDS)
+    except subprocess.TimeoutExpired:
+        return "timed out"
+    return "killed" if done.returncode else "survived"
+
+
+def room(bench: Bench, name: str) -> None:
+    """Try a sample of a room's mutants, and print what became of them."""
+    with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
+        tree, times, seen = (Path(scratch, part) for part in ("tree", "times", "seen"))
+        hidden = shutil.ignore_patterns(".*", "__pycache__", "runs", "site", "build", "dist")
+        shutil.copytree(ROOT, tree, ignore=hidden, symlinks=True)
+        os.environ |= {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(Path(scratch, "numba"))}
+        os.environ |= {"NUMBA_DISABLE_JIT": str(int(name == "kernels")), "COVERAGE_FILE": str(seen)}
+        words = [f"--junitxml={times}", "--cov=fpid_pin", "--cov-context=test", "--cov-report="]
+        words += [f"--cov-config={os.devnull}", f"tests/{name}"]
+        words += ["-m", "kernels"] * (name == "kernels")
+        subprocess.run([*PYTEST, *words], cwd=tree)
+        os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # two mutants of a second look the same by date
+        seconds = {}
+        for case in ElementTree.parse(times).iter("testcase"):
+            if not len(case):  # passed
+                test = f"{case.get('classname').replace('.', '/')}.py::{case.get('name')}"
+                seconds[test] = float(case.get("time"))
+        data = CoverageData(str(seen))
+        data.read()
+        files = sorted(Path(tree, "fpid_pin", name).glob("*.py"))
+        every = [fault for path in files for fault in faults(path)]
+        count, survivors = {"killed": 0, "survived": 0, "timed out": 0}, []
+        for fault in random.Random(22).sample(every, 3 if bench.quick else COUNTS[name]):
+            text = fault[0].read_text()
+            row = plant(fault)
+            result = outcome(tree, fault, seconds, data)
+            fault[0].write_text(text)
+            print(result, row, flush=True)
+            count[result] += 1
+            survivors += [row] * (result == "survived")
+    bench.table(["room", "of", *count], [[f"`{name}`", f"{len(every):,}", *count.values()]])
+    bench.details(f"Survivors in `{name}`")
+    bench.say("| where | what |", "| --- | --- |", *survivors)
+
+
+def part(name: str) -> Part:
+    """Return a room's part of the script."""
+
+    def try_room(bench: Bench) -> None:
+        room(bench, name)
+
+    try_room.__name__ = name
+    return try_room
+
+
+if __name__ == "__main__":
+    run(__doc__, *map(part, COUNTS))
