@@ -111,7 +111,8 @@ def test_a_report_says_where_the_design_can_be_trusted():
     with pytest.raises(ArgumentError, match="design: expected one with modes, got L1"):
         report(L1(), 0.5, step=STEP)
     narrow = report(Crone(1.0, 10.0, 1), 0.5, step=STEP, horizon=20.0)
-    assert np.isnan(narrow.longest_horizon).all()
+    for nowhere in (narrow.longest_horizon, narrow.lowest_frequency, narrow.highest_frequency):
+        assert np.isnan(nowhere).all()
 
 
 def test_the_command_s_table_has_a_row_for_each_order_and_a_figure_where_asked(tmp_path, capsys):
