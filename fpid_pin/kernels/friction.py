@@ -68,8 +68,6 @@ def stick_slip(response, joints, v_free, speed, side, force, matrix):
     n = joints.size
     for j in range(n):
         side[j] = sign(v_free[j])
-        if not joints[j].dry > 0.0:
-            joints[j].stuck = 0
     last = BLOCK_ROUNDS + 20 * n
     rounds = 0
     going = True

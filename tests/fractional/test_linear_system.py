@@ -22,7 +22,7 @@ def test_the_continuous_system_is_close_to_the_operator(design, order):
 
 
 @pytest.mark.parametrize("design", DESIGNS, ids=repr)
-@pytest.mark.parametrize("order", [0.0, 0.4, 1.0])
+@pytest.mark.parametrize("order", [0.0, 0.1, 1.0])
 def test_the_sampled_system_is_what_the_bank_does(design, order):
     value, rate = np.random.default_rng(2).normal(size=(2, 80))
     value[0] = rate[0] = 0.0  # from rest: both start at zero
