@@ -25,6 +25,8 @@ SCRIPTS = (
     "speed", "operators", "orders", "adaptive_orders", "referee", "gains",
     "supervisor", "validation", "published_laws", "views", "exported_float",
 )  # fmt: skip
+#: Those that take longer are run, and their results kept, by hand.
+LONG = ("torture", "mutants")
 HEAD = """# Record
 
 What the scripts of this folder answer, with their tables and what these were printed on, put
@@ -59,7 +61,7 @@ def main() -> int:
         done = subprocess.run([sys.executable, HERE / f"{name}.py", *words])
         print(f"--- {name}: {time.monotonic() - began:.0f} s\n", flush=True)
         failed += [name] if done.returncode else []
-    files = [out / f"{name}.md" for name in (*SCRIPTS, "torture")]  # by `make torture`, by hand
+    files = [out / f"{name}.md" for name in (*SCRIPTS, *LONG)]
     there = [path for path in files if path.exists()]
     record = out.parent / "RECORD.md"
     record.write_text("\n".join([HEAD, "", *map(summary, there)]), encoding="utf-8")

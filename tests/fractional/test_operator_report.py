@@ -45,6 +45,19 @@ def test_the_stated_output_noise_is_what_a_simulation_shows(design):
 
 
 @pytest.mark.parametrize("design", MODAL, ids=repr)
+def test_the_stated_output_noise_is_the_length_of_the_answer_to_one_sample(design):
+    """From that sample to one horizon after it."""
+    order, samples = np.array([0.0, 0.3, 0.95, 1.0]), 40
+    impulse = np.zeros((samples + 2, 4))
+    impulse[1] = 1.0
+    bank = Bank(design, order, step=STEP, horizon=samples * STEP)
+    stated = noise_gains(design, order, step=STEP, horizon=samples * STEP)
+    for gain, inputs in zip(stated, ((impulse, 0 * impulse), (0 * impulse, impulse)), strict=True):
+        answer = bank.recorded(*inputs)
+        assert gain == pytest.approx(np.linalg.norm(answer, axis=0), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("design", MODAL, ids=repr)
 def test_the_nyquist_gain_is_the_output_for_an_alternating_rate(design):
     stated = report(design, ENDS, step=STEP, horizon=5.0).nyquist_gain
     rate = np.repeat((-1.0) ** np.arange(5000)[:, None], 4, axis=1)
@@ -97,6 +110,9 @@ def test_a_report_prints_a_row_for_each_order(design):
     assert found.kernel_error[[0, 2]].max() == 0.0
     assert found.error_bound[[0, 2]].max() == 0.0 < found.error_bound[1]
     assert all(seconds > 0 for seconds in found.cost)
+    panels = found.plot().axes
+    assert [panel.get_ylabel().split()[0] for panel in panels] == ["magnitude", "phase", "relative"]
+    assert [len(panel.lines) for panel in panels] == [3, 3, 3]
 
 
 def test_a_report_says_where_the_design_can_be_trusted():
@@ -113,6 +129,13 @@ def test_a_report_says_where_the_design_can_be_trusted():
     narrow = report(Crone(1.0, 10.0, 1), 0.5, step=STEP, horizon=20.0)
     for nowhere in (narrow.longest_horizon, narrow.lowest_frequency, narrow.highest_frequency):
         assert np.isnan(nowhere).all()
+
+
+def test_of_a_band_between_two_frequencies_the_nearest_counts():
+    found = report(Crone(10.0, 10.01, 1), 0.5, step=STEP, horizon=1.0)
+    nearest = np.abs(np.log(found.frequency / 10.005)).argmin()
+    gain = np.abs(found.response[nearest] / found.frequency[nearest] ** 0.5)
+    assert found.magnitude_error == pytest.approx(np.abs(20.0 * np.log10(gain)), rel=1e-12)
 
 
 def test_the_command_s_table_has_a_row_for_each_order_and_a_figure_where_asked(tmp_path, capsys):
