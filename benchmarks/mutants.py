@@ -37,7 +37,6 @@ Fault = tuple[Path, int, int, int, str]  # file, line, columns from and to, what
 
 
 def faults(path: Path) -> Iterator[Fault]:
-    """Yield all mutants of a file."""
     functions = [f for f in ast.walk(ast.parse(path.read_text())) if isinstance(f, ast.FunctionDef)]
     within = {line for f in functions for line in range(f.body[0].lineno, f.end_lineno + 1)}
     lines, last = path.read_text().splitlines(keepends=True), ""
@@ -90,8 +89,7 @@ def outcome(tree: Path, fault: Fault, seconds: dict[str, float], data: CoverageD
 def room(bench: Bench, name: str) -> None:
     with tempfile.TemporaryDirectory(prefix="mutants-") as scratch:
         tree, times, seen = (Path(scratch, part) for part in ("tree", "times", "seen"))
-        hidden = shutil.ignore_patterns(".*", "__pycache__", "runs", "site", "build", "dist")
-        shutil.copytree(ROOT, tree, ignore=hidden, symlinks=True)
+        shutil.copytree(ROOT, tree, symlinks=True, ignore=shutil.ignore_patterns(".*", "runs"))
         os.environ |= {"PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(Path(scratch, "numba"))}
         os.environ |= {"NUMBA_DISABLE_JIT": str(int(name == "kernels")), "COVERAGE_FILE": str(seen)}
         words = [f"--junitxml={times}", "--cov=fpid_pin", "--cov-context=test", "--cov-report="]
