@@ -24,6 +24,7 @@ def bank_of(design, order, **options):
     return Bank(design, order, **({"step": STEP, "horizon": 1.0} | options))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("design", MODAL, ids=repr)
 @pytest.mark.parametrize("start", STARTS)
 @pytest.mark.parametrize("rule", ["measured", "differenced"])

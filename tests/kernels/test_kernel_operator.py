@@ -1,4 +1,6 @@
-"""The operator's kernels against closed forms, on records short enough to run line by line."""
+"""Operators whose order varies, and a law's integrals, against closed forms; short enough to run
+line by line. Operators of a fixed order are in tests/fractional/test_bank.py.
+"""
 
 from functools import cache, partial
 from math import factorial
@@ -11,8 +13,6 @@ from fpid_pin.fractional import ExponentialSum
 from fpid_pin.kernels.operator import (
     advance_operator,
     initialise,
-    record,
-    sample,
     variable_order_derivative,
 )
 from fpid_pin.kernels.records import INTEGRAL
@@ -24,47 +24,9 @@ T = np.arange(SAMPLES) * STEP
 DESIGN = ExponentialSum(32)
 
 
-def started(order, initialisation="caputo", design=DESIGN):
-    order = np.atleast_1d(np.asarray(order, dtype=np.float64))
-    modes = design.coefficients(order, step=STEP, horizon=SAMPLES * STEP)
+def started(order, initialisation="caputo"):
+    modes = DESIGN.coefficients([order], step=STEP, horizon=SAMPLES * STEP)
     return modes.records(initialisation)
-
-
-def recorded(order, f, rate, initialisation="caputo", design=DESIGN, differenced=False):
-    """The kernel over one signal, (N,), for each order: (N, orders)."""
-    records = started(order, initialisation, design)
-    f, rate = (np.repeat(x[:, None], records.ops.size, axis=1) for x in (f, rate))
-    last = rate if differenced else np.concatenate([rate[:1], rate[:-1]])
-    out = np.empty_like(f)
-    record(*records, f, np.empty_like(f[0]), rate, last, out, STEP)
-    return out
-
-
-@pytest.mark.parametrize("order", [0.2, 0.7])
-def test_what_was_before_the_start_is_as_the_initialisation_says(order):
-    """A constant: nothing, or the step response t^-a/Gamma(1 - a) with or without its kick."""
-    f, rate = np.full(SAMPLES, 2.0), np.zeros(SAMPLES)
-    jump = np.array([float(2 * mp.mpf(t) ** -order * mp.rgamma(1 - order)) for t in T[1:]])
-    assert not recorded(order, f, rate).any()
-    rest = recorded(order, f, rate, "riemann_liouville")[:, 0]
-    kicked = recorded(order, f, rate, "grunwald_letnikov")[:, 0]
-    assert rest[0] == 0.0
-    assert kicked[0] == pytest.approx(2.0 * STEP**-order, rel=1e-12)
-    assert np.abs(rest[1:] / jump - 1.0).max() < 1e-8
-    assert (kicked[1:] == rest[1:]).all()
-
-
-def test_sample_by_sample_is_the_whole_record_and_channels_do_not_see_one_another():
-    orders = np.array([0.4, 0.7])
-    f = np.stack([np.exp(-T) * np.sin(9.0 * T), np.cos(3.0 * T)], axis=1)
-    rate = np.stack([np.ones(SAMPLES), np.linspace(1.0, 3.0, SAMPLES)], axis=1)
-    alone = [recorded(order, f[:, c], rate[:, c])[:, 0] for c, order in enumerate(orders)]
-    records, (f_, rate_, y) = started(orders), np.zeros((3, 2))
-    for k in range(SAMPLES):
-        sample(k > 0, *records, f[k], f_, rate[k], rate_, y, STEP)
-        assert (f_ == f[k]).all()
-        assert (rate_ == rate[k]).all()
-        assert list(y) == [alone[0][k], alone[1][k]]
 
 
 # ---------------------------------------------------------------------- orders that vary
