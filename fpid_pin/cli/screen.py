@@ -10,6 +10,7 @@ import csv
 import io
 import re
 import sys
+import textwrap
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -50,15 +51,20 @@ def screen(*, error: bool = False) -> Console:
 
 
 def say(*lines: str, error: bool = False, console: Console | None = None) -> None:
-    """Print lines as they are, control characters written out; the terminal wraps them.
+    """Print lines, control characters written out; a terminal has them wrapped between words.
 
     An address that was broken in two could not be copied.
     """
     from rich.text import Text
 
     console = console or screen(error=error)
-    for line in lines:
-        console.print(Text(visible(line)), soft_wrap=True)
+    for line in map(visible, lines):
+        if console.is_terminal and " " in line.strip():
+            line = textwrap.fill(
+                line, console.width, break_long_words=False, break_on_hyphens=False,
+                replace_whitespace=False, drop_whitespace=False,
+            )  # fmt: skip
+        console.print(Text(line), soft_wrap=True)
 
 
 def say_written(path: Path) -> None:

@@ -80,3 +80,15 @@ def test_what_is_written_has_every_digit_and_what_is_shown_four():
     assert screen.markdown(rows).splitlines()[2:] == ["| a\\|b | 3.333e-8 |", "| c | \\- |"]
     assert screen.drop_constant(rows, "figure") == rows
     assert screen.drop_constant(rows[:1], "figure") == [{"name": "a|b"}]
+
+
+def test_a_terminal_breaks_sentences_between_words_and_addresses_nowhere(capsys):
+    sentence = "Least RMS error of the last half: FPID + feedforward + observer, 2.31 mrad; " * 3
+    address = "http://127.0.0.1:7000/" + "x" * 100
+    console = Console(force_terminal=True, width=60, color_system=None)
+    screen.say(sentence, address, f"open {address}", console=console)
+    lines = capsys.readouterr().out.splitlines()
+    assert " ".join(" ".join(lines).split()) == f"{sentence}{address} open {address}"
+    assert all(len(line) <= 60 or address in line for line in lines)
+    screen.say(sentence, console=Console(width=60))  # a pipe
+    assert capsys.readouterr().out == f"{sentence}\n"
