@@ -23,7 +23,6 @@ from fpid_pin.cli.screen import (
 from fpid_pin.control import Controller
 from fpid_pin.resources import installed
 from fpid_pin.simulation import Comparison, Experiment, compare
-from fpid_pin.simulation.comparison import LEGEND
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -81,7 +80,7 @@ def write_results(
     from fpid_pin.view.style import figure_bytes
 
     title = title or config.title
-    said = [*said, *comparison.answer, LEGEND, dynamics_of(comparison)]
+    said = [*said, *comparison.answer, comparison.legend, dynamics_of(comparison)]
     rows = comparison.rows()
     if options.runs:
         for run, name in zip(comparison.runs, names, strict=True):
@@ -142,7 +141,7 @@ def show(config: Config, comparison: Comparison, out: Path) -> None:
     say(*comparison.answer)
     print_table(drop_constant(rows, "condition"), config.title)
     say(
-        LEGEND,
+        comparison.legend,
         f"{dynamics_of(comparison)}; *: best",
         f"Written to {out}: report.html (open it in a browser), figures, tables, runs",
     )

@@ -19,13 +19,12 @@ from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.limits import Exceedance, limit_report
+from fpid_pin.simulation.paper import of_paper
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.toml import by_name
 from fpid_pin.text import ReprMixin, against, enumerated, head_for, html_table, percent
 
 COST = QuadraticCost()
-#: What the heads of the tables mean.
-LEGEND = f"tail: RMS error of the last half; cost: (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}"
 #: Who is worse than the best by no more than this part ties with it.
 TIE = 0.03
 #: Limits of one controller that are told in a line; all of them are in the tables.
@@ -250,11 +249,24 @@ class Comparison(ReprMixin):
             ended = not run.outcome.completed
             row: dict[str, Any] = {"condition": condition, "controller": controller}
             for head, figure in FIGURES.items():
+                if head == MEASURES["cost"].head and not self._has_cost:
+                    continue
                 value = np.inf if ended and head in _OF_WHOLE_RUNS else figure(run.metrics)
                 row[head_for(head, self.angles)] = value
             row["outcome"] = str(run.outcome) if ended else "completed"
             rows.append(row | ({"best": "best" if first else ""} if self.measure else {}))
         return rows
+
+    @property
+    def _has_cost(self) -> bool:
+        """Whether (33) says anything: away from the paper's arm it is nearly all energy."""
+        return self.measure == MEASURES["cost"] or all(of_paper(run.arm) for run in self.runs)
+
+    @property
+    def legend(self) -> str:
+        """What the heads of the tables mean."""
+        cost = f"; {MEASURES['cost'].label}" if self._has_cost else ""
+        return f"tail: RMS error of the last half{cost}"
 
     def joint_rows(self) -> list[dict[str, Any]]:
         """Return a row for each run and joint: every metric.
