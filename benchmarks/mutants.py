@@ -1,9 +1,9 @@
 """Which small faults in kernels, operators and laws does no test notice?
 
 A mutant has one fault in one function: an operator exchanged, a number a tenth or one off, a
-condition negated, a `not` or an assignment to a field or element left out. A seeded sample of each
-room meets, in a copy of this clone, the tests through its line, then those through its file, the
-fastest first, until one fails or they have had their time. An hour or two.
+condition negated, a `not` or an assignment to a field left out. A seeded sample of each room meets,
+in a copy of this clone, the tests through its line, then (compiled lines are not seen) those named
+after its file, then all through its file, until one fails or they have had their time. An hour.
 """
 
 from __future__ import annotations
@@ -71,14 +71,14 @@ def plant(fault: Fault) -> str:
 def outcome(tree: Path, fault: Fault, seconds: dict[str, float], data: CoverageData) -> str:
     visits = data.contexts_by_lineno(str(fault[0])).items()
     seen = {(line != fault[1], c.rpartition("|")[0]) for line, contexts in visits for c in contexts}
-    order = sorted((away, seconds[test], test) for away, test in seen if test in seconds)
-    tests = list(dict.fromkeys(test for _, _, test in order))
+    own = f"/test_{fault[0].stem}.py::"
+    order = sorted((away, own not in t, seconds[t], t) for away, t in seen if t in seconds)
+    tests = list(dict.fromkeys(test for *_, test in order))
     spent = accumulate(seconds[test] for test in tests)
     tests = [test for test, sum_ in zip(tests, spent, strict=True) if sum_ <= SECONDS]
     if not tests:
         return "survived"
-    # Bytecode is not kept: by their dates two mutants of one second are the same.
-    words = [sys.executable, "-B", *PYTEST, "-x", *tests]
+    words = [sys.executable, "-B", *PYTEST, "-x", *tests]  # bytecode knows no parts of a second
     try:
         done = subprocess.run(words, cwd=tree, stdout=subprocess.DEVNULL, timeout=6.0 * SECONDS)
     except subprocess.TimeoutExpired:
