@@ -144,6 +144,16 @@ def test_the_law_that_is_quoted_is_the_law_that_runs():
             where = source.index(line.strip(), where) + 1
 
 
+def test_it_is_read_in_one_sitting():
+    assert len(README.splitlines()) <= 150
+
+
+def test_a_release_is_told_by_one_number():
+    cite, changes = ((ROOT / name).read_text() for name in ("CITATION.cff", "CHANGELOG.md"))
+    assert f"\nversion: {fp.__version__}\n" in cite
+    assert f"\n## [{fp.__version__}] - " in changes
+
+
 def test_every_name_of_the_face_that_is_used_is_there():
     for path in set(re.findall(r"`fp\.([a-z_A-Z.]+)", README)) - {"something"}:
         thing = fp
