@@ -15,8 +15,8 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.simulation.comparison import MEASURES, TIE, change
-from fpid_pin.text import against, enumerated, head_for
+from fpid_pin.simulation.comparison import MEASURES, TIE, change, standing
+from fpid_pin.text import enumerated, head_for
 
 if TYPE_CHECKING:
     from fpid_pin.campaign.data import CampaignData
@@ -230,23 +230,15 @@ def answer(data: CampaignData) -> list[str]:
         order = [int(k) for k in np.argsort(middle, kind="stable") if k != first]
         ties = [k for k in order if _ties(several[k], middle[first], rates)]
         rest = [k for k in order if k not in ties]
-        told = [f"{names[first]}, {write[first]}{_median_ends(scores[:, first])}"]
-        if ties:
-            same = [f"{names[k]} ({write[k]})" for k in ties]
-            told.append(f"a tie with {enumerated(same)}")
-        if rivals := list(dict.fromkeys([*rest[:2], *(k for k in rest if k == 0)])):
-            better = [
-                f"{against(middle[first], middle[k])} {names[k]} ({write[k]})"
-                if np.isfinite(middle[k])
-                else f"{names[k]} was lost on half the plants"
-                for k in rivals
-            ]
-            told.append(enumerated(better))
+        rivals = list(dict.fromkeys([*rest[:2], *(k for k in rest if k == 0)]))
+        write[first] += _median_ends(scores[:, first])
+        lost = "was lost on half the plants"
+        told = standing(names, middle, write, [first, *ties], rivals, lost)
         varies = quantile(scored(data, "total_variation"), 0.5)
         costs = [change(varies[first], varies[k], names[k]) for k in [*ties, *rest][:2]
                  if np.isfinite(varies[k])]  # fmt: skip
         lines = [
-            f"Best, by its median RMS error of the last half: {'; '.join(told)}."
+            f"Best, by its median RMS error of the last half: {told}."
             + (f" Its torque varies {enumerated(costs)}." if costs else "")
         ]
     shares = sorted(range(len(names)), key=lambda k: (k != first, -rates[k].estimate))

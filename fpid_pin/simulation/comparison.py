@@ -83,7 +83,7 @@ FIGURES = {measure.head: measure.of for measure in MEASURES.values()} | {
     "at its limit (worst joint) [%]": _joints("saturated", 100.0),
     "torque rate (worst joint) [N m/s]": _joints("torque_rate"),
 }
-_OF_WHOLE_RUNS = ("tail (rms of joints) [mrad]", "cost (33)")
+_OF_WHOLE_RUNS = tuple(MEASURES[name].head for name in ("tail", "cost"))
 #: Columns of each joint, and the metric that each is of.
 _JOINT_COLUMNS = {
     "RMS [rad]": "rms", "RMS tail [rad]": "rms_tail", "ISE [rad^2 s]": "ise", "IAE [rad s]": "iae",
@@ -171,17 +171,9 @@ class Comparison(ReprMixin):
         rest = [int(k) for k in np.argsort(row, kind="stable") if k not in ties]
         kinds = [run.meta["controller"]["kind"] for run in runs]
         others = [k for k in rest if kinds[k] != kinds[ties[0]]][:1]
-        told = [f"{names[ties[0]]}, {measure.write(row[ties[0]])}"]
-        if same := [f"{names[k]} ({measure.write(row[k])})" for k in ties[1:]]:
-            told.append(f"a tie with {enumerated(same)}")
-        if better := [
-            f"{against(row[ties[0]], row[k])} {names[k]} ({measure.write(row[k])})"
-            if np.isfinite(row[k])
-            else f"{names[k]} ended early"
-            for k in dict.fromkeys([*rest[:1], *others, *(k for k in rest if k == 0)])
-        ]:
-            told.append(enumerated(better))
-        text = f"Least {measure.label}{where}: {'; '.join(told)}."
+        rivals = list(dict.fromkeys([*rest[:1], *others, *(k for k in rest if k == 0)]))
+        told = standing(names, row, [*map(measure.write, row)], ties, rivals, "ended early")
+        text = f"Least {measure.label}{where}: {told}."
         variation = MEASURES["variation"]
         varies = [variation.of(run.metrics) for run in runs]
         costs = {
@@ -357,6 +349,33 @@ def compare(
         angles = {unit for e in experiments.values() for unit in e.arm.units}
         measure = replace(measure, head=head_for(measure.head, angles))
     return Comparison(tuple(experiments), tuple(controllers), tuple(runs), measure)
+
+
+def standing(
+    names: Sequence[str],
+    values: FloatArray,
+    written: Sequence[str],
+    ties: Sequence[int],
+    rivals: Sequence[int],
+    lost: str,
+) -> str:
+    """Say who is best, the first of `ties`, with whom it ties, and over whom by how much.
+
+    `values` decide and are `written` with their units; a rival whose value is not finite is `lost`.
+    """
+    best, *same = ties
+    told = [f"{names[best]}, {written[best]}"]
+    if same:
+        told.append(f"a tie with {enumerated([f'{names[k]} ({written[k]})' for k in same])}")
+    if rivals:
+        better = [
+            f"{against(values[best], values[k])} {names[k]} ({written[k]})"
+            if np.isfinite(values[k])
+            else f"{names[k]} {lost}"
+            for k in rivals
+        ]
+        told.append(enumerated(better))
+    return "; ".join(told)
 
 
 def change(value: float, other: float, name: str) -> str:
