@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+import threading
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
+from urllib.parse import quote
 
 import typer
 
-from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers, results_path
+from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
+from fpid_pin.cli.output import file_names, results_path
+from fpid_pin.cli.screen import print_table, progress_bar, say, say_written
+from fpid_pin.exceptions import ArgumentError
+from fpid_pin.files import kind_of, require_file
+from fpid_pin.progress import Progress
 
 if TYPE_CHECKING:
     from fpid_pin.campaign import Replay, Study
@@ -68,7 +75,6 @@ def _carry_out(
     workers: int | None, chunk: int,
 ) -> None:  # fmt: skip
     from fpid_pin import campaign
-    from fpid_pin.cli.screen import print_table, progress_bar, say
 
     many = f"{runs} plants, {len(study.names)} controllers"
     say(f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}", error=True)
@@ -88,11 +94,8 @@ def _carry_out(
 
 def executor_of(workers: int | None, dask: str | None) -> AbstractContextManager[Any]:
     """Give a scheduler's executor, or None: `workers` are then started here; both are refused."""
-    from contextlib import nullcontext
-
     from fpid_pin import checks
     from fpid_pin.campaign import dask_executor
-    from fpid_pin.exceptions import ArgumentError
 
     if workers is not None:
         checks.integer("--workers", workers, low=1)
@@ -108,7 +111,6 @@ def export(
 ) -> None:
     """Write a ledger as a table."""
     from fpid_pin import campaign
-    from fpid_pin.cli.screen import say_written
 
     say_written(campaign.export(campaign.load(ledger), out))
 
@@ -126,8 +128,6 @@ def replay(
 ) -> None:
     """Simulate a run again, beside its nominal twin."""
     from fpid_pin import campaign
-    from fpid_pin.cli.screen import say, say_written
-    from fpid_pin.files import require_file
 
     require_file(html)
     again = campaign.replay(ledger, run, controller)
@@ -151,9 +151,6 @@ def attack(
     from fpid_pin import campaign
     from fpid_pin.cli.configuration import load
     from fpid_pin.cli.plans import read_campaign
-    from fpid_pin.cli.screen import progress_bar, say
-    from fpid_pin.exceptions import ArgumentError
-    from fpid_pin.files import kind_of
 
     out = out or results_path(config, "-attack.sqlite")
     if kind_of(out) is not None:
@@ -184,13 +181,7 @@ def report(
     allow_import: AllowImport = False,
 ) -> None:
     """Write a page: success, distributions, the worst runs."""
-    from urllib.parse import quote
-
     from fpid_pin import campaign
-    from fpid_pin.cli.output import file_names
-    from fpid_pin.cli.screen import progress_bar, say, say_written
-    from fpid_pin.files import require_file
-    from fpid_pin.progress import Progress
 
     require_file(html)
     data = campaign.load(ledger)
@@ -224,10 +215,7 @@ def cluster(
     workers: Annotated[int, typer.Option(help="Of one thread each.")] = 2,
 ) -> None:
     """Start a Dask cluster on this machine, until Ctrl-C."""
-    import threading
-
     from fpid_pin import campaign
-    from fpid_pin.cli.screen import say
 
     with campaign.local_cluster(workers) as started:
         say(f"--dask {started.scheduler_address}")

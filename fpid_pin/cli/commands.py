@@ -1,6 +1,6 @@
 """The subcommands of `fpid-pin`: functions that a script may call just as well.
 
-What they need is imported when they are called, so that ``fpid-pin --help`` is quick.
+What takes long to import is imported when they are called: ``fpid-pin --help`` is quick.
 """
 
 from __future__ import annotations
@@ -13,7 +13,11 @@ import typer
 from fpid_pin._version import __version__
 from fpid_pin.cli import campaign
 from fpid_pin.cli import options as option
-from fpid_pin.cli.options import AllowImport, ConfigFile, results_path
+from fpid_pin.cli.options import AllowImport, ConfigFile
+from fpid_pin.cli.output import file_names, output_folder, results_path
+from fpid_pin.cli.screen import print_table, say, say_written
+from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
+from fpid_pin.files import require_file
 
 if TYPE_CHECKING:
     from fpid_pin.cli.configuration import Config
@@ -69,9 +73,7 @@ def run(
 ) -> None:
     """Simulate one controller of a configuration."""
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.output import file_names
     from fpid_pin.cli.results import OutputOptions
-    from fpid_pin.exceptions import ConfigError
 
     options = OutputOptions(not no_runs, not no_figures, every, png)
     found = load(config, allow_import)
@@ -110,7 +112,6 @@ def _compare(
 ) -> None:
     """Simulate all pairs, write the folder of results and print the answer."""
     from fpid_pin import checks
-    from fpid_pin.cli.output import output_folder
     from fpid_pin.cli.results import figures_of, show, simulate_all, write_results
     from fpid_pin.simulation.comparison import MEASURES
     from fpid_pin.view import figures as paper_figures
@@ -161,8 +162,6 @@ def operators(
 ) -> None:
     """Say how good a fractional operator is."""
     from fpid_pin import checks
-    from fpid_pin.cli.screen import print_table, say
-    from fpid_pin.exceptions import ArgumentError
     from fpid_pin.fractional import Crone, ExponentialSum, report
 
     crone = checks.choice("design", design, ("exponential_sum", "crone")) == "crone"
@@ -183,7 +182,6 @@ def operators(
 def arms() -> None:
     """List the arms that work by name, with limits and friction."""
     from fpid_pin.cli.arms import arm_rows
-    from fpid_pin.cli.screen import print_table
 
     print_table(arm_rows(), "Arms")
 
@@ -218,8 +216,7 @@ def init(
     inertia: option.Inertia = None,
 ) -> None:
     """Write a configuration that `compare` runs as it is."""
-    from fpid_pin.cli.arms import arm_table
-    from fpid_pin.cli.init import run_init
+    from fpid_pin.cli.arms import arm_table, run_init
 
     table = arm_table(arm, lock, keep=keep, package_dirs=package_dir, tool=tool, inertia=inertia)
     run_init(arm, table, out)
@@ -235,8 +232,6 @@ def view(
     port: option.Port = None,
 ) -> None:
     """Show recorded runs in meshcat: in a browser, or as one page."""
-    from fpid_pin.cli.screen import say, say_written
-    from fpid_pin.files import require_file
     from fpid_pin.simulation import Run
     from fpid_pin.view import export_html, play
 
@@ -259,8 +254,6 @@ def playground(
 ) -> None:
     """Write one page with sliders that simulates as they move."""
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.screen import say, say_written
-    from fpid_pin.files import require_file
 
     require_file(html)
     found = load(config, allow_import)
@@ -272,7 +265,6 @@ def playground(
 
 def _playground(config: Config, html: Path) -> list[str]:
     """Write a page of the controllers that it can hold; return a line for each that it cannot."""
-    from fpid_pin.exceptions import ConfigError, FpidError
     from fpid_pin.view.playground_law import Law
     from fpid_pin.view.playground_page import playground
 
@@ -306,7 +298,6 @@ def live(
     """Run the control loop in real time; keys push a joint."""
     from fpid_pin import checks
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.screen import say
     from fpid_pin.view.live_session import HELP
     from fpid_pin.view.live_session import live as show
 
@@ -336,7 +327,6 @@ def export(
 ) -> None:
     """Write a controller as C99, with test vectors."""
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.screen import say
     from fpid_pin.export import export_c
 
     found = load(config, allow_import).only(controller)

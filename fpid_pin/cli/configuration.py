@@ -21,7 +21,7 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, make_dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any
@@ -36,7 +36,7 @@ from fpid_pin.disturbances import Disturbance, Sum
 from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.references import Reference
 from fpid_pin.simulation import Experiment, Plant, Sensors
-from fpid_pin.simulation.toml import toml_text
+from fpid_pin.simulation.toml import SIMULATION, toml_text
 from fpid_pin.text import named, shown
 
 FORMAT = 1
@@ -65,22 +65,10 @@ class Condition(Surroundings):
     name: Annotated[str, Text]
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Simulation(Description):
-    """The arguments of `Experiment` that ``[simulation]`` has; it checks them."""
-
-    step: Any = None
-    duration: Any = None
-    integrator: Any = None
-    dynamics: Any = None
-    seed: Any = None
-    runaway_speed: Any = None
-    q0: Any = None
-    v0: Any = None
-
-    def given(self) -> dict[str, Any]:
-        """Return those that are given, by name."""
-        return {name: value for name, value in vars(self).items() if value is not None}
+#: What ``[simulation]`` has; `Experiment` checks it.
+Simulation = make_dataclass(
+    "Simulation", [(key, Any, None) for key in SIMULATION], bases=(Description,), frozen=True
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,7 +78,7 @@ class File(Surroundings):
     arm: Arm
     reference: Reference
     controller: Sequence[Controller]
-    simulation: Simulation = field(default_factory=Simulation)
+    simulation: Simulation = field(default_factory=Simulation)  # type: ignore[valid-type]
     condition: Sequence[Condition] = ()
     tune: Table = field(default_factory=dict)
     campaign: Table = field(default_factory=dict)
@@ -305,12 +293,12 @@ def _experiment(file: File, own: Surroundings, path: str, faults: list[FpidError
         one = Sum(pushes) if pushes[1:] else pushes[0]
         plant = replace(plant or Plant(), disturbance=one)
     table = {"arm": file.arm, "reference": file.reference, "sensors": sensors, "plant": plant}
-    table |= file.simulation.given()
+    table |= {key: value for key, value in vars(file.simulation).items() if value is not None}
     found: list[FpidError] = []
     experiment = descriptions.build(table, Experiment, "", found)
     for fault in found:
         head = fault.name.split(".")[0] if isinstance(fault, ArgumentError) else ""
-        if head in descriptions.keys(Simulation):
+        if head in SIMULATION:
             fault = moved(fault, "simulation")
         elif path and getattr(own, head, None) is not None:
             fault = moved(fault, path)

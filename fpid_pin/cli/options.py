@@ -48,15 +48,3 @@ Tool = Annotated[str | None, typer.Option(metavar="FRAME", help="The tool's fram
 # Of a view.
 Browser = Annotated[bool, typer.Option(help="Open the browser.")]
 Port = Annotated[int | None, typer.Option(help="Of the view, on 127.0.0.1.")]
-
-
-def results_path(config: str | Path, ending: str = "") -> Path:
-    """Return where results go that were not told where: ``runs`` and the configuration's name.
-
-    What lies in a folder of results has the name of any other's; the folder's name is before it.
-    """
-    from fpid_pin.cli.output import MARK
-
-    path = Path(config)
-    folder = f"{path.resolve().parent.name}-" * (path.parent / MARK).is_file()
-    return Path("runs") / f"{folder}{path.stem}{ending}"

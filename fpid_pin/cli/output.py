@@ -31,6 +31,16 @@ MOST_BYTES, _ENDING = 255, len(".npz")
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
 
+def results_path(config: str | Path, ending: str = "") -> Path:
+    """Return where results go that were not told where: ``runs`` and the configuration's name.
+
+    What lies in a folder of results has the name of any other's; the folder's name is before it.
+    """
+    path = Path(config)
+    folder = f"{path.resolve().parent.name}-" * (path.parent / MARK).is_file()
+    return Path("runs") / f"{folder}{path.stem}{ending}"
+
+
 @contextmanager
 def output_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary folder that takes the place of `path` when the block ends without an error.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import re
 import sys
 import textwrap
@@ -15,18 +16,18 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import timedelta
+from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from fpid_pin.progress import Progress
 from fpid_pin.text import visible
-from fpid_pin.tuning import SearchProgress
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
+
+    from fpid_pin.tuning import SearchProgress
 
 Row = dict[str, Any]
 #: Letters that a line of the screen has at least, and that a row's name has room for.
@@ -135,14 +136,14 @@ def cell(value: Any) -> str:
     """
     if value is None:
         return "-"
-    if not isinstance(value, (float, np.floating)):
+    if isinstance(value, Integral) or not isinstance(value, Real):
         return str(value)
     digits, e, exponent = f"{value:.4g}".partition("e")
     return f"{digits}e{int(exponent)}" if e else digits
 
 
 def _is_numeric(rows: Sequence[Row], head: str) -> bool:
-    return all(isinstance(row[head], (int, float, np.number, type(None))) for row in rows)
+    return all(isinstance(row[head], (Real, type(None))) for row in rows)
 
 
 def drop_constant(rows: list[Row], key: str) -> list[Row]:
@@ -197,6 +198,8 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
     """
     from rich import progress as rich
 
+    from fpid_pin.tuning import SearchProgress
+
     console = screen(error=True)
     bar = rich.Progress(
         rich.TextColumn("{task.description}", markup=False), rich.BarColumn(bar_width=None),
@@ -227,6 +230,6 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
 
 
 def _search(progress: SearchProgress) -> str:
-    best = f"best {progress.best:.5g}, " if np.isfinite(progress.best) else ""
+    best = f"best {progress.best:.5g}, " if math.isfinite(progress.best) else ""
     generation = f"generation {progress.generation} of {progress.generations}"
     return f"{generation}: {best}{progress.rate:.1f} evaluations/s"

@@ -13,7 +13,8 @@ from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.text import listed
 
-_SIMULATION = ("step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0")
+#: Keys of ``[simulation]``: the arguments of `Experiment` that have no table of their own.
+SIMULATION = ("step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0")
 # Stands for a list of plain values while the rest is written: no text of a user's begins with it.
 _MARK = "\ue000"
 
@@ -65,7 +66,7 @@ def to_toml(
         for name, table in zip(several, tables, strict=True)
     ]
     rest = {"arm": tables[0]["arm"], "reference": tables[0]["reference"]}
-    rest["simulation"] = {key: tables[0][key] for key in _SIMULATION if key in tables[0]}
+    rest["simulation"] = {key: tables[0][key] for key in SIMULATION if key in tables[0]}
     if isinstance(experiments, Experiment):
         rest |= {key: _without_kind(tables[0][key]) for key in sorted(own & tables[0].keys())}
     else:

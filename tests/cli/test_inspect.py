@@ -11,9 +11,8 @@ from robots import LIFTER, joint, link, robot, write
 
 import fpid_pin as fp
 from fpid_pin.arms import Arm
-from fpid_pin.cli.arms import oddities
+from fpid_pin.cli.arms import frictions, oddities, payload, rounded, swing
 from fpid_pin.cli.configuration import load
-from fpid_pin.cli.init import frictions, payload, rounded, swing
 from fpid_pin.cli.main import main
 from fpid_pin.cli.plans import read_campaign, read_plan
 from fpid_pin.simulation import limit_report
