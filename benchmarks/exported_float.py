@@ -14,9 +14,7 @@ import numpy as np
 from common import Bench, run
 
 import fpid_pin as fp
-from fpid_pin.export.c_source import CSource
-from fpid_pin.export.folder import write_sources
-from fpid_pin.export.law import start
+from fpid_pin.export.law import CSource, start
 
 ORDERS = (0.1, 0.3, 0.5, 0.7, 0.9, 0.99)
 DRIVE = r"""
@@ -55,7 +53,7 @@ def error(horizon: int) -> np.ndarray:
     )
     found = []
     with tempfile.TemporaryDirectory() as folder:
-        write_sources(CSource(start(law, arm, 1e-3, float(horizon))), Path(folder))
+        CSource(start(law, arm, 1e-3, float(horizon))).write(Path(folder))
         Path(folder, "drive.c").write_text(DRIVE)
         for flag in ("-UFPID_SINGLE", "-DFPID_SINGLE"):
             command = ["gcc", "-O2", "-ffp-contract=off", flag, f"-DTICKS={horizon * 1000}L"]

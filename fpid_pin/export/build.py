@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fpid_pin._version import __version__
 from fpid_pin.exceptions import ExportError
-from fpid_pin.export.c_source import template
+from fpid_pin.export.law import template
 
 if TYPE_CHECKING:
     from fpid_pin.control.state import State
@@ -26,9 +25,6 @@ FLAGS = (
     "-ffp-contract=off", "-O2",
 )  # fmt: skip
 _SECONDS = 300
-_ANSWER = re.compile(
-    r"ticks (\d+) equal (\d+) of (\d+) difference (\S+) peak (\S+) N m state (\d+) bytes"
-)
 #: Horizon, in steps, from which float32 spoils a fractional integral by more than 0.1 %: its 24
 #: bits hold 1 - p h of a slow mode, and sums that grow by less than 6e-8 of themselves stand still.
 MOST_SINGLE_STEPS = 500_000
@@ -45,33 +41,20 @@ of D^mu e 2e-05 at most. So it is not advised with lambda below 1 from {most} st
 decay by less a tick than 24 bits can say."""
 
 
-class Comparison(NamedTuple):
-    """What ``fpid_check`` found: ticks, equal numbers of all, largest difference, peak, bytes."""
-
-    ticks: int
-    equal: int
-    total: int
-    difference: float
-    peak: float
-    state: int
-
-
 def compiler() -> str | None:
     """Return a C compiler that knows gcc's flags; None: there is none."""
     return next((found for name in ("gcc", "clang", "cc") if (found := shutil.which(name))), None)
 
 
 def compile_check(folder: Path, to: Path, flags: Sequence[str] = ()) -> Path:
-    """Compile an exported folder and its check to the program `to`.
-
-    Raises
-    ------
-    ExportError
-        The compiler's first complaint.
-    """
+    """Compile an exported folder and its check to the program `to`."""
     names = ("fpid.c", "fpid_parameters.c", "fpid_check.c")
-    sources = [str(folder / name) for name in names]
-    command = [compiler() or "cc", *FLAGS, *flags, *sources, "-o", str(to), "-lm"]
+    return _compile(folder, [str(folder / name) for name in names], to, (*flags, "-lm"))
+
+
+def _compile(folder: Path, sources: Sequence[str], to: Path, flags: Sequence[str]) -> Path:
+    """Call the compiler; its first complaint is an ExportError."""
+    command = [compiler() or "cc", *FLAGS, *sources, "-o", str(to), *flags]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, timeout=_SECONDS, check=False
@@ -84,41 +67,24 @@ def compile_check(folder: Path, to: Path, flags: Sequence[str] = ()) -> Path:
     return to
 
 
-def compare(program: Path, vectors: Path, torques: Path | None = None) -> Comparison:
-    """Run ``fpid_check``; `torques` receives the program's own, as doubles.
-
-    Raises
-    ------
-    ExportError
-        It does not get through the vectors.
-    """
+def check(program: Path, vectors: Path, torques: Path | None = None) -> str:
+    """Return what ``fpid_check`` says of the vectors; `torques` receives its own, as doubles."""
     command = [str(program), str(vectors), *([str(torques)] if torques else [])]
     done = subprocess.run(command, capture_output=True, text=True, timeout=_SECONDS, check=False)
-    found = _ANSWER.search(done.stdout)
-    if found is None or "returned" in done.stderr:
-        raise ExportError(f"fpid_check: {(done.stderr or done.stdout).strip()[:200]}")
-    ticks, equal, total, difference, peak, state = found.groups()
-    return Comparison(
-        int(ticks), int(equal), int(total), float(difference), float(peak), int(state)
-    )
+    if done.stderr or not done.stdout:
+        raise ExportError(f"fpid_check: {done.stderr.strip()[:200]}")
+    return done.stdout.strip()
 
 
-def sizes(folder: Path, flags: Sequence[str] = ()) -> tuple[str, str]:
-    """Return the bytes of code and of constants at -Os here; a dash where nobody knows them."""
-    tool, found = shutil.which("size"), []
-    for name in ("fpid", "fpid_parameters"):
-        with tempfile.TemporaryDirectory() as there:
-            target = str(Path(there) / "fpid.o")
-            own = [flag for flag in FLAGS if flag != "-O2"]
-            source = str(folder / f"{name}.c")
-            command = [compiler() or "cc", *own, *flags, "-Os", "-c", source, "-o", target]
-            done = subprocess.run(command, capture_output=True, check=False, timeout=_SECONDS)
-            if tool is None or done.returncode:
-                found.append("–")
-                continue
-            listed = subprocess.run([tool, target], capture_output=True, text=True, check=True)
-        found.append(listed.stdout.split("\n")[1].split()[0])
-    return found[0], found[1]
+def _size(folder: Path, source: str, flags: Sequence[str]) -> str:
+    """Return how many bytes a file is, compiled at -Os here; a dash where nobody knows."""
+    if (tool := shutil.which("size")) is None:
+        return "–"
+    with tempfile.TemporaryDirectory() as there:
+        path = str(folder / source)
+        target = _compile(folder, [path], Path(there) / "fpid.o", (*flags, "-Os", "-c"))
+        listed = subprocess.run([tool, str(target)], capture_output=True, text=True, check=True)
+    return listed.stdout.split("\n")[1].split()[0]
 
 
 def readme(state: State, folder: Path, exact: bool) -> str:
@@ -141,18 +107,14 @@ def _measured(folder: Path) -> tuple[str, str]:
         try:
             with tempfile.TemporaryDirectory() as there:
                 program = compile_check(folder, Path(there) / what, flags)
-                found = compare(program, folder / "vectors.bin")
+                said = check(program, folder / "vectors.bin")
+            constants, code = (_size(folder, x, flags) for x in ("fpid_parameters.c", "fpid.c"))
         except ExportError as error:
             lines.append(f"- `{what}`: {error}")
             continue
-        code, constants = sizes(folder, flags)
-        rows.append(f"| {what} | {found.state} | {constants} | {code} |")
-        part = found.difference / found.peak if found.peak else 0.0
-        lines.append(
-            f"- `{what}`: {found.equal} of {found.total} torques equal to the last bit; "
-            f"largest difference {found.difference:.2e}, {part:.1e} of the largest torque or force "
-            f"({found.peak:.3g} N m or N), over {found.ticks} ticks."
-        )
+        found, state = said.split("; a state takes ")
+        rows.append(f"| {what} | {state.split()[0]} | {constants} | {code} |")
+        lines.append(f"- `{what}`: {found}.")
     return "\n".join(rows), "\n".join(lines)
 
 

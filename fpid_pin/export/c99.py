@@ -11,20 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
 
-from fpid_pin.export.kinds import (
-    ATOM,
-    INT,
-    REAL,
-    UNARY,
-    Array,
-    Bundle,
-    Kind,
-    Number,
-    Record,
-    Value,
-    field_kind,
-    offset,
-)  # fmt: skip
+from fpid_pin.export.kinds import INT, REAL, Array, Kind, Number, Rank, Record, Value, offset
 
 #: Functions that printed kernels may call. min and max are Python's, which let NaN through where it
 #: comes first and drop it where it comes second: fmin and fmax would always drop it, and a joint
@@ -82,21 +69,18 @@ class C99:
         """Return a constant."""
         if isinstance(value, float):
             return self.real(value)
-        return Value(str(int(value)), INT, ATOM if value >= 0 else UNARY, value)
+        return Value(str(int(value)), INT, Rank.ATOM if value >= 0 else Rank.UNARY, value)
 
     def real(self, value: float) -> Value:
         """Return a real constant, to the last bit."""
-        text = repr(abs(value))
-        if not math.isfinite(value):
-            text = "NAN" if math.isnan(value) else "INFINITY"
-        text = f"(real_t){text}"
+        text = f"(real_t){abs(value)!r}".replace("inf", "INFINITY").replace("nan", "NAN")
         # 0 and -0 are different numbers.
         negative = math.copysign(1.0, value) < 0.0
-        return Value(f"(-{text})" if negative else text, REAL, ATOM, value)
+        return Value(f"(-{text})" if negative else text, REAL, Rank.ATOM, value)
 
     def to_real(self, value: Value) -> Value:
         """Return an integer as a real number."""
-        return Value(f"(real_t){value.within(ATOM)}", REAL)
+        return Value(f"(real_t){value.within(Rank.ATOM)}", REAL)
 
     def coerce(self, value: Value, kind: Number) -> Value:
         """Return a number as one of another kind: an integer as a real one."""
@@ -112,13 +96,13 @@ class C99:
         """Return the name of a type, a pointer's without its star."""
         if isinstance(kind, Array):
             return self.type_of(kind.element)
-        if isinstance(kind, (Record, Bundle)):
-            return f"fpid_{kind.name}"
-        return "real_t" if kind == REAL else "int"
+        if isinstance(kind, Number):
+            return "real_t" if kind == REAL else "int"
+        return f"fpid_{kind.name}"
 
-    def field(self, record: Value, name: str) -> Value:
-        """Return a field of a record."""
-        text, kind, name = record.text, field_kind(record, name)[1], self.name(name)
+    def field(self, record: Value, place: int, name: str, kind: Number) -> Value:
+        """Return a field of a record, which is the one at a place among its fields."""
+        text, name = record.text, self.name(name)
         return Value(f"{text[1:]}.{name}" if text.startswith("&") else f"{text}->{name}", kind)
 
     def element(self, array: Value, index: Sequence[Value], part: Array | None = None) -> Value:

@@ -6,76 +6,28 @@ import ast
 import math
 import operator
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from types import FunctionType
-from typing import Any, Protocol
 
 from fpid_pin.export.c99 import C99
-from fpid_pin.export.kinds import (
-    AND,
-    CHOICE,
-    COMPARISON,
-    INT,
-    OR,
-    PRODUCT,
-    REAL,
-    SUM,
-    UNARY,
-    Array,
-    Bundle,
-    Kind,
-    Number,
-    Record,
-    Value,
-)  # fmt: skip
+from fpid_pin.export.kinds import INT, REAL, Array, Bundle, Kind, Number, Rank, Record, Value
 from fpid_pin.export.source import Source
 
 #: Operators that all three languages have: how they are written, how tightly they hold, and what
 #: they make of constants.
 _OPERATORS = {
-    ast.Add: ("+", SUM, operator.add), ast.Sub: ("-", SUM, operator.sub),
-    ast.Mult: ("*", PRODUCT, operator.mul), ast.Div: ("/", PRODUCT, None),
-    ast.BitAnd: ("&", AND, operator.and_),
-    ast.Gt: (">", COMPARISON, operator.gt), ast.Lt: ("<", COMPARISON, operator.lt),
-    ast.GtE: (">=", COMPARISON, operator.ge), ast.LtE: ("<=", COMPARISON, operator.le),
-    ast.Eq: ("==", COMPARISON, operator.eq), ast.NotEq: ("!=", COMPARISON, operator.ne),
+    ast.Add: ("+", Rank.SUM, operator.add), ast.Sub: ("-", Rank.SUM, operator.sub),
+    ast.Mult: ("*", Rank.PRODUCT, operator.mul), ast.Div: ("/", Rank.PRODUCT, None),
+    ast.BitAnd: ("&", Rank.AND, operator.and_),
+    ast.Gt: (">", Rank.COMPARISON, operator.gt), ast.Lt: ("<", Rank.COMPARISON, operator.lt),
+    ast.GtE: (">=", Rank.COMPARISON, operator.ge), ast.LtE: ("<=", Rank.COMPARISON, operator.le),
+    ast.Eq: ("==", Rank.COMPARISON, operator.eq), ast.NotEq: ("!=", Rank.COMPARISON, operator.ne),
 }  # fmt: skip
-_MATH = """
-    sqrt exp expm1 log log1p pow sin cos tan asin acos atan atan2 sinh cosh tanh hypot floor ceil
-    fabs copysign isfinite isnan
-"""
-
-
-@dataclass
-class Printed:
-    """A kernel printed for some kinds of arguments: what its callers want to know."""
-
-    name: str
-    returns: Number | None = None
-    #: Whether the printed function has each argument: numbers may be calls, which are made in any
-    #: case, and arrays that nothing is left of are none of its arguments.
-    taken: list[bool] = field(default_factory=list)
-    text: str = ""
-
-
-class Kernels(Protocol):
-    """What has all kernels that are printed: `printer.Program`."""
-
-    def instead(self, kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
-        """Return what is called in a kernel's place, and with what."""
-
-    def add(
-        self, kernel: Any, kinds: Sequence[Kind], node: ast.AST | None = None,
-        caller: Source | None = None,
-    ) -> Printed:  # fmt: skip
-        """Print a kernel for these kinds of arguments, unless it is there."""
 
 
 class Expressions:
     """Translates the expressions of one kernel."""
 
-    def __init__(self, source: Source, language: C99, kernels: Kernels) -> None:
-        self.source, self.language, self._kernels = source, language, kernels
+    def __init__(self, source: Source, language: C99) -> None:
+        self.source, self.language = source, language
         #: Of the variables, as far as is known; values of those that are constants.
         self.kinds: dict[str, Kind] = {}
         self.fixed: dict[str, Value] = {}
@@ -118,7 +70,7 @@ class Expressions:
         if value.known is not None:
             return self.language.number(bool(value.known))
         if value.kind == REAL:
-            return Value(f"{value.within(SUM)} != 0", INT, COMPARISON)
+            return Value(f"{value.within(Rank.SUM)} != 0", INT, Rank.COMPARISON)
         return value
 
     def alike(self, *nodes: ast.expr) -> list[Value]:
@@ -166,11 +118,11 @@ class Expressions:
         # A quotient of integers is a real number in Python.
         each = {"&": self.whole, "/": self.real}.get(sign)
         a, b = (each(left), each(right)) if each else self.alike(left, right)
-        kind = INT if rank == COMPARISON else a.kind
+        kind = INT if rank == Rank.COMPARISON else a.kind
         if fold and a.known is not None and b.known is not None and INT in (kind, a.kind):
             return self.language.number(fold(a.known, b.known))
         # A compiler wants parentheses around comparisons within &.
-        inner = (SUM, SUM) if rank in (COMPARISON, AND) else (rank, rank + 1)
+        inner = (Rank.SUM, Rank.SUM) if rank in (Rank.COMPARISON, Rank.AND) else (rank, rank + 1)
         return Value(f"{a.within(inner[0])} {sign} {b.within(inner[1])}", kind, rank)
 
     def _unaryop(self, node: ast.UnaryOp) -> Value:
@@ -178,17 +130,17 @@ class Expressions:
             truth = self.truth(node.operand)
             if truth.known is not None:
                 return self.language.number(not truth.known)
-            return Value(f"!{truth.within(UNARY)}", INT, UNARY)
+            return Value(f"!{truth.within(Rank.UNARY)}", INT, Rank.UNARY)
         if not isinstance(node.op, ast.USub):
             raise self.refuse(node, ast.unparse(node))
         value = self.number(node.operand)
         if value.kind == INT and value.known is not None:
             return self.language.number(-value.known)
-        return Value(f"-{value.within(UNARY + 1)}", value.kind, UNARY)
+        return Value(f"-{value.within(Rank.UNARY + 1)}", value.kind, Rank.UNARY)
 
     def _boolop(self, node: ast.BoolOp) -> Value:
         ends = isinstance(node.op, ast.Or)
-        sign, rank = ("||", OR) if ends else ("&&", AND)
+        sign, rank = ("||", Rank.OR) if ends else ("&&", Rank.AND)
         parts = [self.truth(value) for value in node.values]
         decided = next((k for k, part in enumerate(parts) if part.known is ends), None)
         # A call before it is made all the same.
@@ -198,15 +150,15 @@ class Expressions:
         if len(parts) < 2:
             return parts[0] if parts else self.language.number(not ends)
         # A compiler wants parentheses around && within ||.
-        return Value(f" {sign} ".join(part.within(COMPARISON) for part in parts), INT, rank)
+        return Value(f" {sign} ".join(part.within(Rank.COMPARISON) for part in parts), INT, rank)
 
     def _ifexp(self, node: ast.IfExp) -> Value:
         test = self.truth(node.test)
         if test.known is not None:
             return self.number(node.body if test.known else node.orelse)
         yes, no = self.alike(node.body, node.orelse)
-        parts = [value.within(CHOICE + 1) for value in (test, yes, no)]
-        return Value(f"{parts[0]} ? {parts[1]} : {parts[2]}", yes.kind, CHOICE)
+        parts = [value.within(Rank.CHOICE + 1) for value in (test, yes, no)]
+        return Value(f"{parts[0]} ? {parts[1]} : {parts[2]}", yes.kind, Rank.CHOICE)
 
     # ------------------------------------------------------------------ memory
 
@@ -224,10 +176,13 @@ class Expressions:
             raise self.refuse(node, f"{name} is no array of {record.kind}")
         if not isinstance(record.kind, Record):
             raise self.refuse(node, ast.unparse(node))
-        if name not in dict(record.kind.fields):
+        fields = dict(record.kind.fields)
+        if name not in fields:
             raise self.refuse(node, f"{name} is no field of {record.kind}")
         known = dict(record.kind.constants).get(name)
-        return self.language.field(record, name) if known is None else self.language.number(known)
+        if known is not None:
+            return self.language.number(known)
+        return self.language.field(record, list(fields).index(name), name, fields[name])
 
     def _extent(self, node: ast.AST, extents: Sequence[int | None]) -> Value:
         if None in extents:
@@ -265,48 +220,6 @@ class Expressions:
         pitch = (kind.pitch or kind.shape[1]) if columns else kind.pitch
         at = [zero, first] if columns else [first]
         return self.language.element(array, at, Array(kind.element, shape, pitch, kind.fixed))
-
-    # ------------------------------------------------------------------ calls
-
-    def _call(self, node: ast.Call) -> Value:
-        value = self.call(node)
-        if not isinstance(value, Value):
-            raise self.refuse(node, f"{ast.unparse(node.func)} returns nothing")
-        return value
-
-    def call(self, node: ast.Call) -> Value | str:
-        """Translate a call; a text is one of a kernel that returns nothing."""
-        if node.keywords or any(isinstance(a, ast.Starred) for a in node.args):
-            raise self.refuse(node, f"arguments other than plain ones: {ast.unparse(node)}")
-        name = ast.unparse(node.func)
-        if isinstance(node.func, ast.Attribute):
-            if not name.startswith("math.") or node.func.attr not in _MATH.split():
-                raise self.refuse(node, name)
-            kind = INT if node.func.attr.startswith("is") else REAL
-            return self.language.call(node.func.attr, [self.real(a) for a in node.args], kind)
-        known = self.source.globals.get(name)
-        if name in ("min", "max", "abs", "int") and known is None:
-            return self._builtin(node, name)
-        kernel, arguments = self._kernels.instead(known, node.args)
-        if not isinstance(getattr(kernel, "py_func", kernel), FunctionType):
-            raise self.refuse(node, f"{name}() is no kernel")
-        values = [self.value(argument) for argument in arguments]
-        printed = self._kernels.add(kernel, [value.kind for value in values], node, self.source)
-        taken = [v.text for v, used in zip(values, printed.taken, strict=True) if used]
-        text = f"{printed.name}({', '.join(taken)})"
-        return text if printed.returns is None else Value(text, printed.returns)
-
-    def _builtin(self, node: ast.Call, name: str) -> Value:
-        if len(node.args) != (2 if name in ("min", "max") else 1):
-            raise self.refuse(node, f"{name} of {len(node.args)} numbers")
-        given = self.alike(*node.args)
-        if name == "int":
-            return self.language.call("int", given, INT) if given[0].kind == REAL else given[0]
-        if name == "abs":
-            return self.language.call(name, [self.language.coerce(given[0], REAL)], REAL)
-        kind = given[0].kind
-        assert isinstance(kind, Number)
-        return self.language.call(name, given, kind)
 
 
 def _calls(node: ast.expr) -> bool:

@@ -11,19 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import ClassVar
 
 from fpid_pin.export.c99 import C99
-from fpid_pin.export.kinds import (
-    ATOM,
-    REAL,
-    SUM,
-    UNARY,
-    Array,
-    Kind,
-    Number,
-    Record,
-    Value,
-    field_kind,
-    offset,
-)  # fmt: skip
+from fpid_pin.export.kinds import REAL, Array, Kind, Number, Rank, Record, Value, offset
 
 #: Functions that the printed kernels call. min and max are Python's: Math.min and Math.max would
 #: make NaN of either argument's.
@@ -66,16 +54,15 @@ class JavaScript(C99):
     def real(self, value: float) -> Value:
         """Return a real constant, to the last bit."""
         text = repr(value).replace("inf", "Infinity").replace("nan", "NaN")
-        return Value(text, REAL, UNARY if text.startswith("-") else ATOM, value)
+        return Value(text, REAL, Rank.UNARY if text.startswith("-") else Rank.ATOM, value)
 
     def to_real(self, value: Value) -> Value:
         """Return an integer as a real number, which it is."""
         return value._replace(kind=REAL)
 
-    def field(self, record: Value, name: str) -> Value:
+    def field(self, record: Value, place: int, name: str, kind: Number) -> Value:
         """Return a field of a record: the number so many places further."""
-        place, kind = field_kind(record, name)
-        return Value(f"M[{record.within(SUM)} + {place} /* {name} */]", kind)
+        return Value(f"M[{record.within(Rank.SUM)} + {place} /* {name} */]", kind)
 
     def at(self, array: Value, kind: Array, index: Sequence[Value], found: Kind) -> Value:
         """Return what begins at an element of an array: the number there, or its place."""
@@ -83,7 +70,7 @@ class JavaScript(C99):
         before = offset(kind, index, stride)
         place = array._replace(kind=found)
         if before.text != "0":
-            place = Value(f"{array.within(SUM)} + {before.within(SUM)}", found, SUM)
+            place = Value(f"{array.within(Rank.SUM)} + {before.within(Rank.SUM)}", found, Rank.SUM)
         return Value(f"M[{place.text}]", found) if isinstance(found, Number) else place
 
     def call(self, name: str, arguments: Sequence[Value], kind: Number) -> Value:

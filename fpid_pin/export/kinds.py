@@ -6,8 +6,10 @@ An expression of the other language is a `Value` of such a kind.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,34 +23,34 @@ MOVING = frozenset({"ticks", "acting", "correcting"})
 
 
 @dataclass(frozen=True)
-class Number:
-    """A real number, or an integer; truth is an integer."""
+class Named:
+    """What messages call by its name."""
 
     name: str
 
     def __str__(self) -> str:
         return self.name
+
+
+class Number(Named):
+    """A real number, or an integer; truth is an integer."""
 
 
 REAL, INT = Number("real"), Number("int")
 
 
 @dataclass(frozen=True)
-class Record:
+class Record(Named):
     """A record: its name, its fields in order, and values of those that never change.
 
     What depends on a constant is decided when a kernel is printed: a law without an observer has
     no line of one.
     """
 
-    name: str
     fields: tuple[tuple[str, Number], ...]
     constants: tuple[tuple[str, int], ...] = ()
     #: Whether it is never written to.
     fixed: bool = False
-
-    def __str__(self) -> str:
-        return self.name
 
     @property
     def kept(self) -> list[tuple[str, Number]]:
@@ -73,14 +75,10 @@ class Array:
 
 
 @dataclass(frozen=True)
-class Bundle:
+class Bundle(Named):
     """Arrays by name, in one argument: name, kind, and text, given the argument's name as {}."""
 
-    name: str
     members: tuple[tuple[str, Array, str], ...]
-
-    def __str__(self) -> str:
-        return self.name
 
 
 Kind = Number | Record | Array | Bundle
@@ -150,7 +148,7 @@ def words(values: Any) -> FloatArray:
 
 
 #: How tightly an expression holds together; a looser one goes into parentheses.
-CHOICE, OR, AND, COMPARISON, SUM, PRODUCT, UNARY, ATOM = range(8)
+Rank = IntEnum("Rank", "CHOICE OR AND COMPARISON SUM PRODUCT UNARY ATOM")
 
 
 class Value(NamedTuple):
@@ -158,7 +156,7 @@ class Value(NamedTuple):
 
     text: str
     kind: Kind
-    rank: int = ATOM
+    rank: int = Rank.ATOM
     #: Its value where it is a constant.
     known: bool | float | None = None
 
@@ -170,25 +168,16 @@ class Value(NamedTuple):
 def offset(array: Array, index: Sequence[Value], stride: int = 1) -> Value:
     """Return how many elements of `stride` lie before the one, or the row, of an index."""
     terms: list[str] = []
-    sure, rank = 0, ATOM
+    sure, rank = 0, int(Rank.ATOM)
     for k, value in enumerate(index):
-        size = stride
-        for extent in array.shape[k + 1 :]:
-            size *= extent or 1
+        size = stride * math.prod(extent or 1 for extent in array.shape[k + 1 :])
         if k == 0 and array.pitch is not None:
             size = array.pitch * stride
         if value.known is not None:
             sure += int(value.known) * size
         else:
-            terms.append(value.text if size == 1 else f"{value.within(UNARY)} * {size}")
-            rank = min(value.rank if size == 1 else PRODUCT, rank)
+            terms.append(value.text if size == 1 else f"{value.within(Rank.UNARY)} * {size}")
+            rank = min(value.rank if size == 1 else Rank.PRODUCT, rank)
     if sure or not terms:
         terms.append(str(sure))
-    return Value(" + ".join(terms), INT, SUM if len(terms) > 1 else rank)
-
-
-def field_kind(record: Value, name: str) -> tuple[int, Number]:
-    """Return which of a record's fields has a name, and its kind."""
-    assert isinstance(record.kind, Record)
-    place = [field for field, _ in record.kind.fields].index(name)
-    return place, record.kind.fields[place][1]
+    return Value(" + ".join(terms), INT, Rank.SUM if len(terms) > 1 else rank)

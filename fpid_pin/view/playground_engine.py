@@ -18,7 +18,7 @@ from fpid_pin.control.state import NODES
 from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.export.javascript import HELPERS, JavaScript
 from fpid_pin.export.kinds import INT, Array, Kind, bundle, real, words
-from fpid_pin.export.law import INPUTS, stand_ins
+from fpid_pin.export.law import INPUTS, by_name
 from fpid_pin.export.printer import Program
 from fpid_pin.fractional.design import integrate_step, modes_of
 from fpid_pin.kernels.records import Rows, Sensing
@@ -134,7 +134,7 @@ class Engine:
             at = {name.removeprefix(f"{head}."): str(places[name]) for name in names}
             name = label if head == "c" else head
             kinds.append(bundle(name, members, at, constants=_CONSTANT))
-        program.stand_ins = stand_ins(law.state.controller)
+        program.instead = by_name(law.state.controller)
         kinds += [real(INPUTS, n), real(n), Array(INT, (5,))]
         return program.add(rollout, kinds).name
 

@@ -9,10 +9,8 @@ from numpy.typing import ArrayLike
 
 import fpid_pin as fp
 from fpid_pin.control.law import Derivative, Integral
-from fpid_pin.export import vectors
-from fpid_pin.export.c_source import CSource
-from fpid_pin.export.folder import write_sources
-from fpid_pin.export.law import start
+from fpid_pin.export.folder import Vectors, answers, signals, simulated
+from fpid_pin.export.law import CSource, start
 
 HORIZON = 20.0
 
@@ -153,21 +151,21 @@ def arm_of(name, controller):
     return arm.with_limits(effort=0.6 * np.abs(recorded(controller, arm, 1000).torque).max(axis=0))
 
 
-def simulated(controller):
+def simulated_by(controller):
     """Return what the paper's whole experiment gave a controller, and what it answered."""
     experiment = fp.paper_experiment()
-    inputs = vectors.simulated(experiment, controller, 20_000)
-    return vectors.Vectors(inputs, fp.simulate(experiment, controller).torque)
+    inputs = simulated(experiment, controller, 20_000)
+    return Vectors(inputs, fp.simulate(experiment, controller).torque)
 
 
 def recorded(controller, arm, ticks, step=1e-3):
     """Return prescribed motions, and what a controller answered."""
-    return vectors.answers(controller, arm, step, HORIZON, vectors.signals(arm, step, ticks))
+    return answers(controller, arm, step, HORIZON, signals(arm, step, ticks))
 
 
 def write(controller, arm, folder, proof, step=1e-3):
     """Write what is compiled, and the vectors, without the README that measures them."""
     folder.mkdir(parents=True)
-    write_sources(CSource(start(controller, arm, step, HORIZON)), folder)
+    CSource(start(controller, arm, step, HORIZON)).write(folder)
     proof.write(folder / "vectors.bin")
     return folder

@@ -16,14 +16,14 @@ from exported import (
     fpid,
     random_law,
     recorded,
-    simulated,
+    simulated_by,
     write,
 )
 
 import fpid_pin as fp
 from fpid_pin.export import build, javascript
 from fpid_pin.export.kinds import INT, bundle, real, words
-from fpid_pin.export.law import stand_ins, start
+from fpid_pin.export.law import by_name, start
 from fpid_pin.export.printer import Program
 from fpid_pin.kernels import tick
 
@@ -34,7 +34,7 @@ LAWS = PLAIN | OTHERS
 def torques(folder, flags=()):
     """Return what the compiled C answers to the vectors; it restarts half way."""
     program = build.compile_check(folder, folder / "check", flags)
-    build.compare(program, folder / "vectors.bin", folder / "torques.bin")
+    build.check(program, folder / "vectors.bin", folder / "torques.bin")
     return np.fromfile(folder / "torques.bin")
 
 
@@ -79,7 +79,7 @@ def test_every_law_is_the_loops_over_twenty_thousand_ticks(
 @pytest.mark.parametrize("name", CHAOTIC)
 def test_laws_that_are_chaotic_on_prescribed_inputs_in_a_closed_loop(name, tmp_path):
     controller, arm = CHAOTIC[name], fp.Arm.two_link()
-    proof = simulated(controller)
+    proof = simulated_by(controller)
     assert len(proof.torque) >= 20_000
     assert off(torques(write(controller, arm, tmp_path / "c", proof)), proof) <= 1e-12
 
@@ -101,7 +101,7 @@ def test_random_laws_are_equal_to_the_last_bit(seed, tmp_path, node):
 def test_the_papers_experiment_has_the_same_bits_in_c_and_javascript(supervised, tmp_path, node):
     # The supervisor stands by, all through the experiment.
     controller, arm = fp.paper_controller(supervised=supervised), fp.Arm.two_link()
-    proof = simulated(controller)
+    proof = simulated_by(controller)
     folder = write(controller, arm, tmp_path / "c", proof)
     assert np.array_equal(torques(folder), proof.torque.ravel())
     if not supervised:
@@ -185,7 +185,7 @@ def in_node(node, tmp_path, controller, arm, inputs, step=1e-3):
             memory.append(words(array))
             at += memory[-1].size
     texts = {name: str(place) for name, place in places.items()}
-    program = Program(javascript.JavaScript(), stand_ins(state.controller))
+    program = Program(javascript.JavaScript(), by_name(state.controller))
     kinds = [bundle("controller", values, texts), real(5, state.n), real(state.n), INT]
     known = {
         "TICK": program.add(tick.tick_parts, kinds).name, "JOINTS": state.n,

@@ -16,7 +16,8 @@ import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ExportError, FileFormatError
-from fpid_pin.export import build, vectors
+from fpid_pin.export import build
+from fpid_pin.export.folder import Vectors, answers
 
 ARM = fp.Arm.two_link()
 FILES = {
@@ -40,7 +41,7 @@ def read(path):
     n, ticks = np.frombuffer(data[8:16], "<i4")
     rows = np.frombuffer(data[16:], "<f8").reshape(ticks, 6, n)
     assert data[:8] == b"FPIDVEC1"
-    return vectors.Vectors(rows[:, :5].copy(), rows[:, 5])
+    return Vectors(rows[:, :5].copy(), rows[:, 5])
 
 
 def law(**others):
@@ -57,19 +58,18 @@ def test_the_folder_says_what_it_holds_and_rebuilds_its_controller(tmp_path):
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["c"]
     text = (folder / "README.md").read_text()
     assert "`double`: 600 of 600 torques equal to the last bit" in text
-    assert "`float`: " in text
     assert "may do here" in text
-    program = build.compile_check(folder, tmp_path / "check")
-    state = build.compare(program, folder / "vectors.bin").state
-    assert f"| double | {state} |" in text
-    small = build.compile_check(folder, tmp_path / "small", ["-DFPID_SINGLE"])
-    assert f"| float | {build.compare(small, folder / 'vectors.bin').state} |" in text
+    for what, flags in (("double", []), ("float", ["-DFPID_SINGLE"])):
+        program = build.compile_check(folder, tmp_path / what, flags)
+        found, state = build.check(program, folder / "vectors.bin").split("; a state takes ")
+        assert f"- `{what}`: {found}." in text
+        assert f"| {what} | {state.split()[0]} |" in text
     table = tomllib.loads((folder / "controller.toml").read_text())
     again = descriptions.from_dict(table["controller"][0], fp.Controller)
     arm = descriptions.from_dict(table["arm"], fp.Arm)
     assert table["simulation"]["step"] == 1e-3
     proof = read(folder / "vectors.bin")
-    found = vectors.answers(again, arm, 1e-3, 30.0, proof.inputs)
+    found = answers(again, arm, 1e-3, 30.0, proof.inputs)
     assert np.array_equal(found.torque, proof.torque)
     for name in FILES - {"vectors.bin"}:
         assert str(tmp_path) not in (folder / name).read_text(), "a path of this machine"

@@ -69,8 +69,10 @@ int main(int argc, char **argv)
     if (out != NULL) {
         (void)fclose(out);
     }
-    printf("ticks %ld equal %ld of %ld difference %.3e peak %.3e N m state %lu bytes\n",
-           (long)sizes[1], equal, total, largest, peak, (unsigned long)sizeof(fpid_state));
+    printf("%ld of %ld torques equal to the last bit; largest difference %.2e, %.1e of the largest "
+           "torque or force (%.3g N m or N), over %ld ticks; a state takes %lu bytes\n",
+           equal, total, largest, (peak > 0.0) ? largest / peak : 0.0, peak, (long)sizes[1],
+           (unsigned long)sizeof(fpid_state));
     if (status != FPID_OK) {
         fprintf(stderr, "fpid_check: fpid_step() returned %d\n", status);
         return 1;
