@@ -151,6 +151,19 @@ def vector(name: str, value: ArrayLike, n: int, *, finite: bool = True) -> Float
     return array
 
 
+def times(name: str, value: ArrayLike) -> FloatArray:
+    """Check two or more times that increase, (N,)."""
+    array = floats(name, value, shape=(None,))
+    if len(array) < 2:
+        raise ArgumentError(name, "at least two times", f"shape {array.shape}")
+    back = np.flatnonzero(np.diff(array) <= 0.0)
+    if back.size:
+        k = int(back[0]) + 1
+        expected = f"a time after the one before ({array[k - 1]:g} s)"
+        raise ArgumentError(f"{name}.{k}", expected, f"{array[k]:g} s")
+    return array
+
+
 def choice(name: str, value: Any, options: Iterable[str], among: str = "one of") -> str:
     """Check that `value` is among `options`; an error gives the nearest one."""
     known = list(options)

@@ -24,7 +24,7 @@ from fpid_pin.control import AdaptiveFpid, Controller
 from fpid_pin.exceptions import FpidError
 from fpid_pin.files import discard, replacing
 from fpid_pin.simulation import Comparison, cost_of
-from fpid_pin.simulation.paper import PUBLISHED_ORDERS, of_paper
+from fpid_pin.simulation.experiment import PUBLISHED_ORDERS, of_paper
 from fpid_pin.simulation.toml import controllers_toml, toml_text
 from fpid_pin.simulation.workers import executor_of as pool_of
 from fpid_pin.text import named, visible

@@ -1,22 +1,88 @@
-"""Costs: one number for a run, of its metrics, eq. (33) and its kin, or of its rows."""
+"""What a run is worth: figures of merit of each joint, and costs, one number for a run."""
 
 from __future__ import annotations
 
 import copy
-import dataclasses
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin.checks import FloatArray, Number, OneOf, PerJoint
-from fpid_pin.costs.metrics import METRICS, REDUCTIONS, SETTLING_BAND, Metrics, over_joints
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
+
+#: Errors within it count as settled, where no other band is given [rad].
+SETTLING_BAND = 0.01
+#: Words for what becomes of the joints' figures: their sum, their largest, their root mean square.
+REDUCTIONS = ("sum", "worst", "rms")
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What a figure of merit is, and how those of all joints become one."""
+
+    unit: str  # for a joint that turns; `text.unit_for` has that of others
+    joints: str  # one of `REDUCTIONS`
+    meaning: str  # in words; e = q_d - q, u the torque that was applied
+
+    def of(self, values: FloatArray) -> float:
+        """Return the one number of all joints' figures, (n,)."""
+        return over_joints(values, self.joints)
+
+
+# fmt: off
+@dataclass(frozen=True, eq=False)
+class Metrics:
+    """Figures of merit of one run, (n,) each; e = q_d - q, u the torque that was applied.
+
+    Integrals are h times the sum over the rows whose torque was applied, that is all but the last
+    of a completed run. Each field has its `Metric`: see `METRICS`.
+    """
+
+    ise: Annotated[FloatArray, Metric("rad² s", "sum", "integral of e^2")]
+    iae: Annotated[FloatArray, Metric("rad s", "sum", "integral of |e|")]
+    itae: Annotated[FloatArray, Metric("rad s²", "sum", "integral of t |e|")]
+    rms: Annotated[FloatArray, Metric("rad", "rms", "root mean square of e")]
+    rms_tail: Annotated[FloatArray, Metric("rad", "rms",
+        "the same over the planned last half; NaN for a run that ended earlier")]
+    energy: Annotated[FloatArray, Metric("N²m²s", "sum", "integral of u^2")]
+    total_variation: Annotated[FloatArray, Metric("N m", "sum", "sum of |u_k - u_(k-1)|")]
+    peak_torque: Annotated[FloatArray, Metric("N m", "worst", "largest |u|")]
+    peak_error: Annotated[FloatArray, Metric("rad", "worst", "largest |e|")]
+    settling_time: Annotated[FloatArray, Metric("s", "worst",
+        "from when on |e| <= SETTLING_BAND to the end; 0 where it always was, inf where it is "
+        "beyond at the end, or where the run ended early")]
+    overshoot: Annotated[FloatArray, Metric("rad", "worst",
+        "largest error on the side opposite to the one at the start, that is, how far beyond the "
+        "reference the joint went; 0 where it starts within the band")]
+    saturated: Annotated[FloatArray, Metric("share of time", "worst",
+        "share of the rows whose torque is at its limit, the least of the law's and the drives'")]
+    torque_rate: Annotated[FloatArray, Metric("N m/s", "worst",
+        "root mean square of (u_k - u_(k-1))/h: what the arm feels as jerk, which is M^-1 times "
+        "the torque's rate, but for smoother terms")]
+# fmt: on
+
+
+#: Every metric by the name of its field: its unit, its meaning, how the joints' become one.
+METRICS: dict[str, Metric] = {
+    name: hint.__metadata__[0]
+    for name, hint in get_type_hints(Metrics, include_extras=True).items()
+}
+
+
+def over_joints(values: FloatArray, how: str) -> float:
+    """Return one number for a figure of all joints, (n,); `how`: one of `REDUCTIONS`."""
+    if how == "worst":
+        return float(np.max(values))
+    if how == "rms":
+        return float(np.sqrt(np.add.reduce(values**2) / len(values)))
+    return float(np.add.reduce(values))
+
 
 #: Arrays of the motion of every run, (N, n) each.
 MOTION = ("q", "v", "q_ref", "v_ref", "torque")
@@ -171,17 +237,17 @@ class RowCost(Cost):
 
     signals: Sequence[str] = ()
 
-    @abstractmethod
     def begin(self) -> Any:
-        """Return the state of a run of which no row has come."""
+        """Return the state of a run of which no row has come: 0, where nothing else is said."""
+        return 0.0
 
     @abstractmethod
     def add(self, state: Any, rows: Rows) -> Any:
         """Return the state with these rows."""
 
-    @abstractmethod
     def finish(self, state: Any) -> float:
-        """Return the cost of a completed run."""
+        """Return the cost of a completed run: the state, where nothing else is said."""
+        return state  # type: ignore[no-any-return]
 
     def streamed(self) -> RowCost | None:
         """See `Cost.streamed`."""
@@ -305,69 +371,7 @@ class SettlingCost(RowCost):
 
     band: Annotated[float, Number("rad", above=0.0)] = SETTLING_BAND
 
-    def begin(self) -> float:
-        """See `RowCost.begin`."""
-        return 0.0
-
     def add(self, state: float, rows: Rows) -> float:
         """See `RowCost.add`."""
         outside = np.flatnonzero((np.abs(rows.error) > self.band).any(axis=1))
         return (rows.first + int(outside[-1]) + 1) * rows.step if outside.size else state
-
-    def finish(self, state: float) -> float:
-        """See `RowCost.finish`."""
-        return state
-
-
-class RowCosts:
-    """Costs of a run's rows, which stream by: of its first `applied`, all but the last."""
-
-    def __init__(self, costs: Sequence[RowCost], applied: int) -> None:
-        self._costs, self._applied = costs, applied
-        self._wanted = sorted({name for cost in costs for name in cost.signals})
-        self._states = [cost.begin() for cost in costs]
-
-    def take(self, rows: Rows) -> None:
-        """Take the next rows."""
-        missing = [name for name in self._wanted if name not in rows.signals]
-        if missing:
-            has = ", ".join(sorted(rows.signals)) or "none"
-            raise ArgumentError("cost.signals", f"signals of the law ({has})", missing[0])
-        count = max(min(len(rows.q), self._applied - rows.first), 0)
-        if not count:
-            return
-        # Copies: a cost may keep them, and the engine uses its arrays again.
-        own = {name: getattr(rows, name)[:count].copy() for name in ("t", *MOTION)}
-        signals = {name: rows.signals[name][:count].copy() for name in self._wanted}
-        rows = dataclasses.replace(rows, **own, signals=signals)
-        self._states = [
-            cost.add(state, rows) for cost, state in zip(self._costs, self._states, strict=True)
-        ]
-
-    def results(self) -> list[float]:
-        """Return what the run costs, by each of the costs."""
-        found = []
-        for cost, state in zip(self._costs, self._states, strict=True):
-            value = cost.finish(state)
-            try:
-                found.append(float(value))
-            except (TypeError, ValueError):
-                raise ArgumentError("cost", "a number", type(value).__name__) from None
-        return found
-
-
-def cost_of(run: Any, cost: Cost) -> float:
-    """Return the cost of a recorded `Run`, as `evaluate` gives it; +inf where it diverged."""
-    if not run.outcome.completed:
-        return float("inf")
-    streamed = cost.streamed()
-    if streamed is None:
-        return cost.of(run.metrics)
-    costs = RowCosts([streamed], run.planned_rows - 1)
-    limit = np.array(run.meta["effort_limit"])
-    for first in range(0, len(run.t), BLOCK_ROWS):
-        part = slice(first, first + BLOCK_ROWS)
-        own = {name: getattr(run, name)[part] for name in ("t", *MOTION)}
-        signals = {name: array[part] for name, array in run.signals.items()}
-        costs.take(Rows(first, run.step, **own, signals=signals, limit=limit, arm=run.arm))
-    return costs.results()[0]

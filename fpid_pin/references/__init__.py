@@ -3,8 +3,15 @@
 Anything with the method of `Reference` is one.
 """
 
-from fpid_pin.references.points import RecordedMotion, Waypoints
-from fpid_pin.references.reference import Hold, Motion, Quintic, Reference, Sinusoid
+from fpid_pin.references.reference import (
+    Hold,
+    Motion,
+    Quintic,
+    RecordedMotion,
+    Reference,
+    Sinusoid,
+    Waypoints,
+)
 from fpid_pin.references.tool_circle import ToolCircle
 
 __all__ = [

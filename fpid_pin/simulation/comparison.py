@@ -13,13 +13,11 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.costs import Metrics, QuadraticCost
-from fpid_pin.costs.metrics import METRICS
+from fpid_pin.costs import METRICS, Metrics, QuadraticCost
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation.entry import simulate
-from fpid_pin.simulation.experiment import Experiment
+from fpid_pin.simulation.experiment import Experiment, of_paper
 from fpid_pin.simulation.limits import Exceedance, limit_report
-from fpid_pin.simulation.paper import of_paper
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.toml import by_name
 from fpid_pin.text import ReprMixin, against, enumerated, head_for, html_table, percent

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from fpid_pin import checks
 from fpid_pin.arms.bodies import bodies_of
@@ -21,9 +22,17 @@ from fpid_pin.costs import SETTLING_BAND, Rows
 from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import records
+from fpid_pin.kernels.friction import apply_dry_friction
 from fpid_pin.kernels.metrics import measure_joints
-from fpid_pin.kernels.plant import apply_actuators, has_diverged, move
+from fpid_pin.kernels.plant import (
+    apply_actuators,
+    finish_runge_kutta,
+    has_diverged,
+    move,
+    runge_kutta_stage,
+)
 from fpid_pin.kernels.records import FRAME, MEASURE, PLANT, SENSOR, Sensing
+from fpid_pin.kernels.rigid_body import factor_symmetric
 from fpid_pin.kernels.rollout import keep_signals, load_reference, rollout
 from fpid_pin.kernels.sensors import measure
 from fpid_pin.simulation.experiment import (
@@ -33,7 +42,6 @@ from fpid_pin.simulation.experiment import (
     Sensors,
     plant_of,
 )
-from fpid_pin.simulation.pinocchio_dynamics import PinocchioDynamics
 
 # RK4 is stable on the negative real axis to -2.785; beyond half of it, it is not accurate either.
 _RK4_REACH = 1.4
@@ -104,23 +112,84 @@ class Block:
         self.kept: FloatArray = np.empty((signals, count, n))
 
 
+class PinocchioDynamics:
+    """Dynamics by Pinocchio itself, one robot and one call at a time: the reference.
+
+        M(q) q'' + C(q, q') q' + G(q) + F_v q' + F_d sgn(q') = u + d(t)                     (6)
+
+    All else of a tick is what the compiled dynamics have, too.
+    """
+
+    def __init__(self, plant: ResolvedPlant, experiment: Experiment) -> None:
+        self.step, self.euler = experiment.step, experiment.integrator != "rk4"
+        self.nominal = experiment.arm.model
+        self.nominal_data = self.nominal.createData()
+        self.true = plant.arm.model.copy()
+        if self.euler:
+            # (M + h F_v) a = tau - F_v v - C v - G: viscous friction is implicit in the speed.
+            extra = self.step * plant.viscous_friction
+            self.true.armature = np.array(self.true.armature) + extra
+        self.true_data = self.true.createData()
+
+    def write_terms(self, state: State) -> None:
+        """Write what the nominal model says of this sample, as `tick.evaluate_model` does."""
+        model, data = self.nominal, self.nominal_data
+        robot, terms, joints = state.c.robot[0], state.c.terms, state.joints
+        q, v, q_ref, v_ref, a_ref = state.inputs
+        if robot.uses_model:
+            w, a = np.array(joints["w"]), np.array(joints["a"])
+            # C(q, v) w is bilinear and symmetric: with c(x) = C(q, x) x it is
+            # c((v + w)/2) - c((v - w)/2).
+            terms[records.LAW_TERM] = pin.rnea(model, data, q, 0.5 * (v + w), a)
+            if not np.array_equal(v, w):
+                terms[records.LAW_TERM] -= self._coriolis(q, 0.5 * (v - w))
+        if robot.feedforward:
+            terms[records.FEEDFORWARD] = pin.rnea(model, data, q_ref, v_ref, a_ref)
+        if robot.paper and robot.acting:
+            terms[records.GRAVITY] = pin.computeGeneralizedGravity(model, data, q)
+            terms[records.CORIOLIS] = self._coriolis(q, v)
+            state.c.mass[:] = pin.crba(model, data, q).T  # its upper half is filled, ours the lower
+        if robot.observes or robot.sampled:
+            v_hat = np.array(joints["v_hat"])
+            terms[records.BIAS] = pin.nonLinearEffects(model, data, q, v_hat)
+            state.c.mass[:] = pin.crba(model, data, q).T
+
+    def _coriolis(self, q: FloatArray, v: FloatArray) -> FloatArray:
+        model, data = self.nominal, self.nominal_data
+        bias = np.array(pin.nonLinearEffects(model, data, q, v))
+        return np.asarray(bias - pin.computeGeneralizedGravity(model, data, q))
+
+    def move(
+        self, plant: records.Plant, has_dry_friction: bool, forces: FloatArray, k: int
+    ) -> None:
+        """Take the true arm one step further with `plant.tau` held: see `kernels.plant.move`."""
+        plant.a[:] = pin.aba(self.true, self.true_data, plant.q, plant.v, plant.tau)
+        if self.euler:
+            plant.v[:] += self.step * plant.a
+            if has_dry_friction:
+                plant.mass[:] = pin.crba(self.true, self.true_data, plant.q).T
+                factor_symmetric(plant.mass)
+                apply_dry_friction(plant.mass, plant.joints, plant.v, plant.workspace, self.step)
+            plant.q[:] += self.step * plant.v
+            return
+        stages = plant.workspace[records.WORKSPACE + 2 * len(plant.q) :]
+        stages[3], stages[4] = plant.v, plant.a
+        for i in range(1, 4):
+            runge_kutta_stage(
+                plant.joints, plant.q, plant.v, plant.tau, stages, forces, k, i, self.step
+            )
+            stages[4 + 2 * i] = pin.aba(self.true, self.true_data, *stages[:3])
+        finish_runge_kutta(plant.q, plant.v, stages, self.step)
+
+
 class Robot:
     """One experiment under one controller, advanced a block of rows at a time.
 
     `state` is the controller's (`control.state.start_all`), `keep` names its signals to record,
-    and `limit` is that of the torque [N m], (n,), which figures of merit are measured against;
-    None: they are not wanted.
-
-    Attributes
-    ----------
-    row : int
-        Number of the next row: ticks made.
-    arrays : kernels.records.Plant
-        Of the true arm; `q`, `v` and `torque`, (n,), are those of now and of the last tick, live.
-    outcome : Outcome or None
-        How and when it ended early; None while it goes on.
-    sums
-        What figures of merit are made of, `kernels.metrics.MEASURE`, (n,), or none.
+    and `limit` is that of the torque [N m], (n,), which figures of merit are measured against, by
+    `sums`; None: they are not wanted. `row` is the number of the next row, `arrays` are the true
+    arm's, of which `q`, `v` and `torque`, (n,), are those of now and of the last tick, live, and
+    `outcome` is how it ended early; None while it goes on.
     """
 
     def __init__(

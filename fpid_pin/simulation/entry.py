@@ -13,16 +13,14 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.costs import Cost, Metrics, QuadraticCost, Rows
-from fpid_pin.costs.cost import BLOCK_ROWS, MOTION, RowCosts
-from fpid_pin.costs.metrics import metrics_from
+from fpid_pin.costs import Cost, Metrics, QuadraticCost, RowCost, Rows
+from fpid_pin.costs.cost import BLOCK_ROWS, MOTION
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.resources import require_memory
-from fpid_pin.simulation.experiment import Experiment, Outcome
+from fpid_pin.simulation.experiment import Experiment, Outcome, default_cost
 from fpid_pin.simulation.limits import asks_degrees
-from fpid_pin.simulation.paper import default_cost
-from fpid_pin.simulation.recorded import describe_run
+from fpid_pin.simulation.recorded import describe_run, metrics_from
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.workers import distribute, executor_of, workers_of
 
@@ -221,24 +219,66 @@ def costs_of(
     progress: ProgressCallback | None = None,
 ) -> FloatArray:
     """Return the costs of some runs, (runs, costs): one chunk of work, wherever it is done."""
-    streams = [cost.streamed() for cost in costs]
-    streamed = [stream for stream in streams if stream is not None]
-    wanted = sorted({name for stream in streamed for name in stream.signals})
-    sinks = [RowCosts(streamed, e.rows - 1) for e in experiments]
+    sums = [_Costs(costs, e.rows - 1) for e in experiments]
+    found = measure(
+        experiments, controllers, lambda i, rows: sums[i].take(rows), sums[0].signals, progress
+    )
+    return np.array([
+        each.results(metrics) if outcome.completed else np.full(len(costs), np.inf)
+        for each, (outcome, metrics) in zip(sums, found, strict=True)
+    ])  # fmt: skip
 
-    def take(i: int, rows: Rows) -> None:
-        sinks[i].take(rows)
 
-    found = measure(experiments, controllers, take if streamed else None, wanted, progress)
-    table = np.full((len(experiments), len(costs)), np.inf)
-    for i, (outcome, metrics) in enumerate(found):
-        if outcome.completed:
-            others = iter(sinks[i].results())
-            table[i] = [
-                cost.of(metrics) if stream is None else next(others)
-                for cost, stream in zip(costs, streams, strict=True)
-            ]
-    return table
+def cost_of(run: Run, cost: Cost) -> float:
+    """Return the cost of a recorded `Run`, as `evaluate` gives it; +inf where it diverged."""
+    if not run.outcome.completed:
+        return float("inf")
+    sums, limit = _Costs([cost], run.planned_rows - 1), np.array(run.meta["effort_limit"])
+    for first in range(0, len(run.t), BLOCK_ROWS):
+        part = slice(first, first + BLOCK_ROWS)
+        own = {name: getattr(run, name)[part] for name in ("t", *MOTION)}
+        signals = {name: array[part] for name, array in run.signals.items()}
+        sums.take(Rows(first, run.step, **own, signals=signals, limit=limit, arm=run.arm))
+    return sums.results(run.metrics)[0]
+
+
+class _Costs:
+    """What a run costs: of its metrics, or of its rows, which stream by, all but the last."""
+
+    def __init__(self, costs: Sequence[Cost], applied: int) -> None:
+        self._applied, self._costs = applied, [cost.streamed() or cost for cost in costs]
+        of_rows = [cost for cost in self._costs if isinstance(cost, RowCost)]
+        self.signals = sorted({name for cost in of_rows for name in cost.signals})
+        self._states = [(cost, cost.begin()) for cost in of_rows]
+
+    def take(self, rows: Rows) -> None:
+        """Take the next rows."""
+        count = max(min(len(rows.q), self._applied - rows.first), 0)
+        if not count or not self._states:
+            return
+        for name in self.signals:
+            if name not in rows.signals:
+                has = ", ".join(sorted(rows.signals)) or "none"
+                raise ArgumentError("cost.signals", f"signals of the law ({has})", name)
+        # Copies: a cost may keep them, and the engine uses its arrays again.
+        own = {name: getattr(rows, name)[:count].copy() for name in ("t", *MOTION)}
+        signals = {name: rows.signals[name][:count].copy() for name in self.signals}
+        rows = dataclasses.replace(rows, **own, signals=signals)
+        self._states = [(cost, cost.add(state, rows)) for cost, state in self._states]
+
+    def results(self, metrics: Metrics) -> list[float]:
+        """Return what the run costs, by each of the costs."""
+        found, streamed = [], iter(self._states)
+        for cost in self._costs:
+            if isinstance(cost, RowCost):
+                value = cost.finish(next(streamed)[1])
+            else:
+                value = cost.of(metrics)
+            try:
+                found.append(float(value))
+            except (TypeError, ValueError):
+                raise ArgumentError("cost", "a number", type(value).__name__) from None
+        return found
 
 
 def measure(

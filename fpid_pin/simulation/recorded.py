@@ -1,10 +1,10 @@
-"""What goes into a run: arrays from elsewhere on a uniform clock, and where it came from."""
+"""What a run is made of: arrays on a uniform clock, figures of merit, and where it came from."""
 
 from __future__ import annotations
 
 import platform
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio
@@ -16,8 +16,12 @@ from fpid_pin._version import __version__
 from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
+from fpid_pin.costs import SETTLING_BAND, Metrics
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.experiment import Experiment
+
+if TYPE_CHECKING:
+    from fpid_pin.simulation.run import Run
 
 #: Fraction of a step by which a row's time may be off the grid; it is measured as if on it.
 JITTER = 0.1
@@ -31,13 +35,7 @@ def on_a_clock(
 
     Rates that are not given are differences of the angles.
     """
-    time = checks.floats("t", t)
-    if time.ndim != 1 or len(time) < 2:
-        raise ArgumentError("t", "(N,) with at least 2 rows", f"shape {time.shape}")
-    back = np.flatnonzero(np.diff(time) <= 0.0)
-    if back.size:
-        k = int(back[0]) + 1
-        raise ArgumentError("t", "times that increase", f"{time[k]:g} s in row {k}")
+    time = checks.times("t", t)
     time, rows = time - time[0], len(time)
     own = {key: _array(key, value, ((rows, n),)) for key, value in motion.items()}
     shapes = ((rows, n), (rows,))
@@ -112,3 +110,50 @@ def meta_of(
         "controller": elsewhere if controller is None else descriptions.to_dict(controller),
         "arm": descriptions.to_dict(arm),
     }
+
+
+def metrics_from(sums: Any, planned: int, step: float) -> Metrics:
+    """Return the metrics of sums, `kernels.records.MEASURE`, of a run of `planned` + 1 rows."""
+    h = step
+    stayed = (sums["rows"] == planned) & (sums["settled"] < sums["rows"])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Metrics(
+            ise=h * sums["square"],
+            iae=h * sums["absolute"],
+            itae=h * sums["aged"],
+            rms=np.sqrt(sums["square"] / sums["rows"]),
+            rms_tail=np.sqrt(sums["late"] / sums["late_rows"]),
+            energy=h * sums["effort"],
+            total_variation=sums["changes"].copy(),
+            peak_torque=sums["peak"].copy(),
+            peak_error=sums["worst"].copy(),
+            settling_time=np.where(stayed, h * sums["settled"], np.inf),
+            overshoot=np.where(np.abs(sums["start"]) > sums["band"], sums["beyond"], 0.0),
+            saturated=sums["at_limit"] / sums["rows"],
+            torque_rate=np.sqrt(sums["jumps"] / (sums["rows"] - 1)) / h,
+        )
+
+
+def metrics_of(run: Run, band: float = SETTLING_BAND) -> Metrics:
+    """Return the metrics of a recorded run: the same bits as while it ran.
+
+    Parameters
+    ----------
+    run
+        A `Run` of any origin.
+    band
+        Within which the error counts as settled [rad].
+    """
+    # Imported late: it loads numba.
+    from fpid_pin.kernels.metrics import measure_rows
+    from fpid_pin.kernels.records import MEASURE
+
+    measure: Any = measure_rows
+    planned = run.planned_rows - 1
+    sums = np.zeros(run.q.shape[1], MEASURE)
+    sums["band"] = checks.number("band", band, above=0.0)
+    sums["limit"] = run.meta["effort_limit"]
+    motion = np.stack([getattr(run, name)[:planned] for name in ("q", "v", "torque")])
+    reference = np.array(run.q_ref[np.newaxis, :planned])
+    measure(sums, reference, motion, planned // 2, run.step)
+    return metrics_from(sums, planned, run.step)

@@ -18,11 +18,10 @@ from fpid_pin.control.law import Controller
 from fpid_pin.control.loop import Record
 from fpid_pin.costs import Metrics, tool_distance
 from fpid_pin.costs.cost import MOTION
-from fpid_pin.costs.metrics import metrics_of
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.resources import needed
 from fpid_pin.simulation.experiment import Experiment, Outcome
-from fpid_pin.simulation.recorded import meta_of, on_a_clock
+from fpid_pin.simulation.recorded import meta_of, metrics_of, on_a_clock
 from fpid_pin.text import html_table, shown
 
 KIND = "run file"

@@ -21,7 +21,7 @@ from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, FpidWarning, WorkersDied
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment, Plant, evaluate
-from fpid_pin.simulation.paper import default_cost
+from fpid_pin.simulation.experiment import default_cost
 from fpid_pin.simulation.workers import executor_of
 from fpid_pin.tuning.space import Space
 

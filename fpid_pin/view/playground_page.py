@@ -19,8 +19,7 @@ from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.files import put_text
 from fpid_pin.simulation.entry import simulate
-from fpid_pin.simulation.experiment import Experiment
-from fpid_pin.simulation.paper import PUBLISHED_ORDERS, TUNED_ORDERS, of_paper
+from fpid_pin.simulation.experiment import PUBLISHED_ORDERS, TUNED_ORDERS, Experiment, of_paper
 from fpid_pin.text import head_for, unit_for
 from fpid_pin.view import playground_settings as settings
 from fpid_pin.view.document import Page, as_text, asset, closed, document

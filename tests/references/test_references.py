@@ -114,10 +114,10 @@ def test_a_recording_is_read_from_csv_with_or_without_names(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("0,1\n0.1,\n0.2,3\n", "line 2, column 2: expected a number, got an empty cell"),
-        ("0,1,2\n0.1,1\n", "line 2: expected 3 cells, got 2"),
+        ("0,1\n0.1,\n0.2,3\n", "expected a number in line 2, column 2, got an empty cell"),
+        ("0,1,2\n0.1,1\n", "expected 3 cells in line 2, got 2"),
         ("0,1\n1,1\n2,1\n3,1\n50,1\n", "a gap of 47 s after t = 3 s"),
-        ("0\n1\n", "fewer than two columns"),
+        ("0\n1\n", r"expected rows of t, q_1, ..., q_n, got an array of shape \(2, 1\)"),
     ],
 )
 def test_a_csv_with_gaps_is_refused_with_its_line(tmp_path, text, message):

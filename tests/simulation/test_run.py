@@ -255,8 +255,8 @@ ROWS = np.zeros((5, 2))
     [
         ({"arm": "ur5"}, "arm: expected an Arm, got str"),
         ({"controller": "pid"}, "controller: expected a Controller, got str"),
-        ({"t": [0.0]}, r"t: expected \(N,\) with at least 2 rows, got shape \(1,\)"),
-        ({"t": [0, 1, 3, 2, 4]}, "t: expected times that increase, got 2 s in row 3"),
+        ({"t": [0.0]}, r"t: expected at least two times, got shape \(1,\)"),
+        ({"t": [0, 1, 3, 2, 4]}, r"t.3: expected a time after the one before \(3 s\), got 2 s"),
         ({"t": [0, 1, 2, 3.2, 4]}, r"t: expected a step of 1 s .* got row 3 off by 0.2 s"),
         (
             {"q": np.zeros((5, 3))},
