@@ -1,6 +1,7 @@
 """Programs that tests run and things that they wait for, none of them for ever."""
 
 import contextlib
+import os
 import subprocess
 import threading
 import time
@@ -9,6 +10,8 @@ import psutil
 
 #: Seconds after which something hangs: far more than anything takes, on a busy machine too.
 PATIENCE = 120.0
+#: Whether all attacks are made, or the few that a suite has time for.
+FULL = os.environ.get("FPID_TORTURE") == "full"
 
 
 def finished(arguments, **options):

@@ -46,8 +46,6 @@ def space(bounds, law='kind = "suggested_fpid"'):
         ("run other", {}, "other: cannot be read (Is a directory)"),
         ("run own.npz", {}, "own.npz: cannot be read (not a text file)"),
         ("run /dev/zero", {}, "/dev/zero: expected at most 16777216 bytes, got more"),
-        ("compare study.toml", {"[0.901, 0.931]": "[0.9, 1.7]"},
-         "study.toml: controller.0.integral_order.1: expected a number in [0, 1], got 1.7"),
         ("run study.toml", {'kind = "two_link"': 'kind = "two_link"\nlenghts = [1.0]'},
          "study.toml: arm.lenghts: expected none, got 'lenghts'"),
         ("run study.toml --controller 'integer PID'",

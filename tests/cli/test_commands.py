@@ -16,8 +16,9 @@ MARK = "[[controller]]"
 HEAD, *LAWS = demo_config().text.replace("duration = 20.0", "duration = 0.2").split(MARK)
 #: The published orders and the integer PID: figures take longer than runs.
 SHORT = MARK.join([HEAD, LAWS[0], LAWS[-1]])
+#: Its name is one that would make the same file's as another's.
 MOVING = """[[controller]]
-name = "moving"
+name = "integer-pid"
 kind = "adaptive_fpid"
 kp = 10.0
 ki = 20.0
@@ -75,12 +76,14 @@ def test_compare_begins_with_the_answer_and_writes_runs_tables_figures_and_repor
         (told,) = (part for part in second.split(";") if condition in part)
         assert best in told
         assert [name for name, row in here.items() if row["best"]] == [best]
-        run = fp.Run.load(out / f"{condition}-integer-pid.npz")
+        files = [f"{condition}-integer-pid.npz", f"{condition}-integer-pid-2.npz"]
+        assert [here[name]["file"] for name in ("integer PID", "integer-pid")] == files
+        run = fp.Run.load(out / files[0])
         assert float(here["integer PID"]["cost (33)"]) == QuadraticCost().of(run.metrics)
     # Orders that move are drawn.
-    assert {name for name in names if name.startswith("gains")} == {"gains-moving.svg"}
-    assert "Adapted gains, and orders where they move: moving" in report
-    run = fp.Run.load(out / "payload-moving.npz")
+    assert {name for name in names if name.startswith("gains")} == {"gains-integer-pid.svg"}
+    assert "Adapted gains, and orders where they move: integer-pid" in report
+    run = fp.Run.load(out / "payload-integer-pid-2.npz")
     assert run.controller.order_learning_rate.tolist() == [[0.5, 0.5], [1.0, 1.0]]
     assert run.derivative_order.shape == run.q.shape
 

@@ -37,15 +37,9 @@ def test_the_demo_s_file_is_the_api_s_paper_experiment():
     laws = [fp.paper_controller(orders) for orders in ("symbol", "sign", "integer")]
     laws.insert(2, crone)
     for controller, law in zip(config.controllers.values(), laws, strict=True):
-        expected = descriptions.to_dict(law)
         actual = descriptions.to_dict(controller)
-        for key, value in expected.items():
-            if isinstance(value, (dict, str)):
-                assert actual[key] == value, key
-            else:
-                assert (
-                    np.broadcast_to(actual[key], 2).tolist() == np.broadcast_to(value, 2).tolist()
-                )
+        for key, value in descriptions.to_dict(law).items():
+            assert np.array_equal(*np.broadcast_arrays(actual[key], value)), key
 
 
 @pytest.mark.parametrize(
@@ -72,8 +66,6 @@ def test_the_demo_s_file_is_the_api_s_paper_experiment():
          r"condition.0.plants: .*did you mean plant\?"),
         (re.compile("$"), "\n[[condition]]\nplant = {}",
          "condition.0.name: expected a value, got none"),
-        (re.compile("$"), '\n[[condition]]\nname = "x"\nplant = { payload = { mass = -1.0 } }',
-         "condition.0.plant.payload.mass: expected a number >= 0"),
         (re.compile("$"), "\n[plant]\neffort_limit = 0.0",
          "plant.effort_limit: expected a number > 0"),
         (AMPLITUDE, "[" * 5000 + "]" * 5000, DEEP),

@@ -36,18 +36,8 @@ def test_every_label_has_a_file_name_of_its_own_that_any_system_takes(labels):
 def test_names_alike_are_numbered():
     labels = ["A b", "a-b", "a-b-2", "PID +", "PID -", "PID", "", "...", "run", "é", "e\u0301"]
     names = [
-        "a-b",
-        "a-b-2",
-        "a-b-2-2",
-        "pid",
-        "pid-2",
-        "pid-3",
-        "run",
-        "run-2",
-        "run-3",
-        "é",
-        "é-2",
-    ]
+        "a-b", "a-b-2", "a-b-2-2", "pid", "pid-2", "pid-3", "run", "run-2", "run-3", "é", "é-2"
+    ]  # fmt: skip
     assert file_names([[label] for label in labels]) == names
     assert file_names([["checkpoint"]], taken=["checkpoint"]) == ["checkpoint-2"]
 
@@ -56,26 +46,6 @@ def test_a_name_is_no_longer_than_a_file_s_may_be():
     assert file_names([["a" * 251]]) == ["a" * 251]
     with pytest.raises(ConfigError, match="of 255 bytes at most, got 256"):
         file_names([["ä" * 126]])
-
-
-def test_of_controllers_and_conditions_with_like_names_all_results_are_there(tmp_path):
-    path, out, names = tmp_path / "like.toml", tmp_path / "out", ("A b", "a-b")
-    laws = "".join(PID.format(name, 50.0 + k) for k, name in enumerate(names))
-    conditions = (
-        '[[condition]]\nname = "c d"\n[[condition]]\nname = "C-D"\nsensors = { delay = 2 }\n'
-    )
-    path.write_text(HEAD + laws + conditions)
-    assert main(["compare", str(path), "--out", str(out), "--no-figures"]) == 0
-    with open(out / "summary.csv", newline="") as file:
-        rows = list(csv.DictReader(file))
-    pairs = [(condition, name) for condition in ("c d", "C-D") for name in names]
-    assert [(row["condition"], row["controller"]) for row in rows] == pairs
-    assert len({row["file"] for row in rows}) == 4
-    for k, row in enumerate(rows):
-        run = fp.Run.load(out / row["file"])
-        assert run.controller.kp == 50.0 + k % 2
-        assert float(row["cost (33)"]) == QuadraticCost().of(run.metrics)
-        assert row["file"] in (out / "summary.md").read_text()
 
 
 TUNE = """

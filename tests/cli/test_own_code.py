@@ -4,6 +4,7 @@ import contextvars
 import sys
 import textwrap
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,8 +15,7 @@ from fpid_pin.cli import commands
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ConfigError
 
-OWN = '''
-"""A law, a reference and a cost of one's own."""
+OWN = """
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,11 +30,8 @@ class MyPd(fp.Controller):
     kd: float = 2.0
     name: str = "mine"
 
-    uses_model = True
-
-    @staticmethod
-    def torque(c):
-        return c.kp * c.e + c.kd * c.e_dot
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.arm.gravity_vector(q)
 
 
 @fp.described("my_ramp", "Reference")
@@ -52,13 +49,6 @@ class Ramp:
 class Peak(fp.costs.Cost):
     def of(self, metrics):
         return float(metrics.peak_torque.max())
-'''
-COMPILED = OWN[OWN.index("    uses_model") : OWN.index('@fp.described("my_ramp')]
-PYTHON = """
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        return self.kp * (q_ref - q) + self.kd * (v_ref - v) + state.arm.gravity_vector(q)
-
-
 """
 CONFIG = """
 format = 1
@@ -82,8 +72,6 @@ kind = "my_cost"
 [tune.space]
 kp = [5, 50, "shared"]
 """
-
-
 QUICK = ["--allow-import", "--no-figures"]
 
 
@@ -114,39 +102,26 @@ def test_nothing_is_run_that_was_not_allowed_nor_by_a_script_that_calls_commands
     contextvars.copy_context().run(script)
 
 
-@pytest.mark.parametrize("form", [COMPILED, PYTHON], ids=["compiled", "Python"])
-def test_a_law_a_reference_and_a_cost_of_one_s_own(config, form, capsys):
-    (config.parent / "own.py").write_text(OWN.replace(COMPILED, form))
-    out = config.parent / "out"
-    assert main(["run", str(config), "--out", str(out), *QUICK]) == 0
-    run = fp.Run.load(out / "mine.npz")
+def test_a_law_a_reference_and_a_cost_of_one_s_own(config, monkeypatch, capsys):
+    monkeypatch.chdir(config.parent)
+    assert main(["run", "c.toml", "--out", "out", *QUICK]) == 0
+    run = fp.Run.load("out/mine.npz")
     assert run.q_ref[-1] == pytest.approx([0.04, 0.04])
     # Loaded again it is the same law, since this process knows its kind.
     assert type(run.controller).__name__ == "MyPd"
     assert run.controller.kp == 30
-    if form == COMPILED:
-        # Where it is not known what is missing is named.
-        code = f"import fpid_pin as fp; fp.Run.load({str(out / 'mine.npz')!r}).controller"
-        assert "my_pd" in finished([sys.executable, "-c", code]).stderr.splitlines()[-1]
-    tuned = config.parent / "tuned"
-    command = ["tune", str(config), "--out", str(tuned), "--allow-import"]
-    if form == PYTHON:  # in processes, which must be told of the file as well
-        command += ["--workers", "2"]
+    # Where it is not known what is missing is named.
+    code = "import fpid_pin as fp; fp.Run.load('out/mine.npz').controller"
+    assert "my_pd" in finished([sys.executable, "-c", code]).stderr.splitlines()[-1]
     with warnings.catch_warnings():
         warnings.simplefilter("always")
-        assert main(command) == 0
-    told = "warning: MyPd is a law in plain Python: 4 candidates" in capsys.readouterr().err
-    assert told == (form == PYTHON)
-    again = [
-        str(tuned / "tuned.toml"),
-        "--controller",
-        "tuned",
-        "--out",
-        str(config.parent / "again"),
-    ]
+        # In processes, which must be told of the file as well.
+        assert main(["tune", "c.toml", "--out", "tuned", "--allow-import", "--workers", "2"]) == 0
+    assert "warning: MyPd is a law in plain Python: 4 candidates" in capsys.readouterr().err
+    again = ["tuned/tuned.toml", "--controller", "tuned", "--out", "again"]
     assert main(["run", *again, *QUICK]) == 0
-    peak = np.abs(fp.Run.load(config.parent / "again" / "tuned.npz").torque).max()
-    assert f"{peak:.3g}"[:3] in (tuned / "summary.md").read_text("utf-8")
+    peak = np.abs(fp.Run.load("again/tuned.npz").torque).max()
+    assert f"{peak:.3g}"[:3] in Path("tuned/summary.md").read_text("utf-8")
 
 
 def test_workers_cannot_have_what_a_session_defines():

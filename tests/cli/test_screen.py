@@ -10,10 +10,8 @@ NAMES = [
     "adaptive FPID with a long name", "a_name_without_any_place_to_break_it_at_all", "PID", "x" * 60
 ]  # fmt: skip
 HEADS = [
-    "tail (rms of joints) [mrad]",
-    "RMS (rms of joints) [mrad]",
-    "energy (sum of joints) [N²m²s]",
-]
+    "tail (rms of joints) [mrad]", "RMS (rms of joints) [mrad]", "energy (sum of joints) [N²m²s]"
+]  # fmt: skip
 
 
 def printed(rows, capsys, width=80):

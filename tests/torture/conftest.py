@@ -1,48 +1,28 @@
 """Attacks: a few of each in the suite, all of them by `make torture`; a table at the end.
 
-A test counts its attacks with `tally`; of one that does not, the table has a line all the same.
+Every test counts its attacks with `tally`.
 """
 
-import os
+from collections import defaultdict
 
 import pytest
 
-#: Whether all attacks are made, or the few that a suite has time for.
-FULL = os.environ.get("FPID_TORTURE") == "full"
-#: By attack: how often it was tried, and what went wrong.
-TRIED: dict[str, tuple[int, list[str]]] = {}
-COUNTED: set[str] = set()
+#: By attack: what went wrong with each try, "" where nothing did.
+TRIED = defaultdict(list)
 
 
 @pytest.fixture
-def full():
-    return FULL
-
-
-@pytest.fixture
-def tally(request):
+def tally():
     """Return a function that counts a try of an attack; whatever was bad fails the test."""
-    mine, faults = [], []
-    COUNTED.add(request.node.nodeid)
+    faults = []
 
     def count(attack, fault=""):
-        tried, bad = TRIED.setdefault(attack, (0, []))
-        TRIED[attack] = (tried + 1, [*bad, fault] if fault else bad)
-        mine.append(attack)
-        faults.extend([f"{attack}: {fault}"] if fault else [])
+        TRIED[attack].append(fault)
+        faults.append(fault and f"{attack}: {fault}")
 
     yield count
-    assert mine, "nothing was tried"
-    assert faults == []
-
-
-def pytest_runtest_logreport(report):
-    here = "torture" in report.nodeid.split("::")[0]
-    if here and report.when == "call" and report.nodeid not in COUNTED and not report.skipped:
-        test = report.nodeid.split("::")[-1].partition("[")[0]
-        name = test.removeprefix("test_").replace("_", " ")
-        tried, bad = TRIED.get(name, (0, []))
-        TRIED[name] = (tried + 1, [*bad, "failed"] if report.failed else bad)
+    assert faults, "nothing was tried"
+    assert [fault for fault in faults if fault] == []
 
 
 def pytest_terminal_summary(terminalreporter):
@@ -50,5 +30,6 @@ def pytest_terminal_summary(terminalreporter):
         terminalreporter.section("torture")
         width = max(map(len, TRIED))
         terminalreporter.write_line(f"{'attack':<{width}}  {'tried':>8}  {'bad':>5}")
-        for attack, (tried, bad) in TRIED.items():
-            terminalreporter.write_line(f"{attack:<{width}}  {tried:>8,}  {len(bad):>5}")
+        for attack, faults in TRIED.items():
+            line = f"{attack:<{width}}  {len(faults):>8,}  {sum(map(bool, faults)):>5}"
+            terminalreporter.write_line(line)

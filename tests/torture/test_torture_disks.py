@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from bounded import finished
+from bounded import FULL, finished
 from faults import COMMANDS
 
 import fpid_pin as fp
@@ -34,7 +34,6 @@ def written(folder):
     fp.simulate(fp.paper_experiment(duration=0.05), fp.paper_controller()).save(folder / "run.npz")
 
 
-FULL = os.environ.get("FPID_TORTURE") == "full"
 #: What writes, and at which of its writes the disk fails: every so many, in full and in the suite.
 WRITES = {
     "Run.save": (1, 1), "output_folder": (1, 1), "tune()": (1, 9), "operators": (1, 0),

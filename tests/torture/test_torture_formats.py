@@ -2,11 +2,11 @@
 
 import contextlib
 import dataclasses
-import os
 import random
 import warnings
 
 import pytest
+from bounded import FULL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.torture
 EXPERIMENT = fp.paper_experiment(duration=0.3, step=5e-3)
 LAW = fp.paper_controller()
 ORDERS = Space(integral_order=(0, 1), derivative_order=(0, 1))
-MANY = settings(max_examples=2000 if os.environ.get("FPID_TORTURE") == "full" else 60)
+MANY = settings(max_examples=2000 if FULL else 60)
 #: What takes the place of some bytes at a part of the file: these, or as many of another file's
 #: from there on; a failure shrinks to the least.
 SIZES = st.integers(0, 512)
@@ -93,10 +93,10 @@ class Judge:
 
 
 @pytest.mark.parametrize("kind", READERS)
-def test_a_flipped_bit_anywhere(kind, files, tmp_path, tally, full):
+def test_a_flipped_bit_anywhere(kind, files, tmp_path, tally):
     honest, path = files[kind, 0], tmp_path / "file.npz"
     judge, chance = Judge(kind, path, honest), random.Random(1)
-    for place in chance.sample(range(8 * len(honest)), 3000 if full else 100):
+    for place in chance.sample(range(8 * len(honest)), 3000 if FULL else 100):
         flipped = bytearray(honest)
         flipped[place // 8] ^= 1 << place % 8
         path.write_bytes(flipped)
@@ -107,7 +107,7 @@ def test_a_flipped_bit_anywhere(kind, files, tmp_path, tally, full):
 @pytest.mark.parametrize("kind", READERS)
 @MANY
 @given(edits=EDITS)
-def test_any_edits(kind, files, tmp_path, edits):
+def test_any_edits(kind, files, tmp_path, tally, edits):
     """The most that becomes of two files is one of them, never a mixture."""
     path = tmp_path / "file.npz"
     data, other = files[kind, 0], files[kind, 1]
@@ -117,4 +117,6 @@ def test_any_edits(kind, files, tmp_path, edits):
         piece = other[at : at + put] if isinstance(put, int) else put
         data = data[:at] + piece + data[at + lost :]
     path.write_bytes(data)
-    assert judge() == ""
+    fault = judge()
+    tally(f"{kind}: edits", fault)
+    assert fault == ""

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from bounded import started, wait_until
+from bounded import FULL, started, wait_until
 
 import fpid_pin as fp
 from fpid_pin.campaign import export, load
@@ -22,7 +22,6 @@ from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 
 pytestmark = pytest.mark.torture
-FULL = os.environ.get("FPID_TORTURE") == "full"
 SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.1").replace("1e-3", "5e-3", 1)
 LONGER = SHORT.replace("duration = 0.1", f"duration = {2.0 if FULL else 0.5}")
 TUNE = """
@@ -109,28 +108,19 @@ def table_of_campaign(folder):
     return export(load(folder / "l.sqlite"), folder / "table.csv").read_bytes()
 
 
-def rows_of_campaign(folder):
+def rows_of_campaign(folder, mode="ro"):
     """Return how many rows a sound ledger has; none before it is there, or laid out."""
-    if not (folder / "l.sqlite").exists():
-        return 0
-    with contextlib.closing(sqlite3.connect(folder / "l.sqlite")) as file:
-        assert file.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        if not file.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
-            return 0
-        return file.execute("SELECT count(*) FROM results").fetchone()[0]
-
-
-def campaign_has_begun(folder):
     try:
-        place = f"file:{folder / 'l.sqlite'}?mode=ro"
+        place = f"file:{folder / 'l.sqlite'}?mode={mode}"
         with contextlib.closing(sqlite3.connect(place, uri=True)) as file:
-            return file.execute("SELECT count(*) FROM results").fetchone()[0] > 0
+            assert file.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+            return file.execute("SELECT count(*) FROM results").fetchone()[0]
     except sqlite3.OperationalError:  # not there yet, or not laid out
-        return False
+        return 0
 
 
 def damage_of_campaign(folder):
-    rows = rows_of_campaign(folder)
+    rows = rows_of_campaign(folder, "rw")
     return "" if rows % 16 == 0 else f"{rows} rows, a part of a chunk"
 
 
@@ -140,7 +130,7 @@ class Work(NamedTuple):
     text: str
     words: tuple[str, ...]
     kills: int  # in full
-    begun: Callable[..., bool]  # whether there is something to go on from
+    begun: Callable[..., Any]  # whether there is something to go on from
     damage: Callable[..., str]  # of what is there at any moment
     result: Callable[..., Any]  # the bits of what is there at the end
     leaves: set[str]
@@ -154,7 +144,7 @@ WORK = {
         {"study.toml", "out"},
     ),
     "campaign": Work(
-        LONGER + CAMPAIGN, (*CAMPAIGN_WORDS, "600" if FULL else "200"), 20, campaign_has_begun,
+        LONGER + CAMPAIGN, (*CAMPAIGN_WORDS, "600" if FULL else "200"), 20, rows_of_campaign,
         damage_of_campaign, table_of_campaign, {"study.toml", "l.sqlite"},
     ),
 }  # fmt: skip
@@ -181,11 +171,11 @@ def never(request, tmp_path_factory):
     return request.param, work.result(folder), time.monotonic() - began
 
 
-def test_killed_at_any_moment_and_resumed(never, tmp_path, tally, full):
+def test_killed_at_any_moment_and_resumed(never, tmp_path, tally):
     name, bits, seconds = never
     work = WORK[name]
     chance, kills, round_, midway = random.Random(6), 0, 0, 0
-    most = work.kills if full else 1
+    most = work.kills if FULL else 1
     while kills < most:
         folder = study(tmp_path / str(round_), work.text)
         options = ("--workers", "2") if round_ % 2 else ()
@@ -205,7 +195,7 @@ def test_killed_at_any_moment_and_resumed(never, tmp_path, tally, full):
             assert status == -signal.SIGKILL, said
             kills += 1
             tally(f"SIGKILL over {name}", work.damage(folder))
-            midway += work.begun(folder)
+            midway += bool(work.begun(folder))
         left = visible(folder)
         tally("what is left", "" if left == work.leaves else f"{sorted(left)}")
         tally(f"{name}, then resumed", "" if work.result(folder) == bits else "other bits")
@@ -213,10 +203,10 @@ def test_killed_at_any_moment_and_resumed(never, tmp_path, tally, full):
 
 
 @pytest.mark.parametrize("never", ["tune"], indirect=True)
-def test_two_at_once_on_one_folder(never, tmp_path, tally, full):
+def test_two_at_once_on_one_folder(never, tmp_path, tally):
     _, bits, seconds = never
     chance = random.Random(7)
-    for k in range(10 if full else 1):
+    for k in range(10 if FULL else 1):
         folder = study(tmp_path / str(k))
         with start(folder, "tune", "study.toml", "--out", "out") as first:
             if k == 0:
@@ -249,9 +239,9 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("name", COMMANDS if FULL else ["run", "tune, two workers"])
-def test_ctrl_c_at_any_moment(name, tmp_path, tally, full):
+def test_ctrl_c_at_any_moment(name, tmp_path, tally):
     chance, seconds = random.Random(name), 1.0
-    for k in range(25 if full else 2):
+    for k in range(25 if FULL else 2):
         folder = study(tmp_path / str(k))
         with start(folder, *COMMANDS[name]) as child:
             began = time.monotonic()

@@ -12,6 +12,7 @@ import xml.etree.ElementTree as xml
 from html.parser import HTMLParser
 
 import pytest
+from bounded import FULL
 from markdown_it import MarkdownIt
 from rich.console import Console
 
@@ -96,26 +97,26 @@ def run_called(name):
 
 
 @pytest.mark.parametrize(("kind", "most"), [("report", 150), ("replay", 150), ("playground", 50)])
-def test_a_page_has_the_elements_that_it_has_with_harmless_names(kind, most, tmp_path, tally, full):
+def test_a_page_has_the_elements_that_it_has_with_harmless_names(kind, most, tmp_path, tally):
     def page(name):
         if kind == "playground":
             return playground_html(fp.paper_experiment(duration=0.02), law_called(name), title=name)
         run = run_called(name)
         if kind == "replay":
             return replay_html([run], captions=[name], title=name)
-        figures = {name: plots.torque(run)} if full else {}
+        figures = {name: plots.torque(run)} if FULL else {}
         report_html(run, tmp_path / "report.html", title=name, tables={name: [[name], [name]]},
                     figures=figures, config_text=name, captions=[name])  # fmt: skip
         return (tmp_path / "report.html").read_text("utf-8")
 
     expected = structure(page("x"))
-    for name in filter(str.strip, few(most if full else 4)):
+    for name in filter(str.strip, few(most if FULL else 4)):
         same = structure(page(name)) == expected
         tally(f"names in a {kind}", "" if same else f"{name!r} makes elements")
 
 
-def test_an_svg_is_well_formed_and_has_nothing_but_drawing_in_it(run, tally, full):
-    for name in few(50 if full else 2):
+def test_an_svg_is_well_formed_and_has_nothing_but_drawing_in_it(run, tally):
+    for name in few(50 if FULL else 2):
         figure = plots.comparison([run_called(name), run])
         tree = xml.fromstring(figure_bytes(figure, "svg"))
         fault = ""
@@ -132,8 +133,8 @@ def parsed(text):
     return MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"]).parse(text)
 
 
-def test_markdown_takes_a_name_for_text(tally, full):
-    for name in names(3, 2000 if full else 40):
+def test_markdown_takes_a_name_for_text(tally):
+    for name in names(3, 2000 if FULL else 40):
         rows = [{"controller": name, "figure": 1.0}, {"controller": "x", "figure": 2.0}]
         shown = visible(name).strip()
         where = {
@@ -154,8 +155,8 @@ def test_markdown_takes_a_name_for_text(tally, full):
             tally(f"names in {place} of Markdown", fault)
 
 
-def test_the_terminal_is_told_a_name_and_nothing_else(tally, full):
-    for name in names(4, 2000 if full else 40):
+def test_the_terminal_is_told_a_name_and_nothing_else(tally):
+    for name in names(4, 2000 if FULL else 40):
         for coloured in (False, True):
             text = io.StringIO()
             console = screen.screen()
@@ -173,14 +174,14 @@ def test_the_terminal_is_told_a_name_and_nothing_else(tally, full):
         tally("names in a table on the screen", "" if heard else f"{name!r}: {plain!r}")
 
 
-def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, tally, full):
+def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, tally):
     base = demo_config().text.replace("duration = 20.0", "duration = 0.02")
     original = re.findall(r'^name = ("[^"]*")', base, re.MULTILINE)
     sound = [
         name for name in names(5, 60) if "\ud800" not in name and name.strip() and len(name) < 99
     ]
     chance = random.Random(6)
-    for k in range(8 if full else 1):
+    for k in range(8 if FULL else 1):
         text = base
         title, *chosen = chance.sample(sound, len(original) + 1)
         for name, hostile in zip(original, chosen, strict=True):
@@ -206,9 +207,9 @@ def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, 
 
 
 @pytest.mark.browser
-def test_no_name_runs_in_a_browser(browser, tmp_path, tally, full):
+def test_no_name_runs_in_a_browser(browser, tmp_path, tally):
     chance = random.Random(7)
-    for k in range(12 if full else 1):
+    for k in range(12 if FULL else 1):
         name = " ".join(chance.sample([p for p in PIECES if "hacked" in p or len(p) > 2], 6))
         run = run_called(name)
         path = tmp_path / f"{k}.html"

@@ -1,12 +1,15 @@
 """Any text is a configuration, or lines that name the file and the key."""
 
 import copy
-import os
+import functools
+import itertools
+import operator
 import re
 import tomllib
 
 import pytest
 import tomli_w
+from bounded import FULL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -15,7 +18,6 @@ from fpid_pin.cli.plans import read_campaign, read_plan
 from fpid_pin.exceptions import ConfigError
 
 pytestmark = pytest.mark.torture
-FULL = os.environ.get("FPID_TORTURE") == "full"
 MANY = settings(max_examples=4000 if FULL else 30)
 TEXT = (
     demo_config().text
@@ -89,10 +91,8 @@ def spoilt(draw):
     table = copy.deepcopy(TABLE)
     for _ in range(draw(st.integers(1, 3))):
         path = draw(st.sampled_from(PLACES))
-        inner = table
         try:
-            for key in path[:-1]:
-                inner = inner[key]
+            inner = functools.reduce(operator.getitem, path[:-1], table)
             how = draw(st.sampled_from(["replace", "replace", "remove", "add"]))
             if how == "remove":
                 del inner[path[-1]]
@@ -134,31 +134,26 @@ def test_a_key_of_any_table_may_be_called_as_an_argument_is(tmp_path, tally):
     """``[plant.payload] self = 0`` was a traceback."""
     assert fault_of(TEXT, tmp_path) == ""
     names = ("self", "cls", "kind", "path", "args", "kwargs")
-    for path in [(), *PLACES]:
+    for path, name in itertools.product([(), *PLACES], names if FULL else names[:3]):
         table = copy.deepcopy(TABLE)
-        inner = table
-        for key in path:
-            inner = inner[key]
-        if not isinstance(inner, dict):
-            continue
-        for name in names if FULL else names[:3]:
-            before = inner.get(name)
+        inner = functools.reduce(operator.getitem, path, table)
+        if isinstance(inner, dict):
             inner[name] = 0
             fault = fault_of(tomli_w.dumps(table), tmp_path)
             tally("a key called as an argument is", fault and f"{path}, {name}: {fault}")
-            if before is None:
-                del inner[name]
-            else:
-                inner[name] = before
 
 
 @MANY
 @given(spoilt())
-def test_tables_that_are_spoilt(tmp_path_factory, text):
-    assert fault_of(text, tmp_path_factory.getbasetemp()) == ""
+def test_tables_that_are_spoilt(tmp_path, tally, text):
+    fault = fault_of(text, tmp_path)
+    tally("spoilt tables", fault)
+    assert fault == ""
 
 
 @MANY
 @given(torn())
-def test_texts_that_are_torn(tmp_path_factory, text):
-    assert fault_of(text, tmp_path_factory.getbasetemp()) == ""
+def test_texts_that_are_torn(tmp_path, tally, text):
+    fault = fault_of(text, tmp_path)
+    tally("torn texts", fault)
+    assert fault == ""

@@ -4,12 +4,12 @@
 """
 
 import contextlib
-import os
 import re
 import warnings
 
 import numpy as np
 import pytest
+from bounded import FULL
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -18,7 +18,6 @@ from fpid_pin.arms import Arm
 from fpid_pin.exceptions import FpidError, FpidWarning
 
 pytestmark = pytest.mark.torture
-FULL = os.environ.get("FPID_TORTURE") == "full"
 SIZES = settings(max_examples=8000 if FULL else 80, suppress_health_check=list(HealthCheck))
 
 SOUND = """<?xml version="1.0"?>
@@ -100,7 +99,8 @@ def arm_or_one_line(text, lock):
 
 @SIZES
 @given(spoilt(), mostly(st.just({}), st.just({"elbow": 0.0})))
-def test_a_sound_robot_spoilt(text, lock):
+def test_a_sound_robot_spoilt(tally, text, lock):
+    tally("spoilt URDFs")
     assert arm_or_one_line(SOUND, {}) == ""
     said = arm_or_one_line(text, lock)
     assert "\n" not in said
