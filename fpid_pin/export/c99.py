@@ -134,16 +134,13 @@ class C99:
         return f"{constant}{self.type_of(kind)} *{name}"
 
     def head(
-        self, name: str, parameters: Sequence[tuple[str, Kind]], returns: Kind | None
+        self, name: str, parameters: Mapping[str, Kind], returns: Kind | None, unused: Sequence[str]
     ) -> list[str]:
-        """Return the lines that open a function."""
-        given = ", ".join(self.declare(*parameter) for parameter in parameters) or "void"
+        """Return the lines that open a function, which does not look at `unused` parameters."""
+        given = ", ".join(self.declare(*parameter) for parameter in parameters.items()) or "void"
         result = "void" if returns is None else self.type_of(returns)
-        return [f"static {result} {name}({given})", "{"]
-
-    def unused(self, name: str) -> list[str]:
-        """Return what a function says of a number that it is given and does not look at."""
-        return [f"    (void){name};"]
+        says = [f"    (void){parameter};" for parameter in unused]
+        return [f"static {result} {name}({given})", "{", *says]
 
     def structs(self, records: Iterable[Record]) -> str:
         """Return the types of records."""

@@ -83,11 +83,7 @@ class JavaScript(C99):
         return f"let {name}"
 
     def head(
-        self, name: str, parameters: Sequence[tuple[str, Kind]], returns: Kind | None
+        self, name: str, parameters: Mapping[str, Kind], returns: Kind | None, unused: Sequence[str]
     ) -> list[str]:
         """Return the line that opens a function."""
-        return [f"function {name}({', '.join(name for name, _ in parameters)}) {{"]
-
-    def unused(self, name: str) -> list[str]:
-        """Return nothing: nobody minds."""
-        return []
+        return [f"function {name}({', '.join(parameters)}) {{"]

@@ -115,15 +115,14 @@ class Function(Expressions):
         names = [language.name(name) for name in self.kinds if name not in self._given]
         names += [f"kept_{k + 1}" for k in range(self._temporaries)]
         lines = _without_unused(self._lines, names)
-        given = [(language.name(name), kind) for name, kind in self._given.items()]
-        unused = [name for name, _ in given if not _count(name, lines)]
-        self.taken = [isinstance(kind, Number) or name not in unused for name, kind in given]
-        taken = [x for x, used in zip(given, self.taken, strict=True) if used]
+        given = {language.name(name): kind for name, kind in self._given.items()}
+        used = {name for name in given if _count(name, lines)}
+        taken = {n: kind for n, kind in given.items() if n in used or isinstance(kind, Number)}
+        self.taken = [name in taken for name in given]
+        unused = [name for name in taken if name not in used]
         self.text = "\n".join([
             f"/* {source.module}.{source.name}: {source.says.replace('*/', '* /')} */",
-            *language.head(self.name, taken, self.returns),
-            *(line for name, _ in taken if name in unused for line in language.unused(name)),
-            *lines, "}", "",
+            *language.head(self.name, taken, self.returns, unused), *lines, "}", "",
         ])  # fmt: skip
 
     def _print(self) -> None:

@@ -1,5 +1,6 @@
 """`export_c`: what is in the folder, what it says, and what is refused."""
 
+import ctypes
 import shutil
 import sys
 import tomllib
@@ -76,7 +77,9 @@ def test_the_folder_says_what_it_holds_and_rebuilds_its_controller(tmp_path):
 
 
 @pytest.mark.usefixtures("gcc")
-def test_cmake_builds_both_precisions_and_ctest_passes(tmp_path, monkeypatch):
+def test_cmake_builds_both_precisions_ctest_passes_and_the_example_comes_to_its_target(
+    tmp_path, monkeypatch
+):
     """And without a compiler the README says that nothing was measured."""
     if shutil.which("cmake") is None:
         pytest.skip("no cmake")
@@ -85,10 +88,11 @@ def test_cmake_builds_both_precisions_and_ctest_passes(tmp_path, monkeypatch):
     text = (folder / "README.md").read_text()
     assert "Not measured here" in text
     assert "**not advised** here: the horizon is 3,600,000 steps" in text
+    strict = f"-DCMAKE_C_FLAGS={' '.join(build.FLAGS)}"
     for flags in ([], ["-DFPID_SINGLE=ON"]):
         built = str(tmp_path / f"build{len(flags)}")
         for command in (
-            ["cmake", "-S", str(folder), "-B", built, *flags],
+            ["cmake", "-S", str(folder), "-B", built, strict, *flags],
             ["cmake", "--build", built, "--parallel", "2"],
             ["ctest", "--test-dir", built, "--output-on-failure"],
         ):
@@ -96,105 +100,80 @@ def test_cmake_builds_both_precisions_and_ctest_passes(tmp_path, monkeypatch):
             assert done.returncode == 0, done.stdout + done.stderr
             assert "warning" not in done.stdout + done.stderr
         assert "100% tests passed" in done.stdout
-    assert finished([f"{built}/fpid_example"]).returncode == 0
+    said = finished([f"{built}/fpid_example"], check=True).stdout
+    assert [abs(float(line.split()[4]) - 0.1) < 0.02 for line in said.splitlines()] == [True] * 2
 
 
-BOTH = """
-#include <stdio.h>
-#include "fpid.h"
-static fpid_state state, saved;
-static void tick(fpid_state *s, int k, int shown) {
-    fpid_input in = {{0}, {0}, {0}, {0}, {0}};
-    fpid_output out = {{0}};
-    for (int j = 0; j < FPID_JOINTS; ++j) { in.q[j] = 0.001 * (k % 100 + j); in.v[j] = 0.1; }
-    int status = fpid_step(s, &in, &out);
-    if (shown) printf("%d %a %a\\n", status, out.torque[0], out.torque[1]);
-}
-int main(int argc, char **argv) {
-    FILE *file;
-    fpid_reset(&state);
-    if (argc > 2) {
-        file = fopen(argv[2], "rb");
-        if (fread(&saved, sizeof saved, 1, file) != 1) return 9;
-        fclose(file);
-        if (fpid_restore(&state, &saved) != FPID_OK) return 1;
-    } else {
-        for (int k = 0; k < 700; ++k) tick(&state, k, 0);
-        file = fopen(argv[1], "wb"); fwrite(&state, sizeof state, 1, file); fclose(file);
-    }
-    for (int k = 700; k < 800; ++k) tick(&state, k, 1);
-    fpid_input bad = {{0.0 / 0.0}, {0}, {0}, {0}, {0}};
-    fpid_output out = {{7.0, 7.0}};
-    saved = state;
-    printf("bad %d %g %d\\n", fpid_step(&state, &bad, &out), out.torque[0],
-           __builtin_memcmp(&saved, &state, sizeof state));
-    state.joints[0].kp = 0.0 / 0.0;
-    tick(&state, 800, 1);
-    return 0;
-}
-"""
+def library(folder):
+    """Return an export as a shared library."""
+    sources = [str(folder / name) for name in ("fpid.c", "fpid_parameters.c")]
+    flags, target = ("-std=c99", "-O2", "-ffp-contract=off", "-shared", "-fPIC"), folder / "fpid.so"
+    finished([build.compiler(), *flags, *sources, "-o", str(target), "-lm"], check=True)
+    return ctypes.CDLL(str(target))
+
+
+def tick(lib, state, k):
+    """Make a tick with angles that depend on its number; return status and torques, 7 at first."""
+    given, torque = np.zeros((5, 2)), np.full(2, 7.0)
+    given[0], given[1] = 1e-3 * (k % 100 + np.arange(2)), 0.1
+    status = lib.fpid_step(state, *(ctypes.c_void_p(x.ctypes.data) for x in (given, torque)))
+    return [status, *torque]
 
 
 @pytest.mark.usefixtures("gcc")
-def test_a_restart_from_a_saved_state_has_no_bump(tmp_path, monkeypatch):
-    compiler = build.compiler()
-    monkeypatch.setattr(build, "compiler", lambda: None)
-    for name, controller in (("one", law()), ("other", law(k1=3.0))):
-        folder = fp.export_c(controller, ARM, 1e-3, tmp_path / name, ticks=5)
-        (folder / "both.c").write_text(BOTH)
-        sources = [str(folder / f"{n}.c") for n in ("both", "fpid", "fpid_parameters")]
-        command = [compiler, "-std=gnu99", "-O2", "-ffp-contract=off", *sources]
-        finished([*command, "-o", str(tmp_path / f"run_{name}"), "-lm"], check=True)
-
-    def run(name, *paths):
-        command = [str(tmp_path / f"run_{name}"), *map(str, paths)]
-        return finished(command)
-
-    went_on = run("one", tmp_path / "state")
-    restarted = run("one", "-", tmp_path / "state")
-    assert restarted.returncode == 0
-    assert restarted.stdout == went_on.stdout
-    lines = went_on.stdout.splitlines()
-    assert len(lines) == 102
-    assert {line.split()[0] for line in lines[:100]} == {"0"}
-    assert lines[100] == "bad 1 7 0", "state and output are as before"
-    assert lines[101].startswith(("2 nan", "2 -nan")), "a torque that is none is told"
-    assert run("other", "-", tmp_path / "state").returncode == 1, "another export's state"
-
-
-def refused(match, controller, arm=ARM, error=ExportError, **others):
-    def check(tmp_path):
-        with pytest.raises(error, match=match) as caught:
-            fp.export_c(controller, arm, 1e-3, tmp_path / "c", **others)
-        assert "\n" not in str(caught.value)
-        assert list(tmp_path.iterdir()) == []
-
-    return check
+def test_a_restart_from_a_saved_state_has_no_bump_and_what_is_bad_is_told(tmp_path, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(build, "compiler", lambda: None)
+        folders = [
+            fp.export_c(controller, ARM, 1e-3, tmp_path / f"k1-{controller.k1:g}", ticks=5)
+            for controller in (law(k1=2.0), law(k1=3.0))
+        ]
+    one, other = map(library, folders)
+    state, again = (ctypes.create_string_buffer(1 << 16) for _ in range(2))
+    one.fpid_reset(state)
+    begun = state.raw
+    for k in range(700):
+        tick(one, state, k)
+    saved = ctypes.create_string_buffer(state.raw)
+    assert other.fpid_restore(again, saved) == 3, "another export's state"
+    assert one.fpid_restore(again, saved) == 0
+    went_on = [tick(one, state, k) for k in range(700, 800)]
+    assert {status for status, *_ in went_on} == {0}
+    assert [tick(one, again, k) for k in range(700, 800)] == went_on
+    before = state.raw
+    assert tick(one, state, np.nan) == [1, 7.0, 7.0]
+    assert state.raw == before, "as it was before a bad input"
+    kp, nan = (np.float64(x).tobytes() for x in (20.0, np.nan))
+    assert kp in begun
+    bad = ctypes.create_string_buffer(begun.replace(kp, nan))
+    status, torque, _ = tick(one, bad, 800)
+    assert status == 2
+    assert np.isnan(torque), "a torque that is none is told"
 
 
-def many(n):
-    return fp.Arm.planar(lengths=[0.1] * n, masses=[0.1] * n)
+CHAOTIC = fp.Supervisor(1.02, 1.0, kind="paper", disturbance_bound=0.5)
+MANY = fp.Arm.planar(lengths=[0.1] * 33, masses=[0.1] * 33)
 
 
 @pytest.mark.parametrize(
-    "check",
+    ("match", "controller", "others"),
     [
-        refused("PythonPd: expected a law by its functions", PythonPd(1.0, 1.0)),
-        refused(r"test_export_folder.py:\d+: torque: cannot be printed: -1.0 < c.e", Unprintable()),
-        refused("expected at most 32 joints, got 33", law(), many(33)),
-        refused("expected one with modes", law(design=fp.fractional.L1()), error=fp.FpidError),
-        refused("expected a controller", 3, error=fp.FpidError),
-        refused("horizon: expected more than one step", law(), error=fp.FpidError, horizon=1e-4),
-        refused(r"ticks: expected a whole number in \[1, 1e\+06\], got 10", law(),
-                error=fp.FpidError, ticks=10**12),
-        refused(
-            "give an experiment", law(observer=50.0, supervisor=fp.Supervisor(
-                1.02, 1.0, kind="paper", disturbance_bound=0.5)), horizon=10.0,
-        ),
+        ("PythonPd: expected a law by its functions", PythonPd(1.0, 1.0), {}),
+        (r"test_export_folder.py:\d+: torque: cannot be printed: -1.0 < c.e", Unprintable(), {}),
+        ("expected at most 32 joints, got 33", law(), {"arm": MANY}),
+        ("expected one with modes", law(design=fp.fractional.L1()), {}),
+        ("expected a controller", 3, {}),
+        ("horizon: expected more than one step", law(), {"horizon": 1e-4}),
+        (r"ticks: expected a whole number in \[1, 1e\+06\], got 10", law(), {"ticks": 10**12}),
+        ("give an experiment", law(observer=50.0, supervisor=CHAOTIC), {"horizon": 10.0}),
     ],
-)  # fmt: skip
-def test_what_cannot_be_exported_is_refused_in_one_line(check, tmp_path):
-    check(tmp_path)
+)
+def test_what_cannot_be_exported_is_refused_in_one_line(match, controller, others, tmp_path):
+    given = {"arm": ARM, "step": 1e-3, "folder": tmp_path / "c", **others}
+    with pytest.raises(fp.FpidError, match=match) as caught:
+        fp.export_c(controller, **given)
+    assert "\n" not in str(caught.value)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_exists_is_left_alone(tmp_path):
@@ -226,13 +205,12 @@ def test_the_command_exports_and_keeps_the_configuration(tmp_path, capsys):
     assert np.array_equal(proof.inputs[:, 0], run.q)
     assert main(command) == 2
     assert "expected a new folder" in capsys.readouterr().err
-    assert main(["export", str(config), "--out", str(tmp_path / "d")]) == 2
-    assert (
-        "expected one controller, or --controller NAME, got 'mine', 'PID'"
-        in capsys.readouterr().err
-    )
-    assert main([*command[:3], "none", "--out", str(tmp_path / "d")]) == 2
-    assert "--controller" in capsys.readouterr().err
+    for words, said in (
+        (command[:2], "expected one controller, or --controller NAME, got 'mine', 'PID'"),
+        ([*command[:3], "none"], "--controller"),
+    ):
+        assert main([*words, "--out", str(tmp_path / "d")]) == 2
+        assert said in capsys.readouterr().err
     assert main([*command[:3], "PID", "--out", str(tmp_path / "d")]) == 0
 
 

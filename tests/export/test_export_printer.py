@@ -1,5 +1,6 @@
 """What the printer prints means the same, and what it cannot print it names by line."""
 
+import ctypes
 import math
 import re
 
@@ -9,7 +10,7 @@ from bounded import finished
 
 from fpid_pin.exceptions import ExportError
 from fpid_pin.export import c99, javascript
-from fpid_pin.export.kinds import INT, REAL, Array, array_kind
+from fpid_pin.export.kinds import INT, REAL, Array, array_kind, words
 from fpid_pin.export.printer import Program
 from fpid_pin.kernels.compiled import kernel
 from fpid_pin.kernels.records import record_type
@@ -59,15 +60,12 @@ def helped(pairs, k):
 
 
 KINDS = [
-    array_kind("pair", np.zeros(2, PAIR), ()),
-    Array(REAL, (4, 2)),
-    REAL,
-    INT,
-    Array(REAL, (3,)),
-]
+    array_kind("pair", np.zeros(2, PAIR), ()), Array(REAL, (4, 2)), REAL, INT, Array(REAL, (3,)),
+]  # fmt: skip
 
 
 def cases():
+    """Return arguments of `mixed`."""
     rng = np.random.default_rng(5)
     for x in (0.1, 0.7, -0.3, math.nan, math.inf, -2.5):
         pairs = np.zeros(2, PAIR)
@@ -75,21 +73,14 @@ def cases():
         yield pairs, rng.normal(size=(4, 2)), x, int(rng.integers(0, 4)), np.zeros(3)
 
 
-def flat(pairs, table, out, result):
-    numbers = [[p.x, p.y, p.count] for p in pairs]
-    return np.concatenate([np.ravel(numbers), table.ravel(), out, [result]])
-
-
-def expected(case):
-    pairs, table, x, k, out = (np.array(a) if isinstance(a, np.ndarray) else a for a in case)
-    with np.errstate(all="ignore"):
-        result = mixed(pairs, table, x, k, out)
-    return flat(pairs, table, out, result)
-
-
-def literal(value):
-    value = float(value)
-    return {"nan": "NAN", "inf": "INFINITY"}.get(repr(value), repr(value))
+def outcomes(function):
+    """Return what a function returns for each case, and leaves in its arrays."""
+    found = []
+    for pairs, table, x, k, out in cases():
+        with np.errstate(all="ignore"):
+            result = function(pairs, table, x, k, out)
+        found += [words(pairs), table.ravel(), out, [result]]
+    return np.concatenate(found)
 
 
 @pytest.mark.usefixtures("gcc")
@@ -97,29 +88,20 @@ def test_c_means_what_python_means(tmp_path):
     language = c99.C99()
     program = Program(language)
     name = program.add(mixed, KINDS).name
-    blocks = []
-    for pairs, table, x, k, _ in cases():
-        both = ", ".join(f"{{{literal(p.x)}, {literal(p.y)}, 0}}" for p in pairs)
-        numbers = ", ".join(map(literal, table.ravel()))
-        blocks.append(
-            f"{{ fpid_pair p[2] = {{{both}}}; double t[8] = {{{numbers}}}; double o[3] = {{0}};\n"
-            f"double r = {name}(p, t, {literal(x)}, {k}, o);\n"
-            "for (int i = 0; i < 2; ++i) { say(p[i].x); say(p[i].y); say(p[i].count); }\n"
-            "for (int i = 0; i < 8; ++i) say(t[i]);\n"
-            "for (int i = 0; i < 3; ++i) say(o[i]);\nsay(r); }\n"
-        )
-    source = tmp_path / "mixed.c"
+    source, library = tmp_path / "mixed.c", str(tmp_path / "mixed.so")
     source.write_text(
-        "#include <tgmath.h>\n#include <stdio.h>\ntypedef double real_t;\n"
+        "#include <tgmath.h>\ntypedef double real_t;\n"
         + c99.helpers(program.text) + language.structs([KINDS[0].element]) + program.text
-        + "static void say(double x) { fwrite(&x, 8, 1, stdout); }\n"
-        + f"int main(void) {{ {''.join(blocks)} return 0; }}\n"
+        + "double run(fpid_pair *, double *, double, int, double *);\n"
+        + "double run(fpid_pair *p, double *t, double x, int k, double *o)\n"
+        + f"{{ return {name}(p, t, x, k, o); }}\n"
     )  # fmt: skip
     flags = ["-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-ffp-contract=off"]
-    binary = str(tmp_path / "mixed")
-    finished(["gcc", *flags, str(source), "-o", binary, "-lm"], check=True)
-    found = np.frombuffer(finished([binary], check=True, text=False).stdout)
-    assert np.array_equal(found, np.concatenate([expected(c) for c in cases()]), equal_nan=True)
+    finished(["gcc", *flags, "-shared", "-fPIC", str(source), "-o", library, "-lm"], check=True)
+    run = ctypes.CDLL(library).run
+    array, real = np.ctypeslib.ndpointer(), ctypes.c_double
+    run.argtypes, run.restype = [array, array, real, ctypes.c_int, array], real
+    assert np.array_equal(outcomes(run), outcomes(mixed), equal_nan=True)
 
 
 def test_javascript_means_what_python_means(node, tmp_path):
@@ -128,16 +110,15 @@ def test_javascript_means_what_python_means(node, tmp_path):
     lines = [
         "const M = new Float64Array(32); const all = []; let r;", javascript.HELPERS, program.text,
     ]  # fmt: skip
-    for pairs, table, x, k, _ in cases():
-        numbers = [*(v for p in pairs for v in (p.x, p.y, 0)), *table.ravel(), 0, 0, 0]
+    for pairs, table, x, k, out in cases():
         x = str(x).replace("inf", "Infinity").replace("nan", "NaN")
-        lines.append(f"M.set({[float(v) for v in numbers]});")
+        lines.append(f"M.set({[*map(float, (*words(pairs), *table.ravel(), *out))]});")
         lines.append(f"r = {name}(0, 6, {x}, {k}, 14); all.push(...M.slice(0, 17), r);")
     lines.append("process.stdout.write(all.map(String).join(' '));")
     path = tmp_path / "mixed.js"
     path.write_text("\n".join(lines))
     found = np.array([float(word.replace("Infinity", "inf")) for word in node(path).split()])
-    assert np.array_equal(found, np.concatenate([expected(c) for c in cases()]), equal_nan=True)
+    assert np.array_equal(found, outcomes(mixed), equal_nan=True)
 
 
 def test_the_text_is_the_equations():
