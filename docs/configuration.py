@@ -140,9 +140,8 @@ def fields(cls: type, leave: Iterable[str] = ()) -> list[str]:
         if key.name in leave:
             continue
         name = "variant" if key.name == "kind" else key.name
-        unit = next((check.unit for check in key.checks if check.unit), "")
         default = "**needed**" if key.required else brief(key.default)
-        row = (f"`{name}`", allowed(key), unit, default, said.get(key.name, ""))
+        row = (f"`{name}`", allowed(key), key.unit, default, said.get(key.name, ""))
         lines.append(f"| {' | '.join(map(cell, row))} |")
     return [*lines, ""] if lines[2:] else []
 

@@ -83,7 +83,7 @@ class Description:
         for key in keys(cast("Any", type(self))).values():
             value = _plain(getattr(self, key.name))
             if key.required or value != _plain(key.default):
-                rows.append((key.name, value, next((c.unit for c in key.checks if c.unit), "")))
+                rows.append((key.name, value, key.unit))
         return listing(type(self).__name__, rows)
 
     def _set(self, **values: Any) -> None:
@@ -104,6 +104,11 @@ class Key:
     family: type | None  # of the descriptions that it holds; None: it holds none
     several: type | None  # Sequence or Mapping where it holds many; a check is then for each
     optional: bool  # whether it may be None
+
+    @property
+    def unit(self) -> str:
+        """Its unit; empty: none."""
+        return next((check.unit for check in self.checks if check.unit), "")
 
     @property
     def is_per_joint(self) -> bool:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio
 import scipy
-from numpy.typing import ArrayLike
 
 from fpid_pin import checks, descriptions
 from fpid_pin._version import __version__
@@ -25,42 +24,41 @@ if TYPE_CHECKING:
 
 #: Fraction of a step by which a row's time may be off the grid; it is measured as if on it.
 JITTER = 0.1
+#: What the names of a law's signals begin with among a run's arrays.
+SIGNAL = "signal_"
 
 
 def on_a_clock(
-    t: ArrayLike, motion: Mapping[str, ArrayLike], signals: Mapping[str, ArrayLike], n: int,
-    resample: float | None,
-) -> tuple[float, FloatArray, dict[str, FloatArray], dict[str, FloatArray]]:  # fmt: skip
-    """Return a step, times k h, and the motion and signals at these times: see `Run.from_arrays`.
+    given: Mapping[str, Any], n: int, resample: float | None
+) -> tuple[float, dict[str, FloatArray]]:
+    """Return a step, and the arrays of a run at times k h: see `Run.from_arrays`.
 
     Rates that are not given are differences of the angles.
     """
-    time = checks.times("t", t)
-    time, rows = time - time[0], len(time)
-    own = {key: _array(key, value, ((rows, n),)) for key, value in motion.items()}
-    shapes = ((rows, n), (rows,))
-    others = {key: _array(f"signals.{key}", value, shapes) for key, value in signals.items()}
+    time = checks.times("t", given["t"])
+    time, rows, arrays = time - time[0], len(time), {}
+    for name, value in given.items():
+        if name == "t" or value is None:
+            continue
+        array = checks.floats(label := name.replace(SIGNAL, "signals."), value)
+        if array.shape != (rows, n) and not (name.startswith(SIGNAL) and array.shape == (rows,)):
+            raise ArgumentError(label, f"shape {(rows, n)} (rows, joints)", f"shape {array.shape}")
+        arrays[name] = array.copy()
     for rate, angle in (("v", "q"), ("v_ref", "q_ref")):
-        if rate not in own:
-            own[rate] = np.gradient(own[angle], time, axis=0)
+        if rate not in arrays:
+            arrays[rate] = np.gradient(arrays[angle], time, axis=0)
     if resample is None:
         step = _uniform_step(time)
-        return step, step * np.arange(rows, dtype=np.float64), own, others
+        return step, {"t": step * np.arange(rows, dtype=np.float64)} | arrays
     step = checks.number("resample", resample, above=0.0)
-    count = checks.sample_count(float(time[-1]), step)
-    grid: FloatArray = step * np.arange(count, dtype=np.float64)
-    own, others = (
-        {key: _interpolated(grid, time, array) for key, array in table.items()}
-        for table in (own, others)
-    )
-    return step, grid, own, others
+    grid = step * np.arange(checks.sample_count(float(time[-1]), step), dtype=np.float64)
 
+    def interpolated(column: FloatArray) -> FloatArray:
+        return np.interp(grid, time, column)
 
-def _array(name: str, value: ArrayLike, shapes: tuple[tuple[int, ...], ...]) -> FloatArray:
-    array = checks.floats(name, value)
-    if array.shape not in shapes:
-        raise ArgumentError(name, f"shape {shapes[0]} (rows, joints)", f"shape {array.shape}")
-    return array.copy()
+    return step, {"t": grid} | {
+        name: np.apply_along_axis(interpolated, 0, array) for name, array in arrays.items()
+    }
 
 
 def _uniform_step(time: FloatArray) -> float:
@@ -74,12 +72,6 @@ def _uniform_step(time: FloatArray) -> float:
             f"row {worst} off by {off[worst]:.3g} s",
         )  # fmt: skip
     return step
-
-
-def _interpolated(grid: FloatArray, time: FloatArray, array: FloatArray) -> FloatArray:
-    columns = array.reshape(len(time), -1).T
-    found = np.stack([np.interp(grid, time, column) for column in columns], axis=1)
-    return found.reshape(len(grid), *array.shape[1:])
 
 
 def describe_run(experiment: Experiment, controller: Controller, dynamics: str) -> dict[str, Any]:

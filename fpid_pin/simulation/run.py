@@ -21,11 +21,10 @@ from fpid_pin.costs.cost import MOTION
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.resources import needed
 from fpid_pin.simulation.experiment import Experiment, Outcome
-from fpid_pin.simulation.recorded import meta_of, metrics_of, on_a_clock
+from fpid_pin.simulation.recorded import SIGNAL, meta_of, metrics_of, on_a_clock
 from fpid_pin.text import html_table, shown
 
 KIND = "run file"
-_SIGNAL = "signal_"
 _HEAD = ("joint", "in", "RMS", "tail", "peak error", "settled after [s]", "peak torque",
          "at its limit [%]")  # fmt: skip
 
@@ -168,18 +167,24 @@ class Run:
             if array.shape not in ((rows,), (rows, n)):
                 expected = f"a signal with {rows} rows"
                 raise ArgumentError(f"signals.{name}", expected, f"shape {array.shape}")
-        arrays = {name: getattr(self, name) for name in ("t", *MOTION)}
-        arrays |= {f"{_SIGNAL}{name}": array for name, array in self.signals.items()}
-        table = dict(self.meta) | {
-            "outcome": dataclasses.asdict(self.outcome),
-            "step": self.step,
-            "planned_rows": self.planned_rows,
-        }
+        own = {"outcome": dataclasses.asdict(self.outcome), "step": self.step}
+        table = dict(self.meta) | own | {"planned_rows": self.planned_rows}
         path = Path(path)
         if path.suffix != ".npz":
             path = path.with_name(path.name + ".npz")
-        npz.write(path, KIND, table, arrays, compressed=compressed)
+        npz.write(path, KIND, table, self._arrays(), compressed=compressed)
         return path
+
+    def _arrays(self) -> dict[str, FloatArray]:
+        """Return all arrays by the names that they have in a file."""
+        own = {name: getattr(self, name) for name in ("t", *MOTION)}
+        return own | {f"{SIGNAL}{name}": array for name, array in self.signals.items()}
+
+    @classmethod
+    def _of(cls, arrays: Mapping[str, Any], **about: Any) -> Run:
+        """Make a run of what `_arrays` returns."""
+        signals = {n.removeprefix(SIGNAL): a for n, a in arrays.items() if n.startswith(SIGNAL)}
+        return cls(**{name: arrays[name] for name in ("t", *MOTION)}, signals=signals, **about)
 
     @classmethod
     def load(cls, path: str | Path) -> Run:
@@ -193,16 +198,8 @@ class Run:
             It is compressed, and pcodec is not installed.
         """
         arrays, meta = npz.read(path, KIND)
-        signals = {
-            name.removeprefix(_SIGNAL): arrays.pop(name)
-            for name in list(arrays)
-            if name.startswith(_SIGNAL)
-        }
-        outcome, step, planned = (meta.pop(name) for name in ("outcome", "step", "planned_rows"))
-        return cls(
-            **arrays, signals=signals, outcome=Outcome(**outcome), step=step,
-            planned_rows=planned, meta=meta,
-        )  # fmt: skip
+        own = {name: meta.pop(name) for name in ("step", "planned_rows")}
+        return cls._of(arrays, outcome=Outcome(**meta.pop("outcome")), **own, meta=meta)
 
     def thinned(self, every: int) -> Run:
         """Return the run with one row in `every`, the first among them.
@@ -220,10 +217,9 @@ class Run:
         step = self.step * every
         if step > checks.STEPS[1]:
             raise ArgumentError("every", f"rows at most {checks.STEPS[1]:g} s apart", f"{step:g} s")
-        arrays = {name: getattr(self, name)[::every].copy() for name in ("t", *MOTION)}
-        return dataclasses.replace(
-            self, **arrays, signals={name: a[::every].copy() for name, a in self.signals.items()},
-            step=step, planned_rows=-(-self.planned_rows // every),
+        return self._of(
+            {name: array[::every].copy() for name, array in self._arrays().items()},
+            outcome=self.outcome, step=step, planned_rows=-(-self.planned_rows // every),
             meta=dict(self.meta) | {"every": every * int(self.meta.get("every", 1))},
         )  # fmt: skip
 
@@ -235,7 +231,7 @@ class Run:
         """
         about = self._about() | {"joint_names": list(self.arm.joint_names)}
         del about["units"]
-        return self._arrays() | about | {"meta": json.dumps(about["meta"])}
+        return self._shown() | about | {"meta": json.dumps(about["meta"])}
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with a column for each number of a row.
@@ -275,7 +271,7 @@ class Run:
             A signal that is called as an array of the motion.
         """
         found = {}
-        for name, array in self._arrays().items():
+        for name, array in self._shown().items():
             if array.ndim == 1:
                 found[name] = array
             else:
@@ -283,12 +279,12 @@ class Run:
                 found |= zip(heads, array.T, strict=True)
         return found
 
-    def _arrays(self) -> dict[str, FloatArray]:
-        own = {name: getattr(self, name) for name in ("t", *MOTION)}
-        taken = sorted(self.signals.keys() & own.keys())
-        if taken:
+    def _shown(self) -> dict[str, FloatArray]:
+        """Return all arrays by the names that they have for other programs."""
+        own = ("t", *MOTION)
+        if taken := sorted(self.signals.keys() & {*own}):
             raise ArgumentError("signals", f"other names than {', '.join(own)}", taken[0])
-        return own | dict(self.signals)
+        return {name.removeprefix(SIGNAL): array for name, array in self._arrays().items()}
 
     def _about(self) -> dict[str, Any]:
         """Return what goes with the columns; a signal's unit is the law's to say."""
@@ -363,19 +359,17 @@ class Run:
         checks.instance("arm", arm, Arm, "an Arm")
         if controller is not None:
             checks.instance("controller", controller, Controller, "a Controller")
-        given = {"q": q, "q_ref": q_ref, "torque": torque, "v": v, "v_ref": v_ref}
-        motion = {key: value for key, value in given.items() if value is not None}
-        step, time, arrays, own = on_a_clock(t, motion, signals or {}, arm.n, resample)
-        return cls(
-            time, **arrays, signals=own, outcome=Outcome(True, float(time[-1])), step=step,
-            planned_rows=len(time), meta=meta_of(name, arm, controller, arm.effort_limit),
+        given = {"t": t, "q": q, "q_ref": q_ref, "torque": torque, "v": v, "v_ref": v_ref}
+        given |= {f"{SIGNAL}{key}": value for key, value in (signals or {}).items()}
+        step, arrays = on_a_clock(given, arm.n, resample)
+        time = arrays["t"]
+        return cls._of(
+            arrays, outcome=Outcome(True, float(time[-1])), step=step, planned_rows=len(time),
+            meta=meta_of(name, arm, controller, arm.effort_limit),
         )  # fmt: skip
 
     @classmethod
     def from_record(cls, record: Record, name: str = "recorded") -> Run:
         """Make a run of what a loop has recorded (`Loop.record`)."""
-        arrays: dict[str, Any] = record.arrays()
-        signals, controller = record.signals(), record.controller
-        return cls.from_arrays(
-            **arrays, arm=record.arm, signals=signals, controller=controller, name=name
-        )
+        about: dict[str, Any] = record.arrays() | {"signals": record.signals()}
+        return cls.from_arrays(**about, arm=record.arm, controller=record.controller, name=name)

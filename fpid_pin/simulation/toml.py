@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,8 +16,6 @@ from fpid_pin.text import listed
 
 #: Keys of ``[simulation]``: the arguments of `Experiment` that have no table of their own.
 SIMULATION = ("step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0")
-# Stands for a list of plain values while the rest is written: no text of a user's begins with it.
-_MARK = "\ue000"
 
 
 def to_toml(
@@ -61,16 +60,17 @@ def to_toml(
     things = [*laws.values(), first.reference, *(e.plant for e in several.values())]
     if files := own_files(things):
         head["import"] = files
-    conditions = [
-        {"name": name} | {key: _without_kind(table[key]) for key in own & table.keys()}
-        for name, table in zip(several, tables, strict=True)
-    ]
     rest = {"arm": tables[0]["arm"], "reference": tables[0]["reference"]}
     rest["simulation"] = {key: tables[0][key] for key in SIMULATION if key in tables[0]}
+    found = [
+        {"name": name} | {key: _without_kind(table[key]) for key in sorted(own & table.keys())}
+        for name, table in zip(several, tables, strict=True)
+    ]
     if isinstance(experiments, Experiment):
-        rest |= {key: _without_kind(tables[0][key]) for key in sorted(own & tables[0].keys())}
+        del found[0]["name"]
+        rest |= found[0]
     else:
-        rest["condition"] = conditions
+        rest["condition"] = found
     text = "\n".join([toml_text(head | rest), controllers_toml(laws)])
     if '"custom"' in text and (odd := _unnamed([rest, *map(descriptions.to_dict, laws.values())])):
         raise ArgumentError("experiments, controllers", "classes named by fpid_pin.described", odd)
@@ -95,50 +95,24 @@ def controllers_toml(laws: Mapping[str, Controller], notes: Mapping[str, str] | 
     parts = []
     for name, law in laws.items():
         table = {"name": name} | descriptions.to_dict(law) | {"name": name}
-        lines = toml_text({"controller": [table]}).splitlines()
-        units = {
-            key.name: next((check.unit for check in key.checks if check.unit), "")
-            for key in descriptions.keys(type(law)).values()
-        }
-        own = next(
-            (k for k, line in enumerate(lines) if line.startswith("[controller")), len(lines)
-        )
-        for k, line in enumerate(lines[:own] if table.get("scale") == "none" else []):
-            unit = units.get(line.partition(" = ")[0], "")
-            lines[k] += f"  # [{unit}]" if unit else ""
-        lines[0] += f"  # {notes[name]}" if notes and name in notes else ""
-        parts.append("\n".join([*lines, ""]))
+        own, *rest = toml_text({"controller": [table]}).partition("\n[")
+        if table.get("scale") == "none":
+            for key in descriptions.keys(type(law)).values():
+                noted = rf"\g<0>  # [{key.unit}]" if key.unit else r"\g<0>"
+                own = re.sub(rf"(?m)^{key.name} = .*", noted, own)
+        if notes and name in notes:
+            own = own.replace("\n", f"  # {notes[name]}\n", 1)
+        parts.append("".join([own, *rest]))
     return "\n".join(parts)
 
 
 def toml_text(table: Mapping[str, Any]) -> str:
-    """Return a table as TOML, each list of plain values on one line."""
+    """Return a table as TOML, each list on one line."""
     import tomli_w
 
-    lists: list[str] = []
-
-    def marked(value: Any) -> Any:
-        if isinstance(value, Mapping):
-            return {key: marked(item) for key, item in value.items()}
-        if not isinstance(value, (list, tuple)):
-            return value
-        if any(isinstance(item, Mapping) for item in value):
-            return [marked(item) for item in value]
-        lists.append(_inline(value))
-        return f"{_MARK}{len(lists) - 1}"
-
-    text = tomli_w.dumps(marked(table))
-    for k, written in reversed([*enumerate(lists)]):
-        text = text.replace(f'"{_MARK}{k}"', written)
-    return text
-
-
-def _inline(value: Any) -> str:
-    import tomli_w
-
-    if isinstance(value, (list, tuple)):
-        return f"[{', '.join(map(_inline, value))}]"
-    return tomli_w.dumps({"x": value}).partition(" = ")[2].strip()
+    # Where nothing is indented, a line ends in "[" or "," only within a list.
+    text = tomli_w.dumps(table, indent=0)
+    return text.replace(",\n]", "]").replace("[\n", "[").replace(",\n", ", ")
 
 
 def _without_kind(table: Mapping[str, Any]) -> dict[str, Any]:
