@@ -45,7 +45,7 @@ from fpid_pin.control import (
     gain_ceilings,
     stability_report,
 )
-from fpid_pin.control.damping import FrozenLoops, between
+from fpid_pin.control.ceilings import FrozenLoops, between
 from fpid_pin.control.gains import impossible_joints
 from fpid_pin.control.poses import seeded_poses
 from fpid_pin.simulation.limits import limit_report

@@ -22,7 +22,6 @@ from fpid_pin.arms.tables import _KINDS
 from fpid_pin.campaign import Distribution, Scenarios, Success
 from fpid_pin.campaign.uncertain import QUANTITIES
 from fpid_pin.cli.plans import CampaignTable, TuneTable
-from fpid_pin.control.gains import explain_gains
 from fpid_pin.disturbances import Disturbance
 from fpid_pin.fractional.design import Design
 from fpid_pin.references import Reference
@@ -60,9 +59,7 @@ each joint. Files' paths start at the folder of the file that names them.
 
 
 #: Where more is said of a table's keys.
-ALSO: dict[type, Any] = {
-    fp.SuggestedFpid: explain_gains, TuneTable: SearchSettings, CampaignTable: Scenarios,
-}  # fmt: skip
+ALSO: dict[type, Any] = {TuneTable: SearchSettings, CampaignTable: Scenarios}
 
 
 def described_fields(*things: Any) -> dict[str, str]:

@@ -13,12 +13,11 @@ from fpid_pin.control.gains import (
 )
 from fpid_pin.control.law import Controller, Derivative, Integral, Operator
 from fpid_pin.control.loop import Loop, Record
-from fpid_pin.control.observer_bandwidth import suggest_observer
 from fpid_pin.control.pid import GravityOnly, PdGravity, Pid
 from fpid_pin.control.robot_loop import EncoderRate, RobotLoop, Ticks
 from fpid_pin.control.sliding_mode import SlidingMode
 from fpid_pin.control.slotine_li import SlotineLi
-from fpid_pin.control.stability import StabilityReport, stability_report
+from fpid_pin.control.stability import StabilityReport, stability_report, suggest_observer
 from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
 
 __all__ = [

@@ -6,18 +6,24 @@ import dataclasses
 import logging
 import warnings
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.checks import Flag, FloatArray, Number, OneOf
-from fpid_pin.control.ceilings import DerivativeBound, gain_table
-from fpid_pin.control.damping import SLACK, FrozenLoops, damped_box, nearest_gains
+from fpid_pin.control.ceilings import (
+    SLACK,
+    DerivativeBound,
+    FrozenLoops,
+    damped_box,
+    gain_table,
+    nearest_gains,
+)
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
 from fpid_pin.control.law import Controller
-from fpid_pin.control.observer_bandwidth import suggest_observer
 from fpid_pin.control.poses import joints_that_fall, seeded_poses
+from fpid_pin.control.stability import suggest_observer
 from fpid_pin.descriptions import described
 from fpid_pin.exceptions import FpidWarning
 from fpid_pin.resources import one_blas_thread
@@ -52,7 +58,6 @@ RAISE, LOWER = 4.0, 0.7
 
 #: In place of a number, of which one is then found.
 SUGGESTED = "suggested"
-Bandwidth = Annotated[float | str, OneOf(SUGGESTED), Number("rad/s", low=0.0)]
 
 _log = logging.getLogger("fpid_pin")
 
@@ -87,54 +92,13 @@ class GainSuggestion:
         return "\n".join([f"bandwidths {w} rad/s, damping ratio {ratios}", *self.notes])
 
 
-def suggest_gains(
-    arm: Arm,
-    bandwidth: float = 10.0,
-    *,
-    integral_order: float = 0.9,
-    derivative_order: float | None = None,
-    adaptive: bool = True,
-    feedforward: bool = False,
-    observer: float | str = 0.0,
-    step: float = 1e-3,
-    horizon: float = 3600.0,
-    name: str = "",
-) -> AdaptiveFpid:
-    """Return an adaptive FPID that follows slow references on `arm` without any tuning.
-
-    The same as `explain_gains`, without the explanation: that goes to the logger ``fpid_pin``,
-    level INFO.
-    """
-    found = explain_gains(
-        arm, bandwidth, integral_order=integral_order, derivative_order=derivative_order,
-        adaptive=adaptive, feedforward=feedforward, observer=observer, step=step, horizon=horizon,
-        name=name,
-    )  # fmt: skip
-    for note in found.notes:
-        _log.info("%s: %s", arm.name, note)
-    return found.controller
-
-
-@one_blas_thread()
-def explain_gains(
-    arm: Arm,
-    bandwidth: float = 10.0,
-    *,
-    integral_order: float = 0.9,
-    derivative_order: float | None = None,
-    adaptive: bool = True,
-    feedforward: bool = False,
-    observer: float | str = 0.0,
-    step: float = 1e-3,
-    horizon: float = 3600.0,
-    name: str = "",
-) -> GainSuggestion:
-    """Return gains with which an arm follows slow references, and why they are as they are.
+@described("suggested_fpid")
+@dataclass(frozen=True, eq=False)
+class SuggestedFpid(Controller):
+    """The adaptive FPID of `suggest_gains`, on whatever arm it is started: for configurations.
 
     Parameters
     ----------
-    arm
-        The nominal arm.
     bandwidth
         w [rad/s]; ten times the fastest motion that is asked for is a good start.
     integral_order
@@ -145,12 +109,149 @@ def explain_gains(
         a derivative of the same weight at w asks of the step.
     adaptive
         False: the same gains, fixed.
-    feedforward, observer
+    order_learning_rate
+        Of both orders, 0: they stay; or ``"suggested"``: rates and bounds of `adapt_orders`.
+    feedforward, observer, supervisor
         See `AdaptiveFpid`; the observer may be ``"suggested"``: see `suggest_observer`.
-    step, horizon
-        Of the sampled loop [s].
     name
         What tables and figures call it.
+    """
+
+    bandwidth: Annotated[float, Number("rad/s", above=0.0)] = 10.0
+    integral_order: Annotated[float, Number(low=0.0, high=1.0)] = 0.9
+    derivative_order: Annotated[float | None, Number(low=0.0, high=1.0)] = None
+    adaptive: Annotated[bool, Flag] = True
+    order_learning_rate: Annotated[float | str, OneOf(SUGGESTED), Number(low=0.0)] = 0.0
+    observer: Annotated[float | str, OneOf(SUGGESTED), Number("rad/s", low=0.0)] = field(
+        default=0.0, kw_only=True
+    )  # type: ignore[assignment]
+    name: str = field(default="FPID, suggested gains", kw_only=True)
+
+    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> AdaptiveFpid:
+        """Return the controller that this is on `arm`."""
+        found = self.explained(arm, step, horizon)
+        for note in found.notes:
+            _log.info("%s: %s", arm.name, note)
+        return found.controller
+
+    @one_blas_thread()
+    def explained(self, arm: Arm, step: float, horizon: float) -> GainSuggestion:
+        """Return that controller, and why its gains are as they are: see `explain_gains`."""
+        w, step = self.bandwidth, checks.number("step", step, above=0.0)
+        for reason in impossible_joints(arm):
+            warnings.warn(reason, FpidWarning, stacklevel=4)
+        law, bound = self._wanted(arm, step, horizon)
+        scale, mu = law.scale_on(arm), float(np.asarray(law.derivative_order))
+        notes = []
+        if self.derivative_order is None and mu < ORDERS[0]:
+            reason = f"at a step of {1e3 * step:g} ms the loop bears too little Kd otherwise"
+            notes.append(f"derivative order {mu:g} instead of {ORDERS[0]:g}: {reason}")
+        wanted = scale * gain_table(law, arm.n)
+        poses = bound.critical_poses(scale)
+        loops = FrozenLoops(arm, law, poses, step=step, horizon=200.0 / w)
+        least = np.array([HOME_DAMPING] + [POSE_DAMPING] * (len(poses) - 1))
+        gains = nearest_gains(loops, bound, wanted, part=MOST_PART, damping=least)
+        found = loops.ratios(gains)
+        for joint, ratio in zip(arm.joint_names, (gains / wanted).T, strict=True):
+            if ratio.min() < LOWERED:
+                names = zip(("Kp", "Ki", "Kd"), ratio, strict=True)
+                cut = ", ".join(f"{k} at {100.0 * x:.2g} %" for k, x in names if x < LOWERED)
+                notes.append(f"joint {joint}: {cut} of what {w:g} rad/s ask for, to be damped")
+        short = float((least - found).max())
+        if short > 2.0 * SLACK:
+            notes.append(
+                f"damping ratios are {short:.2f} less than wanted: nothing better is found"
+            )
+        if found.min() <= 0.0:
+            warnings.warn(
+                f"{arm.name}: at a step of {1e3 * step:g} ms no gains are found that are stable at "
+                "every pose; a shorter step or less bandwidth may do", FpidWarning, stacklevel=4,
+            )  # fmt: skip
+        kp, ki, kd = gains / scale
+        law = dataclasses.replace(law, kp=kp, ki=ki, kd=kd)
+        observer = self.observer
+        if observer == SUGGESTED:
+            observer = suggest_observer(arm, law, step=step)
+        law = dataclasses.replace(
+            law, feedforward=self.feedforward, observer=float(observer), supervisor=self.supervisor
+        )
+        if law.observer:
+            notes.append("damping ratios and projection are those of the law without its observer")
+        if self.adaptive:
+            law, part = _adapting(arm, law, loops, bound, w)
+            if part < 1.0:
+                way = f"{100.0 * part:.0f} % of the way to {LOWER:g} and {RAISE:g} times"
+                notes.append(
+                    f"projection goes {way} the gains or to their ceilings, to stay damped"
+                )
+        if (rate := self.order_learning_rate) == SUGGESTED:
+            law = adapt_orders(law, arm)
+        else:
+            law = dataclasses.replace(law, order_learning_rate=rate)
+        return GainSuggestion(
+            controller=law,
+            bandwidth=checks.read_only(np.sqrt(kp)),
+            damping_ratio=float(found[0]),
+            least_damping_ratio=float(found.min()),
+            notes=tuple(notes),
+        )
+
+    def _wanted(
+        self, arm: Arm, step: float, horizon: float
+    ) -> tuple[AdaptiveFpid, DerivativeBound]:
+        """Return the law of a bandwidth on this arm, not yet lowered, and the bound on its Kd."""
+        w, lam, mu = self.bandwidth, self.integral_order, self.derivative_order
+        weight = np.abs([arm.gravity_vector(q) for q in seeded_poses(arm, 200, 0)]).max(axis=0)
+        inertia = np.diag(arm.mass_matrix(arm.home))
+        scale = inertia + arm.viscous_friction / w + arm.dry_friction / (FRICTION_ERROR * w**2)
+        scale = scale + weight / (WEIGHT_ERROR * w**2)
+        scale = np.minimum(scale, np.maximum(arm.effort_limit / (EFFORT_ERROR * w**2), 1e-9))
+        unit = 0.0
+        for order in ORDERS if mu is None else (mu,):
+            kd = 2.0 * w ** (2.0 - order)
+            law = AdaptiveFpid(
+                kp=w**2, ki=INTEGRAL_PART * w ** (2.0 + lam), kd=kd, integral_order=lam,
+                derivative_order=order, learning_rate=0.0, scale=scale, name=self.name,
+            )  # fmt: skip
+            bound = DerivativeBound(arm, law, step=step, horizon=horizon)
+            # One order for all joints: only the ratio of Kd and what a joint bears differs.
+            ratio = kd / bound.critical[0]
+            unit = unit or bound.worst(kd * scale)[0] / ratio
+            if unit * ratio <= START_PART:
+                break
+        return law, bound
+
+
+def suggest_gains(
+    arm: Arm, bandwidth: float = 10.0, *, step: float = 1e-3, horizon: float = 3600.0,
+    **options: Any,
+) -> AdaptiveFpid:  # fmt: skip
+    """Return an adaptive FPID that follows slow references on `arm` without any tuning.
+
+    The same as `explain_gains`, without the explanation: that goes to the logger ``fpid_pin``,
+    level INFO.
+    """
+    asked = SuggestedFpid(bandwidth, **{"name": ""} | options)
+    return asked.on(arm, step=step, horizon=horizon)
+
+
+def explain_gains(
+    arm: Arm, bandwidth: float = 10.0, *, step: float = 1e-3, horizon: float = 3600.0,
+    **options: Any,
+) -> GainSuggestion:  # fmt: skip
+    """Return gains with which an arm follows slow references, and why they are as they are.
+
+    Parameters
+    ----------
+    arm
+        The nominal arm.
+    bandwidth
+        w [rad/s].
+    step, horizon
+        Of the sampled loop [s].
+    **options
+        `integral_order`, `derivative_order`, `adaptive`, `feedforward`, `observer`, `name` and what
+        else `SuggestedFpid` has.
 
     Returns
     -------
@@ -171,58 +272,8 @@ def explain_gains(
         Joints whose effort limit does not carry the arm at home, or does not overcome their dry
         friction: no gains can make them follow. And poses at which no stable gains were found.
     """
-    w = checks.number("bandwidth", bandwidth, above=0.0)
-    step = checks.number("step", step, above=0.0)
-    if isinstance(observer, str):
-        checks.choice("observer", observer, (SUGGESTED,))
-    else:
-        checks.number("observer", observer, low=0.0)
-    for reason in impossible_joints(arm):
-        warnings.warn(reason, FpidWarning, stacklevel=3)
-    law, bound = _nominal(arm, w, integral_order, derivative_order, step, horizon, name)
-    scale, mu = law.scale_on(arm), float(np.asarray(law.derivative_order))
-    notes = []
-    if derivative_order is None and mu < ORDERS[0]:
-        reason = f"at a step of {1e3 * step:g} ms the loop bears too little Kd otherwise"
-        notes.append(f"derivative order {mu:g} instead of {ORDERS[0]:g}: {reason}")
-    wanted = scale * gain_table(law, arm.n)
-    poses = bound.critical_poses(scale)
-    loops = FrozenLoops(arm, law, poses, step=step, horizon=200.0 / w)
-    least = np.array([HOME_DAMPING] + [POSE_DAMPING] * (len(poses) - 1))
-    gains = nearest_gains(loops, bound, wanted, part=MOST_PART, damping=least)
-    found = loops.ratios(gains)
-    for joint, ratio in zip(arm.joint_names, (gains / wanted).T, strict=True):
-        if ratio.min() < LOWERED:
-            names = zip(("Kp", "Ki", "Kd"), ratio, strict=True)
-            cut = ", ".join(f"{k} at {100.0 * x:.2g} %" for k, x in names if x < LOWERED)
-            notes.append(f"joint {joint}: {cut} of what {w:g} rad/s ask for, to be damped")
-    short = float((least - found).max())
-    if short > 2.0 * SLACK:
-        notes.append(f"damping ratios are {short:.2f} less than wanted: nothing better is found")
-    if found.min() <= 0.0:
-        warnings.warn(
-            f"{arm.name}: at a step of {1e3 * step:g} ms no gains are found that are stable at "
-            "every pose; a shorter step or less bandwidth may do", FpidWarning, stacklevel=3,
-        )  # fmt: skip
-    kp, ki, kd = gains / scale
-    law = dataclasses.replace(law, kp=kp, ki=ki, kd=kd)
-    if observer == SUGGESTED:
-        observer = suggest_observer(arm, law, step=step)
-    law = dataclasses.replace(law, feedforward=feedforward, observer=float(observer))
-    if law.observer:
-        notes.append("damping ratios and projection are those of the law without its observer")
-    if adaptive:
-        law, part = _adapting(arm, law, loops, bound, w)
-        if part < 1.0:
-            way = f"{100.0 * part:.0f} % of the way to {LOWER:g} and {RAISE:g} times"
-            notes.append(f"projection goes {way} the gains or to their ceilings, to stay damped")
-    return GainSuggestion(
-        controller=law,
-        bandwidth=checks.read_only(np.sqrt(kp)),
-        damping_ratio=float(found[0]),
-        least_damping_ratio=float(found.min()),
-        notes=tuple(notes),
-    )
+    asked = SuggestedFpid(bandwidth, **{"name": ""} | options)
+    return asked.explained(arm, step, horizon)
 
 
 def impossible_joints(arm: Arm) -> list[str]:
@@ -237,31 +288,6 @@ def impossible_joints(arm: Arm) -> list[str]:
         for joint, dry, limit, unit in each
         if limit <= dry
     ]
-
-
-def _nominal(
-    arm: Arm, w: float, lam: float, mu: float | None, step: float, horizon: float, name: str
-) -> tuple[AdaptiveFpid, DerivativeBound]:
-    """Return the law of a bandwidth on this arm, not yet lowered, and the bound on its Kd."""
-    weight = np.abs([arm.gravity_vector(q) for q in seeded_poses(arm, 200, 0)]).max(axis=0)
-    inertia = np.diag(arm.mass_matrix(arm.home))
-    scale = inertia + arm.viscous_friction / w + arm.dry_friction / (FRICTION_ERROR * w**2)
-    scale = scale + weight / (WEIGHT_ERROR * w**2)
-    scale = np.minimum(scale, np.maximum(arm.effort_limit / (EFFORT_ERROR * w**2), 1e-9))
-    unit = 0.0
-    for order in ORDERS if mu is None else (mu,):
-        kd = 2.0 * w ** (2.0 - order)
-        law = AdaptiveFpid(
-            kp=w**2, ki=INTEGRAL_PART * w ** (2.0 + lam), kd=kd, integral_order=lam,
-            derivative_order=order, learning_rate=0.0, scale=scale, name=name,
-        )  # fmt: skip
-        bound = DerivativeBound(arm, law, step=step, horizon=horizon)
-        # One order for all joints: only the ratio of Kd and what a joint bears differs.
-        ratio = kd / bound.critical[0]
-        unit = unit or bound.worst(kd * scale)[0] / ratio
-        if unit * ratio <= START_PART:
-            break
-    return law, bound
 
 
 def _adapting(
@@ -282,42 +308,6 @@ def _adapting(
         minimum=np.minimum(low / scale, initial), maximum=np.maximum(high / scale, initial)
     )
     return dataclasses.replace(law, learning_rate=initial / strength, safeguards=guards), part
-
-
-@described("suggested_fpid")
-@dataclass(frozen=True, eq=False)
-class SuggestedFpid(Controller):
-    """The adaptive FPID of `suggest_gains`, on whatever arm it is started: for configurations.
-
-    Parameters
-    ----------
-    bandwidth, integral_order, derivative_order, adaptive, feedforward, observer
-        See `suggest_gains`.
-    order_learning_rate
-        Of both orders, 0: they stay; or ``"suggested"``: rates and bounds of `adapt_orders`.
-    name
-        What tables and figures call it.
-    """
-
-    bandwidth: Annotated[float, Number("rad/s", above=0.0)] = 10.0
-    integral_order: Annotated[float, Number(low=0.0, high=1.0)] = 0.9
-    derivative_order: Annotated[float | None, Number(low=0.0, high=1.0)] = None
-    adaptive: Annotated[bool, Flag] = True
-    order_learning_rate: Annotated[float | str, OneOf(SUGGESTED), Number(low=0.0)] = 0.0
-    observer: Bandwidth = field(default=0.0, kw_only=True)  # type: ignore[assignment]
-    name: str = field(default="FPID, suggested gains", kw_only=True)
-
-    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> AdaptiveFpid:
-        """Return the controller that this is on `arm`."""
-        law = suggest_gains(
-            arm, self.bandwidth, integral_order=self.integral_order,
-            derivative_order=self.derivative_order, adaptive=self.adaptive,
-            feedforward=self.feedforward, observer=self.observer, step=step, horizon=horizon,
-            name=self.name,
-        )  # fmt: skip
-        if self.order_learning_rate == SUGGESTED:
-            return adapt_orders(law, arm)
-        return dataclasses.replace(law, order_learning_rate=self.order_learning_rate)
 
 
 def adapt_orders(controller: AdaptiveFpid, arm: Arm, *, speed: float = 1.0) -> AdaptiveFpid:

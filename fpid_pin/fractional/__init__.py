@@ -2,12 +2,16 @@
 
 from fpid_pin.fractional.bank import Bank
 from fpid_pin.fractional.crone import Crone
-from fpid_pin.fractional.definitions import caputo, grunwald_letnikov, riemann_liouville
+from fpid_pin.fractional.definitions import (
+    L1,
+    GrunwaldLetnikov,
+    caputo,
+    grunwald_letnikov,
+    riemann_liouville,
+)
 from fpid_pin.fractional.design import Design, Modes
 from fpid_pin.fractional.exponential_sum import ExponentialSum
-from fpid_pin.fractional.history import L1, GrunwaldLetnikov
-from fpid_pin.fractional.linear_system import state_space
-from fpid_pin.fractional.operator_report import OperatorReport, report
+from fpid_pin.fractional.operator_report import OperatorReport, report, state_space
 
 __all__ = [
     "L1",

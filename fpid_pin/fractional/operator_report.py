@@ -1,4 +1,4 @@
-"""A design's errors, gains and cost, against the exact operator: one table and one figure.
+"""A design's errors, gains and cost, against the exact operator, and it as a linear system.
 
 What it does to a sinusoid, to a step and to noise is in functions of their own, for orders
 (orders,), step and horizon [s].
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
 from fpid_pin.fractional.bank import Bank
 from fpid_pin.fractional.crone import Crone
@@ -27,6 +28,7 @@ from fpid_pin.fractional.design import (
     Design,
     check_grid,
     check_order,
+    integrate_step,
     modes_of,
 )
 from fpid_pin.fractional.exponential_sum import ExponentialSum
@@ -34,19 +36,18 @@ from fpid_pin.text import ReprMixin
 
 TRUSTED_WITHIN = 0.01
 
-#: The table's columns: attribute, title, what its numbers are, width.
+#: The table's columns: attribute, title, what its numbers are.
 _COLUMNS = (
-    ("order", "order", "", 8),
-    ("magnitude_error", "magnitude", "dB", 10),
-    ("phase_error", "phase", "deg", 10),
-    ("kernel_error", "kernel", "relative", 10),
-    ("error_bound", "bound", "of |f'|", 10),
-    ("lowest_frequency", "trusted", "from rad/s", 11),
-    ("highest_frequency", "trusted", "to rad/s", 10),
-    ("longest_horizon", "trusted", "to s", 10),
-    ("nyquist_gain", "Nyquist", "gain", 9),
-    ("noise_from_value", "noise", "from f", 9),
-    ("noise_from_rate", "noise", "from f'", 9),
+    ("magnitude_error", "magnitude", "dB"),
+    ("phase_error", "phase", "deg"),
+    ("kernel_error", "kernel", "relative"),
+    ("error_bound", "bound", "of |f'|"),
+    ("lowest_frequency", "trusted", "from rad/s"),
+    ("highest_frequency", "trusted", "to rad/s"),
+    ("longest_horizon", "trusted", "to s"),
+    ("nyquist_gain", "Nyquist", "gain"),
+    ("noise_from_value", "noise", "from f"),
+    ("noise_from_rate", "noise", "from f'"),
 )
 
 
@@ -202,27 +203,20 @@ class OperatorReport(ReprMixin):
 
     @property
     def rows(self) -> list[dict[str, float]]:
-        """The table: a row for each order, by the columns' heads."""
+        """The table: a row for each order, by the columns' heads; numbers have two digits."""
         return [
-            {f"{title} [{unit}]" if unit else title: float(f"{getattr(self, name)[k]:.2g}")
-             for name, title, unit, _ in _COLUMNS}
-            | {"order": float(order)}
+            {"order": float(order)}
+            | {f"{title} [{unit}]": float(f"{getattr(self, name)[k]:.2g}")
+               for name, title, unit in _COLUMNS}
             for k, order in enumerate(self.order)
         ]  # fmt: skip
 
     def __str__(self) -> str:
-        lines = [
-            *self.heading,
-            "".join(f"{title:>{width}}" for _, title, _, width in _COLUMNS),
-            "".join(f"{unit:>{width}}" for _, _, unit, width in _COLUMNS),
-        ]
-        for row in range(self.order.size):
-            cells = [
-                f"{getattr(self, name)[row]:>{width}.{4 if name == 'order' else 2}g}"
-                for name, _, _, width in _COLUMNS
-            ]
-            lines.append("".join(cells))
-        return "\n".join(lines)
+        # The order has two lines of head too.
+        heads = [("order", ""), *((title, unit) for _, title, unit in _COLUMNS)]
+        cells = [[f"{value:.4g}" for value in row.values()] for row in self.rows]
+        table = [*zip(*heads, strict=True), *cells]
+        return "\n".join([*self.heading, *("".join(f"{x:>11}" for x in row) for row in table)])
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw magnitude and phase errors against frequency, and the kernel's against lag.
@@ -266,11 +260,8 @@ class OperatorReport(ReprMixin):
         return figure
 
 
-def report(
-    design: Design, order: ArrayLike, *, step: float, horizon: float = DEFAULT_HORIZON
-) -> OperatorReport:
-    """Measure a design: everything is as in `OperatorReport`."""
-    return OperatorReport(design, order, step=step, horizon=horizon)
+#: Measure a design: its short name.
+report = OperatorReport
 
 
 def _longest(good: BoolArray) -> slice:
@@ -336,3 +327,63 @@ def noise_gains(
         tail = np.maximum((later * (series @ later)).sum(axis=0), 0.0)
         gains[:, k] = np.sqrt(r.now**2 + second**2 + tail)
     return gains[0], gains[1]
+
+
+def state_space(
+    design: Design,
+    order: float,
+    *,
+    step: float,
+    horizon: float = DEFAULT_HORIZON,
+    sampled: bool = False,
+) -> scipy.signal.StateSpace:
+    """Return one operator as a `scipy.signal.StateSpace`, for Bode plots and margins.
+
+    For python-control: ``control.ss(s.A, s.B, s.C, s.D)``.
+
+    Parameters
+    ----------
+    design
+        How the operator is realised.
+    order
+        Order alpha in [0, 1); 1 as well where `sampled`.
+    step, horizon
+        Sampling step and fitted horizon [s].
+    sampled
+        False: continuous, from f to D^alpha f, ``H(s) = sum g_i s/(s + p_i)``. For an exponential
+        sum the kernel's excess within the newest step, where the sum stays finite and t^-alpha does
+        not, is added as one fast mode of the same area and the same mean lag. True: what a `Bank`
+        does, exactly, at steps of `step`, from (f, f').
+
+    Raises
+    ------
+    ArgumentError
+        Order 1 in continuous time, which is s and not proper.
+    """
+    alpha = checks.number("order", order, low=0.0, high=1.0)
+    modes = modes_of(design, alpha, step=step, horizon=horizon)
+    if sampled:
+        r = modes.recursion()
+        # The states are the last sample's f and f', and the modes.
+        a = np.block([[np.zeros((2, 2 + r.decay.size))], [r.drive_before, np.diag(r.decay)]])
+        b = np.concatenate([np.eye(2), r.drive_now])
+        c = np.concatenate([r.before, r.weights])
+        return scipy.signal.StateSpace(a, b, c[None], r.now[None], dt=step)
+    if alpha == 1.0:
+        raise ArgumentError("order", "a number below 1 (order 1 is s, not proper)", "1")
+    poles, weights = modes.poles, modes.weights
+    if not isinstance(design, Crone) and alpha > 0.0:
+        # Area and first moment of kernel minus sum on the newest step.
+        one = integrate_step(poles, step)
+        exact = step ** (1.0 - alpha) * scipy.special.rgamma(2.0 - alpha)
+        area = exact - (weights * (one["b1"] + one["b0"])).sum()
+        moment = exact * step * (1.0 - alpha) / (2.0 - alpha)
+        moment -= (weights * one["b0"]).sum() * step
+        # A sum of very few modes may have nothing to add to.
+        if area > 0.0 and moment > 0.0:
+            poles = np.append(poles, area / moment)
+            weights = np.append(weights, area**2 / moment)
+    # g s/(s + p) = g - g p/(s + p); the mode with p = 0 is a gain alone.
+    return scipy.signal.StateSpace(
+        np.diag(-poles), np.ones((poles.size, 1)), -(weights * poles)[None], [[weights.sum()]]
+    )

@@ -12,9 +12,10 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.control import Safeguards, explain_gains, gain_ceilings, suggest_gains
-from fpid_pin.control.ceilings import DerivativeBound, critical_derivative
+from fpid_pin.control.ceilings import DerivativeBound
 from fpid_pin.control.gains import impossible_joints
 from fpid_pin.control.poses import gravity_instability, heaviness
+from fpid_pin.control.stability import critical_derivative
 from fpid_pin.fractional import Crone, ExponentialSum
 from fpid_pin.references import Hold
 
@@ -236,6 +237,16 @@ def test_friction_counts_in_the_scale_and_the_effort_limit_bounds_it():
     assert added == pytest.approx(np.full(2, 1.0 / 10.0 + 1.0 / (0.09 * 100.0)))
     weak = TWO.with_gravity(0.0).with_limits(effort=2.0)
     assert (np.asarray(suggest_gains(weak).scale) * 100.0 * 0.05 <= 2.0 + 1e-12).all()
+
+
+def test_a_description_and_the_function_make_the_same_law_with_all_that_was_asked_for():
+    options = {"adaptive": False, "feedforward": True, "order_learning_rate": 0.1,
+               "supervisor": fp.Supervisor.quiet(3.0, 1.0), "name": "mine"}  # fmt: skip
+    law = suggest_gains(TWO, 8.0, step=2e-3, **options)
+    same = fp.SuggestedFpid(8.0, **options).on(TWO, step=2e-3)
+    assert fp.to_toml(fp.paper_experiment(), law) == fp.to_toml(fp.paper_experiment(), same)
+    asked = [getattr(law, name) for name in list(options)[1:]]
+    assert asked == list(options.values())[1:]
 
 
 @pytest.mark.parametrize(
