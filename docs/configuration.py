@@ -20,8 +20,9 @@ import fpid_pin as fp
 from fpid_pin import checks, descriptions
 from fpid_pin.arms.tables import _KINDS
 from fpid_pin.campaign import Distribution, Scenarios, Success
+from fpid_pin.campaign.study import CampaignTable
 from fpid_pin.campaign.uncertain import QUANTITIES
-from fpid_pin.cli.plans import CampaignTable, TuneTable
+from fpid_pin.cli.tune import TuneTable
 from fpid_pin.disturbances import Disturbance
 from fpid_pin.fractional.design import Design
 from fpid_pin.references import Reference

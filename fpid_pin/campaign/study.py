@@ -6,7 +6,7 @@ Run k's plants depend on the seed and on k, on nothing else.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Annotated
@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 from fpid_pin import descriptions
 from fpid_pin.campaign.data import Success
 from fpid_pin.campaign.uncertain import QUANTITIES, Distribution, labels_of, require_values, varied
-from fpid_pin.checks import Array, Check, FloatArray, OneOf, Text, Whole
+from fpid_pin.checks import Array, Check, FloatArray, OneOf, Plain, Text, Whole
 from fpid_pin.control import Controller
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation import Experiment
+from fpid_pin.simulation.experiment import DYNAMICS
 
 #: Points that are made at once, from run 0 on: a hypercube of so many runs, whatever is asked for.
 BLOCK = 256
@@ -183,3 +184,30 @@ class Study(Description):
     def text(self) -> str:
         """The table as JSON, every digit of every number."""
         return json.dumps(descriptions.to_dict(self))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CampaignTable(Scenarios):
+    """The table ``[campaign]`` of a configuration: `Scenarios`, and of what.
+
+    Parameters
+    ----------
+    runs
+        Plants.
+    dynamics
+        ``"compiled"``, or ``"pinocchio"``: slower, the same within rounding.
+    controllers
+        Some of the ``[[controller]]``; default: all.
+    success
+        When a run counts as a success: ``error``, ``peak_torque``, ``at_limits``.
+    """
+
+    runs: Annotated[int, Whole(low=1)] = 1000
+    dynamics: Annotated[str, OneOf(*DYNAMICS)] = "compiled"
+    controllers: Annotated[Sequence[str] | None, Plain(list, "a list of names")] = None
+    success: Success = field(default_factory=Success)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.controllers is not None and not self.controllers:
+            raise ArgumentError("controllers", "a list of names", "[]")

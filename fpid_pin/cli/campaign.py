@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
@@ -13,12 +14,13 @@ import typer
 from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
 from fpid_pin.cli.output import file_names, results_path
 from fpid_pin.cli.screen import print_table, progress_bar, say, say_written
-from fpid_pin.exceptions import ArgumentError
+from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.files import kind_of, require_file
 from fpid_pin.progress import Progress
 
 if TYPE_CHECKING:
     from fpid_pin.campaign import Replay, Study
+    from fpid_pin.cli.configuration import Config
 
 app = typer.Typer(
     help="The same controllers on thousands of other plants.",
@@ -44,7 +46,6 @@ def run(
 ) -> None:
     """Simulate a campaign, or go on where its ledger ends."""
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.plans import read_campaign
 
     executor = executor_of(workers, dask)
     study, planned = read_campaign(load(config, allow_import))
@@ -90,6 +91,24 @@ def _carry_out(
     say(*data.answer)
     print_table(data.medians(), f"{data.runs} plants; medians, lost ones as the worst")
     say(f"{ledger}: campaign export, replay and report read it")
+
+
+def read_campaign(config: Config) -> tuple[Study, int]:
+    """Check the table ``[campaign]``; return the study, and how many plants there are to be."""
+    from fpid_pin.campaign.study import CampaignTable, Scenarios, Study
+    from fpid_pin.cli.configuration import moved, read_table
+
+    given = config.campaign.get("controllers")
+    names = given if isinstance(given, list) else list(config.controllers)
+    numbered = {f"controllers.{k}": name for k, name in enumerate(names)}
+    table = read_table(config, "campaign", CampaignTable, numbered)
+    experiment = dataclasses.replace(config.experiment, dynamics=table.dynamics)
+    laws = {name: config.controllers[name] for name in names}
+    scenarios = Scenarios(table.uncertain, table.sampling, table.seed, table.points)
+    try:
+        return Study(experiment, laws, scenarios, config.title, table.success), table.runs
+    except FpidError as error:
+        raise ConfigError.of(config.path, [moved(error, "campaign")]) from None
 
 
 def executor_of(workers: int | None, dask: str | None) -> AbstractContextManager[Any]:
@@ -150,7 +169,6 @@ def attack(
     """Search the plant that hurts each controller most."""
     from fpid_pin import campaign
     from fpid_pin.cli.configuration import load
-    from fpid_pin.cli.plans import read_campaign
 
     out = out or results_path(config, "-attack.sqlite")
     if kind_of(out) is not None:

@@ -140,11 +140,10 @@ def tune(
     allow_import: AllowImport = False,
 ) -> None:
     """Search orders and gains, as the table [tune] says, under all conditions or one."""
-    from fpid_pin.cli.results import OutputOptions
     from fpid_pin.cli.tune import run_tuning
 
-    out, options = out or results_path(config, "-tuned"), OutputOptions(png=png)
-    run_tuning(config, out, resume, workers, options, dask, condition, controller)
+    out = out or results_path(config, "-tuned")
+    run_tuning(config, out, resume, controller, condition, workers, dask, png)
 
 
 @app.command()

@@ -10,8 +10,8 @@
     [simulation]     step, duration, integrator, dynamics, seed, runaway_speed, q0, v0
     [[controller]]   kind, name and arguments of the controller
     [[condition]]    name, and plant, sensors, disturbance in place of those above
-    [tune]           see `plans.TuneTable`
-    [campaign]       see `plans.CampaignTable`
+    [tune]           see `tune.TuneTable`
+    [campaign]       see `campaign.study.CampaignTable`
 
 Keys are the constructors' arguments. Every fault is reported at once, each with its key path.
 """
@@ -24,7 +24,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, make_dataclass, replace
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from fpid_pin import checks, descriptions, own_code
 from fpid_pin.arms import Arm
@@ -39,6 +39,7 @@ from fpid_pin.simulation import Experiment, Plant, Sensors
 from fpid_pin.simulation.toml import SIMULATION, toml_text
 from fpid_pin.text import named, shown
 
+T = TypeVar("T", bound=Description)
 FORMAT = 1
 #: No configuration is longer; an endless device is [bytes].
 MOST_BYTES = 1 << 24
@@ -166,16 +167,15 @@ def load(path: str | Path, allow_import: bool = False) -> Config:
     try:
         with open(path, "rb") as file:
             data = file.read(MOST_BYTES + 1)
-        if len(data) > MOST_BYTES:
-            raise ConfigError.of(path, [f"expected at most {MOST_BYTES} bytes, got more"])
         # Line ends as TOML and the results' copy have them.
         text = data.decode("utf-8").replace("\r\n", "\n")
     except FileNotFoundError:
         raise ConfigError.of(path, ["no such file"]) from None
-    except OSError as error:
-        raise ConfigError.of(path, [f"cannot be read ({error.strerror})"]) from None
-    except ValueError:
-        raise ConfigError.of(path, ["cannot be read (not a text file)"]) from None
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", "not a text file")
+        raise ConfigError.of(path, [f"cannot be read ({why})"]) from None
+    if len(data) > MOST_BYTES:
+        raise ConfigError.of(path, [f"expected at most {MOST_BYTES} bytes, got more"])
     return parse(text, str(path), path.parent)
 
 
@@ -304,6 +304,20 @@ def _experiment(file: File, own: Surroundings, path: str, faults: list[FpidError
             fault = moved(fault, path)
         faults.append(fault)
     return experiment
+
+
+def read_table(config: Config, path: str, kind: type[T], names: Mapping[str, Any]) -> T:
+    """Return [tune] or [campaign]; `names` are the controllers that it names, by key."""
+    faults: list[FpidError] = []
+    table = descriptions.build(getattr(config, path), kind, path, faults)
+    for key, name in names.items():
+        try:
+            checks.choice(f"{path}.{key}", name, config.controllers)
+        except ArgumentError as error:
+            faults.append(error)
+    if faults:
+        raise ConfigError.of(config.path, faults)
+    return table  # type: ignore[no-any-return]
 
 
 def moved(error: FpidError, path: str) -> FpidError:

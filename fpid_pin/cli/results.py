@@ -66,49 +66,43 @@ def write_results(
     names: Sequence[str],
     figures: Mapping[str, Figure],
     options: OutputOptions,
-    *,
-    title: str = "",
     said: Sequence[str] = (),
     tables: Mapping[str, list[Row]] | None = None,
 ) -> None:
     """Write runs, tables, figures, report and configuration into a folder.
 
     `names` are those of the runs' files; `said` and `tables` stand above what is said of every
-    comparison, the most important first; `title` is the report's where the configuration's is not.
+    comparison, the most important first.
     """
     from fpid_pin.view.report import report_html
     from fpid_pin.view.style import figure_bytes
 
-    title = title or config.title
     said = [*said, *comparison.answer, comparison.legend, dynamics_of(comparison)]
     rows = comparison.rows()
     if options.runs:
-        for run, name in zip(comparison.runs, names, strict=True):
+        for row, run, name in zip(rows, comparison.runs, names, strict=True):
             run.save(folder / name, compressed=installed("pcodec"), every=options.every)
-        # The last column says which is the best.
-        last = [{"best": row.pop("best")} if "best" in row else {} for row in rows]
-        named = zip(rows, names, last, strict=True)
-        rows = [row | {"file": file} | best for row, file, best in named]
+            # The last column says which is the best.
+            last = {"best": row.pop("best")} if "best" in row else {}
+            row.update({"file": name} | last)
+    own = {
+        "Each run": rows, "Each joint": comparison.joint_rows(), "Limits": comparison.limit_rows()
+    }  # fmt: skip
     shown = {
         head: drop_constant(drop_constant(table, "condition"), "outcome")
-        for head, table in {
-            **(tables or {}),
-            "Each run": rows,
-            "Each joint": comparison.joint_rows(),
-            "Limits": comparison.limit_rows(),
-        }.items()
+        for head, table in {**(tables or {}), **own}.items()
         if table
     }
-    files = {"config.toml": config.text}
-    for name, head in (("summary", "Each run"), ("joints", "Each joint"), ("limits", "Limits")):
+    texts = {"config.toml": config.text}
+    for name, head in zip(("summary", "joints", "limits"), own, strict=True):
         if head in shown:
-            files[f"{name}.csv"] = comma_separated(shown[head])
-    files["summary.md"] = "\n".join([
-        f"# {in_markdown(title)}\n",
+            texts[f"{name}.csv"] = comma_separated(shown[head])
+    texts["summary.md"] = "\n".join([
+        f"# {in_markdown(config.title)}\n",
         "".join(f"- {in_markdown(line)}\n" for line in said),
         *(f"## {head}\n\n{markdown(table)}" for head, table in shown.items()),
     ])  # fmt: skip
-    for name, text in files.items():
+    for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     drawn = {name: figure_bytes(figure, "svg") for name, figure in figures.items()}
     for name, svg in drawn.items():
@@ -125,7 +119,7 @@ def write_results(
     report_html(
         comparison.runs,
         folder / "report.html",
-        title=title,
+        title=config.title,
         tables=shown,
         figures=drawn,
         config_text=config.text,

@@ -1,35 +1,46 @@
-"""The body of ``fpid-pin tune``: search, compare what was found with its rivals, and write it."""
+"""What `tune` does: search as the table says, compare what was found with its rivals, write it."""
 
 from __future__ import annotations
 
-import dataclasses
 import filecmp
 import shutil
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.checks import Check, OneOf, Text, Whole
 from fpid_pin.cli.campaign import executor_of
-from fpid_pin.cli.configuration import Config, load
+from fpid_pin.cli.configuration import Config, load, moved, read_table
 from fpid_pin.cli.output import output_folder
-from fpid_pin.cli.plans import Plan, read_plan
 from fpid_pin.cli.results import OutputOptions, figures_of, simulate_all, write_results
 from fpid_pin.cli.screen import Row, comma_separated, print_table, progress_bar, say
 from fpid_pin.control import AdaptiveFpid, Controller
-from fpid_pin.exceptions import FpidError
+from fpid_pin.costs import Cost
+from fpid_pin.descriptions import Description
+from fpid_pin.exceptions import ArgumentError, ConfigError, FpidError
 from fpid_pin.files import discard, replacing
-from fpid_pin.simulation import Comparison, cost_of
+from fpid_pin.simulation import Comparison, Experiment, cost_of
 from fpid_pin.simulation.experiment import PUBLISHED_ORDERS, of_paper
 from fpid_pin.simulation.toml import controllers_toml, toml_text
 from fpid_pin.simulation.workers import executor_of as pool_of
 from fpid_pin.text import named, visible
-from fpid_pin.tuning import Profile, RobustCost, TuningResult, cost_map, profile, tune
-from fpid_pin.tuning.problem import over_scenarios
+from fpid_pin.tuning import (
+    Profile,
+    RobustCost,
+    SearchSettings,
+    Space,
+    TuningResult,
+    cost_map,
+    profile,
+    tune,
+)  # fmt: skip
+from fpid_pin.tuning.problem import REDUCTIONS, Problem, over_scenarios
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,26 +51,102 @@ _ORDERS = ("integral_order", "derivative_order")
 _TUNED, _PUBLISHED, _INTEGER = "tuned", "published orders", "integer orders"
 
 
+def _space(path: str, genes: Any) -> Space:
+    """Return the space of ``[tune.space]``, or one that is made of it already."""
+    if isinstance(genes, Space):
+        return genes
+    checks.plain(path, genes, Mapping, "a table of parameters with bounds")
+    try:
+        return Space(**genes)
+    except ArgumentError as error:
+        name = path + error.name.removeprefix("space")
+        raise ArgumentError(name, error.expected, error.got) from None
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class TuneTable(Description):
+    """The table ``[tune]``.
+
+    Parameters
+    ----------
+    controller
+        Which ``[[controller]]`` to start from; default: the first.
+    population, generations, crossover, mutation, seeds
+        See `SearchSettings`; workers and checkpoints are the command line's.
+    reduce
+        ``"worst"`` or ``"mean"`` over every ``[[condition]]``.
+    map_points
+        A side of the cost map over (lambda, mu); 0: none.
+    profile_points
+        Values of each parameter along which the cost is shown; 0: none.
+    cost
+        Kind and arguments of a cost; default: eq. (33) on the paper's arm, on others the worst
+        joint's RMS error over the last half, at no more variation of the torque than at the start.
+    space
+        By parameter: ``[low, high]``, then ``"log"``, ``"shared"`` as needed.
+    """
+
+    controller: Annotated[str | None, Text] = None
+    population: int = SearchSettings.population
+    generations: int = SearchSettings.generations
+    crossover: float = SearchSettings.crossover
+    mutation: float = SearchSettings.mutation
+    seeds: Sequence[int] = (0,)
+    reduce: Annotated[str, OneOf(*REDUCTIONS)] = "worst"
+    map_points: Annotated[int, Whole(low=0, high=201)] = 21
+    profile_points: Annotated[int, Whole(low=0, high=201)] = 9
+    cost: Cost | None = None
+    space: Annotated[Space, Check(_space)]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.settings
+
+    @property
+    def settings(self) -> SearchSettings:
+        """How to search."""
+        return SearchSettings(
+            self.population, self.generations, self.crossover, self.mutation, self.seeds
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """What a ``[tune]`` table asks for, with what it names."""
+
+    table: TuneTable
+    controller: Controller  # where the search starts from
+    experiments: Mapping[str, Experiment]  # by condition, with their dynamics written out
+    cost: Cost
+
+
+def read_plan(config: Config, controller: str | None = None) -> Plan:
+    """Check the table ``[tune]``; the search starts from `controller`, else from the table's."""
+    name = controller or config.tune.get("controller", next(iter(config.controllers)))
+    table = read_table(config, "tune", TuneTable, {"controller": name})
+    compiled = {label: e.with_dynamics("compiled") for label, e in config.conditions.items()}
+    try:
+        several = len(compiled) > 1 and not isinstance(table.cost, RobustCost)
+        cost = RobustCost(table.cost, table.reduce) if several else table.cost
+        problem = Problem(list(compiled.values()), config.controllers[name], table.space, cost)
+    except FpidError as error:
+        raise ConfigError.of(config.path, [moved(error, "tune")]) from None
+    return Plan(table, problem.space.base, compiled, problem.costs[0])
+
+
 def run_tuning(
     path: Path,
     out: Path,
     resume: bool = False,
-    workers: int | None = None,
-    options: OutputOptions | None = None,
-    dask: str | None = None,
-    condition: str | None = None,
     controller: str | None = None,
+    condition: str | None = None,
+    workers: int | None = None,
+    dask: str | None = None,
+    png: bool = False,
 ) -> TuningResult:
-    """Search as a configuration says, and write the folder `out`.
-
-    One condition, or all of them; from one controller, or from what the table names.
+    """Search as a configuration and the command's options say, and write the folder `out`.
 
     The search's checkpoint lies beside `out` until the folder is written, with it inside.
-
-    Raises
-    ------
-    ConfigError, FileFormatError, TuningError
-        What is wrong, `out` cannot be written (before the search starts), or see `tune`.
     """
     scheduler = executor_of(workers, dask)
     config = load(path)
@@ -74,11 +161,8 @@ def run_tuning(
     # Entered before hours are spent: what cannot be written is told now.
     with output_folder(out) as folder:
         _take_up(checkpoint, out / KEPT, resume)
-        with (
-            scheduler as far,
-            pool_of(far, workers, experiments, [plan.controller]) as pool,
-        ):
-            settings = dataclasses.replace(
+        with scheduler as far, pool_of(far, workers, experiments, [plan.controller]) as pool:
+            settings = replace(
                 plan.table.settings, executor=pool, checkpoint=checkpoint, resume=resume
             )
             try:
@@ -106,16 +190,13 @@ def run_tuning(
                 for seed, cost in zip(result.history.seeds, result.costs, strict=True)
             ],
         }
+        config = replace(config.at(out), title=f"{config.title}, tuned")
         write_results(
-            folder, config.at(out), comparison, files, figures | figures_of(comparison),
-            options or OutputOptions(), title=f"{config.title}, tuned",
-            said=[result.summary, *advice], tables=tables,
+            folder, config, comparison, files, figures | figures_of(comparison),
+            OutputOptions(png=png), [result.summary, *advice], tables,
         )  # fmt: skip
-        for name, text in (
-            ("tuned.toml", _tuned_toml(config, plan, result, out)),
-            ("history.csv", comma_separated(result.history.rows())),
-        ):
-            (folder / name).write_text(text, encoding="utf-8")
+        (folder / "tuned.toml").write_text(_tuned_toml(config, plan, result, out), "utf-8")
+        (folder / "history.csv").write_text(comma_separated(result.history.rows()), "utf-8")
         # In the folder before this takes its place: at no moment is there one without it.
         shutil.copyfile(checkpoint, folder / KEPT)
     discard(checkpoint)
@@ -148,7 +229,7 @@ def rivals(plan: Plan, result: TuningResult) -> dict[str, Controller]:
     """Return the tuned controller and, by other labels, those it has to be better than."""
 
     def called(name: str, **changes: object) -> Controller:
-        return dataclasses.replace(cast("Any", base), name=name, **changes)  # type: ignore[no-any-return]
+        return replace(cast("Any", base), name=name, **changes)  # type: ignore[no-any-return]
 
     base = plan.controller
     adaptive = isinstance(base, AdaptiveFpid)
@@ -200,17 +281,16 @@ def explore(
 def _marks(plan: Plan, result: TuningResult) -> dict[str, Sequence[float]]:
     """Return what the map points out: ours, on its own arm the paper's, and integer corners."""
     arm = next(iter(plan.experiments.values())).arm
-    n = arm.n
-    tuned = [checks.per_joint(name, getattr(result.controller, name), n) for name in _ORDERS]
-    marks: dict[str, Sequence[float]] = {}
-    if n == 2 and any(order[0] != order[1] for order in tuned):
-        marks = {f"tuned, joint {j + 1}": [float(o[j]) for o in tuned] for j in range(n)}
+    tuned = np.array(
+        [checks.per_joint(name, getattr(result.controller, name), arm.n) for name in _ORDERS]
+    )
+    if arm.n == 2 and np.ptp(tuned, axis=1).any():
+        marks = {f"tuned, joint {j + 1}": tuned[:, j].tolist() for j in range(2)}
     else:
-        name = "tuned" if n == 1 else "tuned (mean)"
-        marks[name] = [float(np.mean(order)) for order in tuned]
+        marks = {"tuned" if arm.n == 1 else "tuned (mean)": tuned.mean(axis=1).tolist()}
     # The paper's two joints lie closer together than a mark is wide.
     if of_paper(arm):
-        marks["published (mean)"] = [float(np.mean(order)) for order in PUBLISHED_ORDERS["symbol"]]
+        marks["published (mean)"] = np.mean(PUBLISHED_ORDERS["symbol"], axis=1).tolist()
     for corner in ((1.0, 1.0), (0.0, 1.0), (1.0, 0.0), (0.0, 0.0)):
         marks[f"integer ({corner[0]:g}, {corner[1]:g})"] = corner
     return marks
@@ -230,22 +310,20 @@ def cost_rows(plan: Plan, comparison: Comparison) -> list[Row]:
 
 def _tuned_toml(config: Config, plan: Plan, result: TuningResult, out: Path) -> str:
     """Return the configuration with the tuned controller beside what it was tuned against."""
-    table = tomllib.loads(config.at(out).text)
+    table = tomllib.loads(config.text) | {"title": config.title}
     for key in ("tune", "campaign", "controller"):
         table.pop(key, None)
     # Those of the search, so that a run costs what was found to the last bit.
     dynamics = next(iter(plan.experiments.values())).dynamics
     table["simulation"] = table.get("simulation", {}) | {"dynamics": dynamics}
-    table.pop("title", None)
-    head: dict[str, Any] = {"format": table.pop("format"), "title": f"{config.title}, tuned"}
-    head |= {"import": table.pop("import")} if "import" in table else {}
-    notes = dict.fromkeys(rivals(plan, result), "what it was tuned against")
+    laws = rivals(plan, result)
+    notes = dict.fromkeys(laws, "what it was tuned against")
     notes[_TUNED] = f"searched: {', '.join(result.parameters)}"
     text = [
         f"# Found by `fpid-pin tune {visible(config.path)}`: {result.summary}.",
         f"#   fpid-pin compare {visible(str(out / 'tuned.toml'))}",
         f"#   fpid-pin run {visible(str(out / 'tuned.toml'))} --controller {_TUNED}",
-        toml_text(head | table),
-        controllers_toml(rivals(plan, result), notes),
+        toml_text(table),
+        controllers_toml(laws, notes),
     ]
     return "\n".join(text)

@@ -4,9 +4,9 @@ import re
 from pathlib import Path
 
 from fpid_pin.campaign.uncertain import QUANTITIES
+from fpid_pin.cli.campaign import read_campaign
 from fpid_pin.cli.commands import app
 from fpid_pin.cli.configuration import demo_config, parse
-from fpid_pin.cli.plans import read_campaign
 
 PAGE = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text(encoding="utf-8")
 

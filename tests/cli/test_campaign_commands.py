@@ -7,9 +7,9 @@ import sqlite3
 import pytest
 
 from fpid_pin.campaign import load
+from fpid_pin.cli.campaign import read_campaign
 from fpid_pin.cli.configuration import demo_config, parse
 from fpid_pin.cli.main import main
-from fpid_pin.cli.plans import read_campaign
 from fpid_pin.exceptions import ConfigError
 
 SHORT = demo_config().text.replace("duration = 20.0", "duration = 0.2").replace("1e-3", "5e-3", 1)

@@ -11,7 +11,7 @@ import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.cli.configuration import demo_config, load, parse
 from fpid_pin.cli.main import main
-from fpid_pin.cli.plans import read_plan
+from fpid_pin.cli.tune import read_plan
 from fpid_pin.exceptions import ConfigError
 from fpid_pin.simulation.experiment import plant_of
 
@@ -73,8 +73,8 @@ def test_the_demo_s_file_is_the_api_s_paper_experiment():
         (AMPLITUDE, "[" * 100 + "]" * 100, "disturbance.0.amplitude: expected numbers, got"),
         (AMPLITUDE, "1" * 5000, "not valid TOML: .* 5000 digits"),
         (re.compile("$"), "\n[" + "a." * 5000 + "a]\nb = 1", DEEP),
-        (RECORDED, '\nkind = "recorded"\npath = "/dev/zero"\n', "a CSV file, got something that"),
-        (RECORDED, '\nkind = "recorded"\npath = "a\\u0000b"\n', "a CSV file, got no such file"),
+        (RECORDED, '\nkind = "recorded"\npath = "/dev/zero"\n', "a CSV file, got no file"),
+        (RECORDED, '\nkind = "recorded"\npath = "a\\u0000b"\n', "a CSV file, got no file"),
     ],
 )  # fmt: skip
 def test_bad_files(old, new, message):

@@ -12,9 +12,10 @@ from robots import LIFTER, joint, link, robot, write
 import fpid_pin as fp
 from fpid_pin.arms import Arm
 from fpid_pin.cli.arms import frictions, oddities, payload, rounded, swing
+from fpid_pin.cli.campaign import read_campaign
 from fpid_pin.cli.configuration import load
 from fpid_pin.cli.main import main
-from fpid_pin.cli.plans import read_campaign, read_plan
+from fpid_pin.cli.tune import read_plan
 from fpid_pin.simulation import limit_report
 
 INITIAL = [

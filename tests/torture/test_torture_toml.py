@@ -13,8 +13,9 @@ from bounded import FULL
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fpid_pin.cli.campaign import read_campaign
 from fpid_pin.cli.configuration import demo_config, parse
-from fpid_pin.cli.plans import read_campaign, read_plan
+from fpid_pin.cli.tune import read_plan
 from fpid_pin.exceptions import ConfigError
 
 pytestmark = pytest.mark.torture

@@ -6,8 +6,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.cli.configuration import load
-from fpid_pin.cli.plans import read_plan
-from fpid_pin.cli.tune import run_tuning
+from fpid_pin.cli.tune import read_plan, run_tuning
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.exceptions import ConfigError, FileFormatError, TuningError
 
