@@ -292,7 +292,7 @@ def is_number(value: Any) -> bool:
 
 
 def observer_gains(bandwidth: float, step: float) -> tuple[float, float]:
-    """Return the gains of `kernels.observer`, 1 - p^2 and (1 - p)^2/h; 0 for no bandwidth.
+    """Return the gains of `kernels.supervisor.correct_observer`; 0 for no bandwidth.
 
     Raises
     ------

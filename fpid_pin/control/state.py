@@ -19,14 +19,14 @@ from fpid_pin.fractional.design import modes_of
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
 from fpid_pin.kernels.records import DERIVATIVES, ESTIMATES, GIVEN, INERTIA, record_type
-from fpid_pin.kernels.rollout import step_tick
+from fpid_pin.kernels.tick import tick_parts
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
 
 #: Rates of given signals.
 RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
-#: Parts of a tick, for `kernels.rollout.step_tick`.
+#: Parts of a tick, for `kernels.tick.tick_parts`.
 SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 #: Orders at which the table is laid out that orders which vary are interpolated in: a cubic on this
 #: grid is within 1e-7 of the operator, as the operator of 24 modes is of the exact one.
@@ -233,13 +233,13 @@ class State:
 
     def prepare(self) -> None:
         """Compile what is yet to be compiled, so that no tick has to wait for it."""
-        self._step = entry_point(step_tick, *self.c, self.inputs, self.torque, 0)
+        self._step = entry_point(tick_parts, self.c, self.inputs, self.torque, 0)
 
     def make(self, parts: int) -> None:
         """Make parts of a tick: a sum of `SIGNALS`, `MODEL`, `TORQUES`, `ADAPT`."""
         if self._step is None:
             self.prepare()
-        self._step(*self.c, self.inputs, self.torque, parts)
+        self._step(self.c, self.inputs, self.torque, parts)
 
     def tick(self, model: Callable[[State], None] | None = None) -> None:
         """Advance by one tick: from `inputs` to `torque`.

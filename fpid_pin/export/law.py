@@ -63,15 +63,15 @@ def by_name(controller: Controller) -> Instead:
     def instead(kernel: Any, arguments: Sequence[ast.expr]) -> tuple[Any, Sequence[ast.expr]]:
         if kernel is not call_law:
             return kernel, arguments
-        address, numbers, own = arguments[:3]
+        address, ctrl = arguments
         assert isinstance(address, ast.Attribute)
-        assert isinstance(numbers, ast.Attribute)
         # The joints' whole records are another array of the controller.
-        each = ast.copy_location(ast.Attribute(numbers.value, "joints"), numbers)
+        each = ast.copy_location(ast.Attribute(ctrl, "joints"), ctrl)
         if controller.torques is not None:
             # A law of the whole robot; its model is arrays of the controller.
             function = getattr(controller, {"torque": "torques", "adapt": "adapts"}[address.attr])
-            return plain_function(function), [each, own, numbers.value]
+            own = ast.copy_location(ast.Attribute(ctrl, "own"), ctrl)
+            return plain_function(function), [each, own, ctrl]
         function = plain_function(getattr(controller, address.attr))
         return _of_each(function, address.attr), [each]
 

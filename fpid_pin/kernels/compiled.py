@@ -111,28 +111,17 @@ def keep(compiled: Any, function: Any, key: str | None = None) -> None:
     _numba.config.CACHE_DIR = before
 
 
-def kernel(function: Any = None, *, inline: bool = False) -> Any:
+@cache
+def kernel(function: Any, inline: bool = False) -> Any:
     """Compile a scalar function at its first call, for the types that it is called with.
 
-    So are the functions in plain Python that it calls: where there are any, all that it calls must
-    be defined before it. No fast mathematics: sums stay in the order in which they are written,
+    Functions in plain Python that it calls become part of it; all that it calls must then be
+    defined before it. No fast mathematics: sums stay in the order in which they are written,
     products and sums are rounded one by one, and a division by zero gives inf or NaN as in C.
-
-    Parameters
-    ----------
-    function
-        Of the subset that this room's docstring names.
-    inline
-        Whether it becomes part of the kernels that call it: for what stands in their inner loops.
     """
-    return partial(_kernel, inline=inline) if function is None else _kernel(function, inline)
-
-
-@cache
-def _kernel(function: Any, inline: bool) -> Any:
     # Kernels allocate nothing: no reference is counted. Nothing calls them through C pointers.
     options = {"_nrt": False, "no_cfunc_wrapper": True}
-    compiled = _compile(function, partial(_kernel, inline=True), forceinline=inline, **options)
+    compiled = _compile(function, partial(kernel, inline=True), forceinline=inline, **options)
     if compiled is not function:
         keep(compiled, compiled.py_func)
     return compiled
@@ -220,16 +209,20 @@ def _global_names(code: CodeType) -> frozenset[str]:
 # the same, but an argument of that kind takes 25 microseconds at each call from Python.
 
 
+#: What a law's functions are called with: these arrays of `records.Controller`.
+_GIVEN = ("numbers", "own", "bodies", "links", "motions", "gravity")
+
+
 @intrinsic
-def _call_compiled(typing_context, address, numbers, own, bodies, links, motions, gravity):
+def _call_compiled(typing_context, address, ctrl):
     """Type and generate a call of `call_law`."""
-    arrays = (numbers, own, bodies, links, motions, gravity)
 
     def generate(context, builder, signature, arguments):
         pointer, size = ir.IntType(8).as_pointer(), ir.IntType(64)
+        places = [ctrl.fields.index(name) for name in _GIVEN]
         given = [
-            context.make_array(kind)(context, builder, value)
-            for kind, value in zip(signature.args[1:], arguments[1:], strict=True)
+            context.make_array(ctrl[k])(context, builder, builder.extract_value(arguments[1], k))
+            for k in places
         ]
         data = [builder.bitcast(array.data, pointer) for array in given]
         # How many joints there are, and rows of the law's own arrays.
@@ -239,17 +232,16 @@ def _call_compiled(typing_context, address, numbers, own, bodies, links, motions
         builder.call(builder.inttoptr(arguments[0], function), data + sizes)
         return context.get_dummy_value()
 
-    return types.void(types.int64, *arrays), generate
+    return types.void(types.int64, ctrl), generate
 
 
 #: Functions by address where nothing is compiled (NUMBA_DISABLE_JIT=1).
 PLAIN: dict[int, Callable[..., None]] = {}
 
 
-def _call_plain(address, *arrays):
-    PLAIN[int(address)](*arrays)
+def _call_plain(address, ctrl):
+    PLAIN[int(address)](*(getattr(ctrl, name) for name in _GIVEN))
 
 
-#: ``call_law(address, numbers, own, bodies, links, motions, gravity)``, arrays as in
-#: `records.Controller`.
+#: ``call_law(address, ctrl)``, `ctrl` being a `records.Controller`.
 call_law: Any = _call_plain if _numba.config.DISABLE_JIT else _call_compiled

@@ -1,4 +1,4 @@
-"""Small functions that kernels and laws share, in plain Python: `limits` has them compiled.
+"""Small functions that kernels and laws share.
 
 Importing this module does not load numba, so a file with a law loads at once.
 """

@@ -15,11 +15,10 @@ from __future__ import annotations
 import math
 
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.limits import winds_up
+from fpid_pin.kernels.functions import winds_up
 from fpid_pin.kernels.records import DERIVATIVE, INTEGRAL_OF_ERROR
 
 
-@kernel(inline=True)
 def initialise(op, modes, f, rate):
     """Return D^alpha f at t = 0, where the initialisation decides, and set the modes to it."""
     for i in range(modes.size):
@@ -32,7 +31,6 @@ def initialise(op, modes, f, rate):
     return y
 
 
-@kernel(inline=True)
 def derivative(op, poles, modes, f, f_, rate, rate_, h):
     """Return D^alpha f at this sample, eq. (4), and move the modes on to it."""
     m = (f - f_) / h - 0.5 * (rate + rate_)
@@ -50,7 +48,6 @@ def derivative(op, poles, modes, f, f_, rate, rate_, h):
     return y
 
 
-@kernel(inline=True)
 def variable_order_derivative(op, table, poles, modes, f, f_, rate, rate_, h):
     """Return D^alpha f for an order that varies, as `derivative` does, and write dD/dalpha.
 
@@ -87,7 +84,6 @@ def variable_order_derivative(op, table, poles, modes, f, f_, rate, rate_, h):
     return y0 + t * (d1 + (t - 1.0) * (d2 / 2.0 + (t - 2.0) * d3 / 6.0))
 
 
-@kernel(inline=True)
 def advance_operator(op, table, poles, modes, numbers, started, held, cut, h):
     """Take one sample of an operator of a law and write its output.
 

@@ -16,7 +16,6 @@ import math
 from fpid_pin.kernels.compiled import kernel
 
 
-@kernel(inline=True)
 def forward_kinematics(b, c, u, q, v):
     """Put a body's frame c where its joint's angle q and rate v have it; u is the frame below."""
     # The joint's frame at rest, then turned about or moved along its z.
@@ -57,7 +56,6 @@ def forward_kinematics(b, c, u, q, v):
     c.b2 = u.b2 + (c.w0 * c.r1 - c.w1 * c.r0) * v
 
 
-@kernel(inline=True)
 def body_inertia_and_force(b, c):
     """Write a body's inertia at the world's origin, and the force that its motion takes."""
     m = b.m
@@ -108,7 +106,6 @@ def body_inertia_and_force(b, c):
     c.n2 = j02 * b0 + j12 * b1 + j22 * b2 + h0 * a1 - h1 * a0 + turn2
 
 
-@kernel(inline=True)
 def accumulate_subtree(u, c):
     """Add a subtree's inertia and force to those of the body that carries it."""
     u.m += c.m
@@ -129,13 +126,11 @@ def accumulate_subtree(u, c):
     u.n2 += c.n2
 
 
-@kernel(inline=True)
 def project_on_axis(c, f0, f1, f2, n0, n1, n2):
     """Return the part of a force that a joint's motion feels."""
     return c.s0 * f0 + c.s1 * f1 + c.s2 * f2 + c.r0 * n0 + c.r1 * n1 + c.r2 * n2
 
 
-@kernel(inline=True)
 def set_base_acceleration(frames, gravity):
     """Set the world's frame, the first: it falls upwards, which is what gravity amounts to."""
     world = frames[0]
@@ -143,7 +138,6 @@ def set_base_acceleration(frames, gravity):
     world.a0, world.a1, world.a2 = -gravity[0], -gravity[1], -gravity[2]
 
 
-@kernel(inline=True)
 def accumulate(bodies, frames, q, v, bias, mass):
     """Go out along the arm and back: what `mass_matrix_and_bias` writes, from a base that is set.
 

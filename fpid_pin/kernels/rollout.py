@@ -1,13 +1,119 @@
-"""Whole stretches of a simulation of one robot: controller, drives and dynamics in one call."""
+"""Whole stretches of a simulation of one robot: sensors, controller, drives, dynamics, figures.
+
+What the controller is told has delay, noise, bias, encoder steps and differentiation, so ordered.
+What figures of merit are made of, sums and peaks, is gathered a row at a time.
+"""
 
 from __future__ import annotations
 
+import math
+
 from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.metrics import measure_joints
 from fpid_pin.kernels.plant import apply_actuators, has_diverged, move
-from fpid_pin.kernels.records import Controller
-from fpid_pin.kernels.sensors import measure
 from fpid_pin.kernels.tick import tick_parts
+
+
+def rounded(x):
+    """Return the nearest whole number, the even one of two as near."""
+    low = math.floor(x)
+    part = x - low
+    if part > 0.5 or (part == 0.5 and low != 2.0 * math.floor(0.5 * low)):
+        low += 1.0
+    return low
+
+
+def spoil(joints, history, noise, q, v, tick, inputs):
+    """Write what sensors with faults measure: see `measure`."""
+    depth = history.shape[0]
+    slot = tick % depth
+    for j in range(q.size):
+        c = joints[j]
+        history[slot, 0, j] = q[j]
+        history[slot, 1, j] = v[j]
+        # Before t = 0 the arm is taken to have been where it starts.
+        then = (tick - min(c.delay, tick)) % depth
+        angle = history[then, 0, j]
+        speed = history[then, 1, j]
+        if noise.shape[0] > 0:
+            row = tick % noise.shape[0]
+            angle += c.noise_q * noise[row, 0, j]
+            speed += c.noise_v * noise[row, 1, j]
+        speed += c.bias
+        if c.resolution > 0.0:
+            angle = rounded(angle / c.resolution) * c.resolution
+        if c.derived:
+            if tick == 0:
+                c.last = angle
+            c.filtered = c.keep * c.filtered + c.gain * (angle - c.last)
+            c.last = angle
+            speed = c.filtered
+        inputs[0, j] = angle
+        inputs[1, j] = speed
+
+
+@kernel
+def measure(joints, history, noise, q, v, tick, inputs):
+    """Write the measured q and q' into `inputs`, (5, n).
+
+    Parameters
+    ----------
+    joints
+        SENSOR, (n,); none: what is measured is exact.
+    history
+        A ring of true values, (depth, 2, n).
+    noise
+        White noise, (K, 2, n); the tick's row is taken modulo K.
+    q, v
+        The true state, (n,).
+    tick
+        Number of the sample.
+    """
+    if joints.size == 0:
+        for j in range(q.size):
+            inputs[0, j] = q[j]
+            inputs[1, j] = v[j]
+    else:
+        spoil(joints, history, noise, q, v, tick, inputs)
+
+
+def measure_row(c, e, u, k, half, h):
+    """Add row k of one joint, with error e and torque u; `half` is the row that the half begins."""
+    c.square += e * e
+    if k >= half:
+        c.late += e * e
+        c.late_rows += 1
+    c.absolute += abs(e)
+    c.aged += k * h * abs(e)
+    c.effort += u * u
+    if c.rows > 0:
+        c.changes += abs(u - c.last)
+        c.jumps += (u - c.last) * (u - c.last)
+    else:
+        c.start = e
+    c.peak = max(c.peak, abs(u))
+    c.worst = max(c.worst, abs(e))
+    c.beyond = max(c.beyond, -e if c.start > 0.0 else e)
+    if abs(e) > c.band:
+        c.settled = k + 1
+    if abs(u) >= c.limit:
+        c.at_limit += 1
+    c.last = u
+    c.rows += 1
+
+
+@kernel
+def measure_joints(sums, reference, motion, k, number, half, h):
+    """Add row k of blocks of reference and motion, the row of that `number` of its run."""
+    for j in range(sums.size):
+        error = reference[0, k, j] - motion[0, k, j]
+        measure_row(sums[j], error, motion[2, k, j], number, half, h)
+
+
+@kernel
+def measure_rows(sums, reference, motion, half, h):
+    """Add all rows of a recorded run, in one block."""
+    for k in range(motion.shape[1]):
+        measure_joints(sums, reference, motion, k, k, half, h)
 
 
 @kernel
@@ -57,16 +163,3 @@ def rollout(c, plant, sensing, rows, inputs, torque, counts):
                 ended = number + 1
         k += 1
     return ended
-
-
-@kernel
-def step_tick(
-    robot, joints, numbers, own, ops, poles, modes, table, bodies, links, motions, frames, gravity,
-    mass, factored, terms, inputs, torque, parts,
-):  # fmt: skip
-    """Make parts of a tick for a caller in Python: its arrays one by one, which costs least."""
-    c = Controller(
-        robot, joints, numbers, own, ops, poles, modes, table, bodies, links, motions, frames,
-        gravity, mass, factored, terms,
-    )  # fmt: skip
-    tick_parts(c, inputs, torque, parts)

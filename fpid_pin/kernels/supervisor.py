@@ -1,20 +1,50 @@
-"""The supervisors: the paper's, eqs. (14)-(20), and one for loops that are sampled."""
+"""The supervisors, the paper's, eqs. (14)-(20), and one for loops that are sampled; the observer.
+
+The observer finds the speed of each joint, and the acceleration that the model lacks:
+
+    v^ = v^- + (1 - p^2) (v - v^-),   xi += (1 - p)^2/h (v - v^-),   p = exp(-omega h)
+    v^- of the next sample = v^ + h (a(q, v^, u) + xi)
+
+Both error poles are p; a(q, v^, u) is the nominal model's acceleration over a step, viscous
+friction implicit and of the measured speed, (M + h F_v) a = u - C v^ - G - F_v v. It is a
+Luenberger observer of the speed with a constant disturbance as its second state, both poles placed
+at p (Franklin, Powell and Workman, *Digital Control of Dynamic Systems*, 1998, section 8.2).
+"""
 
 from __future__ import annotations
 
 import math
 
-from fpid_pin.kernels.compiled import kernel
-from fpid_pin.kernels.limits import clip, sign
+from fpid_pin.kernels.functions import clip, sign
 
 
-@kernel(inline=True)
+def correct_observer(robot, joints):
+    """Correct v^ and xi by the measured speeds; without an observer v^ is what is measured."""
+    for j in range(joints.size):
+        c = joints[j]
+        if robot.l1 == 0.0 or robot.ticks == 0:
+            c.v_hat = c.v
+        else:
+            miss = c.v - c.predicted
+            c.v_hat = c.predicted + robot.l1 * miss
+            c.xi += robot.l2 * miss
+
+
+def predict(robot, joints, acceleration, change):
+    """Say what speed the next sample should find.
+
+    `acceleration` is the model's, (n,); `change` what a supervisor adds to it.
+    """
+    for j in range(joints.size):
+        c = joints[j]
+        c.predicted = c.v_hat + robot.h * (acceleration[j] + change[j] + c.xi)
+
+
 def energy(robot, e, e_dot):
     """Return a joint's part of V, 1/2 E^T P E, eq. (14)."""
     return 0.5 * (robot.p11 * e * e + 2.0 * robot.p12 * e * e_dot + robot.p22 * e_dot * e_dot)
 
 
-@kernel(inline=True)
 def error_terms(robot, joints, demand, b):
     """Write K^T E of (18) and B^T P E of (20), (n,)."""
     for j in range(joints.size):
@@ -23,7 +53,6 @@ def error_terms(robot, joints, demand, b):
         b[j] = robot.p12 * c.e + robot.p22 * c.e_dot
 
 
-@kernel(inline=True)
 def paper_torque(robot, joints, gravity, coriolis, demand, feedforward, w):
     """Write u_s of (20): sgn(w) (G_u + d_u + |C q'| + |M K^T E| + |M q''_d| + |u_FPID|).
 
@@ -42,7 +71,6 @@ def paper_torque(robot, joints, gravity, coriolis, demand, feedforward, w):
             c.u_s = size * sign(w[j])
 
 
-@kernel(inline=True)
 def find_correction(robot, joints, acceleration, direction):
     """Find where the next error would be, and in which direction u_s must turn it.
 
@@ -76,7 +104,6 @@ def find_correction(robot, joints, acceleration, direction):
         direction[j] = direction[j] / robot.distance if robot.correcting else 0.0
 
 
-@kernel(inline=True)
 def least_correction(robot, joints, reserve, direction):
     """Scale the direction to the least change that ends in the ball, whatever D does along z.
 

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 from fpid_pin.kernels import newton_euler
 from fpid_pin.kernels.compiled import call_law, kernel
-from fpid_pin.kernels.limits import clip, winds_up
-from fpid_pin.kernels.observer import correct_observer, predict
+from fpid_pin.kernels.functions import clip, winds_up
 from fpid_pin.kernels.operator import advance_operator
 from fpid_pin.kernels.records import (
     ACCELERATION,
@@ -37,11 +36,13 @@ from fpid_pin.kernels.rigid_body import (
     solve_symmetric,
 )
 from fpid_pin.kernels.supervisor import (
+    correct_observer,
     energy,
     error_terms,
     find_correction,
     least_correction,
     paper_torque,
+    predict,
 )
 
 inverse_dynamics = kernel(newton_euler.inverse_dynamics)
@@ -50,7 +51,6 @@ gradient = kernel(newton_euler.gradient)
 gravity_torques = kernel(newton_euler.gravity_torques)
 
 
-@kernel(inline=True)
 def integral_step(e, e_, e_dot, e_dot_, h):
     """Return by how much int e grows over a step at whose ends e and e' are known."""
     return 0.5 * h * (e + e_) + h * h / 12.0 * (e_dot_ - e_dot)
@@ -90,7 +90,6 @@ def advance_operators(robot, joints, numbers, ops, poles, modes, table, first, l
             )  # fmt: skip
 
 
-@kernel(inline=True)
 def signals(ctrl, inputs):
     """Make the first part of a tick: all that comes before the model is asked."""
     robot = ctrl.robot[0]
@@ -103,27 +102,12 @@ def signals(ctrl, inputs):
             robot, ctrl.joints, ctrl.numbers, ctrl.ops, ctrl.poles, ctrl.modes, ctrl.table, 0, given
         )
     if robot.surface != 0:
-        call_law(
-            robot.surface,
-            ctrl.numbers,
-            ctrl.own,
-            ctrl.bodies,
-            ctrl.links,
-            ctrl.motions,
-            ctrl.gravity,
-        )
+        call_law(robot.surface, ctrl)
     if given < count:
         advance_operators(
-            robot,
-            ctrl.joints,
-            ctrl.numbers,
-            ctrl.ops,
-            ctrl.poles,
-            ctrl.modes,
-            ctrl.table,
-            given,
+            robot, ctrl.joints, ctrl.numbers, ctrl.ops, ctrl.poles, ctrl.modes, ctrl.table, given,
             count,
-        )
+        )  # fmt: skip
 
 
 @kernel
@@ -136,7 +120,6 @@ def mass_times(mass, x, out):
             out[k] += mass[i, k] * x[i]
 
 
-@kernel(inline=True)
 def evaluate_model(ctrl, inputs):
     """Write what the nominal model says of this sample into `terms` and `mass`, as asked for."""
     robot, terms = ctrl.robot[0], ctrl.terms
@@ -287,20 +270,11 @@ def factor_mass(joints, mass, h, factored):
     factor_symmetric(factored)
 
 
-@kernel(inline=True)
 def torques(ctrl, torque):
     """Make the second part of a tick: write the torque, (n,), within the effort limits."""
     robot = ctrl.robot[0]
     if robot.torque != 0:
-        call_law(
-            robot.torque,
-            ctrl.numbers,
-            ctrl.own,
-            ctrl.bodies,
-            ctrl.links,
-            ctrl.motions,
-            ctrl.gravity,
-        )
+        call_law(robot.torque, ctrl)
     add_model_terms(robot, ctrl.joints, ctrl.mass, ctrl.terms)
     limit_torque(ctrl.joints, torque)
     if robot.sampled:
@@ -318,7 +292,6 @@ def torques(ctrl, torque):
         predict(robot, ctrl.joints, ctrl.terms[ACCELERATION], ctrl.terms[CHANGE])
 
 
-@kernel(inline=True)
 def mask_surface(joints, out):
     """Write S of each joint, 0 where its torque was cut and adapting would ask for more yet."""
     for j in range(joints.size):
@@ -326,7 +299,6 @@ def mask_surface(joints, out):
         out[j] = 0.0 if winds_up(c.cut, -c.s) else c.s
 
 
-@kernel(inline=True)
 def adapt(ctrl):
     """Let the law adapt by the signals of this tick, unless the paper's supervisor holds it."""
     robot = ctrl.robot[0]
@@ -337,9 +309,7 @@ def adapt(ctrl):
             velocities(ctrl.bodies, ctrl.links, ctrl.terms[WORK], ctrl.motions[2])
             first = robot.inertia + 10
             gradient(ctrl.links, ctrl.motions, ctrl.numbers[:, first : first + 10])
-        call_law(
-            robot.adapt, ctrl.numbers, ctrl.own, ctrl.bodies, ctrl.links, ctrl.motions, ctrl.gravity
-        )
+        call_law(robot.adapt, ctrl)
     robot.ticks += 1
 
 

@@ -22,10 +22,9 @@ from fpid_pin.costs import SETTLING_BAND, Rows
 from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import records
-from fpid_pin.kernels.friction import apply_dry_friction
-from fpid_pin.kernels.metrics import measure_joints
 from fpid_pin.kernels.plant import (
     apply_actuators,
+    apply_dry_friction,
     finish_runge_kutta,
     has_diverged,
     move,
@@ -33,8 +32,13 @@ from fpid_pin.kernels.plant import (
 )
 from fpid_pin.kernels.records import FRAME, MEASURE, PLANT, SENSOR, Sensing
 from fpid_pin.kernels.rigid_body import factor_symmetric
-from fpid_pin.kernels.rollout import keep_signals, load_reference, rollout
-from fpid_pin.kernels.sensors import measure
+from fpid_pin.kernels.rollout import (
+    keep_signals,
+    load_reference,
+    measure,
+    measure_joints,
+    rollout,
+)
 from fpid_pin.simulation.experiment import (
     Experiment,
     Outcome,

@@ -137,8 +137,8 @@ def metrics_of(run: Run, band: float = SETTLING_BAND) -> Metrics:
         Within which the error counts as settled [rad].
     """
     # Imported late: it loads numba.
-    from fpid_pin.kernels.metrics import measure_rows
     from fpid_pin.kernels.records import MEASURE
+    from fpid_pin.kernels.rollout import measure_rows
 
     measure: Any = measure_rows
     planned = run.planned_rows - 1

@@ -101,7 +101,7 @@ def test_a_kernel_is_the_function_that_it_was(monkeypatch, tmp_path):
     assert compiled.kernel(double)(3.0) == 6.0
     assert compiled.kernel(twice_double)(3.0) == 12.0
     monkeypatch.setattr(compiled, "CACHE", None)
-    assert compiled.kernel(inline=True)(double)(3.0) == 6.0
+    assert compiled.kernel(double, inline=True)(3.0) == 6.0
     assert compiled.is_cold()
     monkeypatch.setattr(compiled, "CACHE", tmp_path)
     assert compiled.is_cold()

@@ -10,22 +10,18 @@ from hypothesis import strategies as st
 from own_laws import FractionalSurface
 
 import fpid_pin as fp
-from fpid_pin.kernels import functions, sensors
-from fpid_pin.kernels.compiled import kernel
+from fpid_pin.kernels import functions, rollout
 from fpid_pin.kernels.records import SENSOR, record_type
 from fpid_pin.references import Sinusoid
 
 pytestmark = pytest.mark.kernels
 
 
-sign = kernel(functions.sign)
-
-
 @given(st.one_of(st.floats(-1e9, 1e9), st.integers(-1000, 1000).map(lambda k: k + 0.5)))
 def test_numbers_are_rounded_as_numpy_does_and_have_its_signs(x):
     """How they are clipped, and what winds up, is in tests/control."""
-    assert sensors.rounded(x) == np.rint(x)
-    assert sign(x) == np.sign(x)
+    assert rollout.rounded(x) == np.rint(x)
+    assert functions.sign(x) == np.sign(x)
 
 
 def test_a_name_that_a_record_has_already_is_refused():
@@ -54,7 +50,7 @@ def test_delay_noise_bias_steps_and_filter_come_in_this_order():
     inputs, kept, last = np.zeros((5, 2)), 0.0, None
     q, v = np.random.default_rng(1).normal(size=(2, 6, 2))
     for tick in range(6):
-        sensors.measure(joints, history, noise, q[tick], v[tick], tick, inputs)
+        rollout.measure(joints, history, noise, q[tick], v[tick], tick, inputs)
         # Before t = 0 the arm is taken to have been where it starts.
         late, own = max(tick - 2, 0), noise[tick % 4]
         assert inputs[0, 0] == pytest.approx(q[late, 0] + 0.1 * own[0, 0], rel=1e-15)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from fpid_pin.arms.bodies import bodies_of, inertial_numbers
 from fpid_pin.exceptions import ArmError
-from fpid_pin.kernels import friction, rigid_body, tick
+from fpid_pin.kernels import plant, rigid_body, tick
 from fpid_pin.kernels.records import FRAME, LINK, PLANT, WORKSPACE
 
 pytestmark = pytest.mark.kernels
@@ -194,7 +194,7 @@ def rubbed(model, q, v_free, dry, guess, h):
     factors = factored(model, q, v_free, np.zeros(n))[3]
     joints, v = plant_joints(dry, guess), v_free.copy()
     workspace = np.zeros((WORKSPACE + 2 * n, n))
-    friction.apply_dry_friction(factors, joints, v, workspace, h)
+    plant.apply_dry_friction(factors, joints, v, workspace, h)
     return v, joints
 
 
@@ -222,7 +222,7 @@ def test_the_speeds_are_those_of_the_box_problem(n, seed):
 def solved(response, v_free, guess):
     n = len(v_free)
     joints, speed, side, force = plant_joints(np.ones(n), guess), *np.zeros((3, n))
-    friction.stick_slip(response, joints, v_free, speed, side, force, np.zeros((n, n)))
+    plant.stick_slip(response, joints, v_free, speed, side, force, np.zeros((n, n)))
     return joints, speed
 
 

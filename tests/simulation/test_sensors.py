@@ -5,7 +5,7 @@ import pytest
 
 import fpid_pin as fp
 from fpid_pin.costs.cost import BLOCK_ROWS
-from fpid_pin.kernels.sensors import measure
+from fpid_pin.kernels.rollout import measure
 from fpid_pin.simulation.engine import SensorState
 
 STEP = 1e-3
