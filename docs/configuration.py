@@ -18,7 +18,7 @@ import numpy as np
 
 import fpid_pin as fp
 from fpid_pin import checks, descriptions
-from fpid_pin.arms.tables import _KINDS
+from fpid_pin.arms.arm import KINDS
 from fpid_pin.campaign import Distribution, Scenarios, Success
 from fpid_pin.campaign.study import CampaignTable
 from fpid_pin.campaign.uncertain import QUANTITIES
@@ -162,9 +162,7 @@ def family(title: str, base: type, words: str, leave: Iterable[str] = ()) -> lis
 def arms() -> list[str]:
     """Return the section on arms, whose keys are the arguments of `Arm`'s constructors."""
     lines = ["## `[arm]`", "", "Which arm: one kind, and `changes`, a list of tables.", ""]
-    for kind, make in _KINDS.items():
-        if kind == "model":
-            continue
+    for kind, make in KINDS.items():
         said = described_fields(*fp.Arm.__mro__, make)
         what = first_line(make).removeprefix("Return ")
         lines += [f'### `kind = "{kind}"`', "", what[0].upper() + what[1:], ""]

@@ -79,11 +79,9 @@ class Description:
 
     def __str__(self) -> str:
         """Return a line for each field that is not as it is by default, with its unit."""
-        rows = []
-        for key in keys(cast("Any", type(self))).values():
-            value = _plain(getattr(self, key.name))
-            if key.required or value != _plain(key.default):
-                rows.append((key.name, value, key.unit))
+        known = keys(cast("Any", type(self)))
+        values = without_defaults(type(self), vars(self)).items()
+        rows = [(name, value, known[name].unit) for name, value in values]
         return listing(type(self).__name__, rows)
 
     def _set(self, **values: Any) -> None:
@@ -200,6 +198,16 @@ def _key(field: dataclasses.Field[Any], hint: Any) -> Key:
         next((t for t in (Sequence, Mapping) if t in origins), None),
         type(None) in parts,
     )
+
+
+def without_defaults(cls: type, fields: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a description's fields in plain values, without what is as it is by default."""
+    kept = {}
+    for key in keys(cls).values():
+        value = _plain(fields.get(key.name, key.default))
+        if key.required or value != _plain(key.default):
+            kept[key.name] = value
+    return kept
 
 
 def _is_family(cls: type) -> bool:

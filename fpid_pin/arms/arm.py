@@ -2,28 +2,25 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import resources
 from pathlib import Path
-from typing import Any, Self, cast
+from typing import Any, Self
 
-import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from fpid_pin import checks
-from fpid_pin.arms import catalogue, mjcf
+from fpid_pin import checks, descriptions
+from fpid_pin.arms import catalogue
 from fpid_pin.arms.chain import Chain, gravity_vector, table_of
-from fpid_pin.arms.changes import ArmChanges
+from fpid_pin.arms.changes import ArmChanges, call
+from fpid_pin.arms.mjcf import mjcf_tree
+from fpid_pin.arms.parts import Shape, geometry_of
 from fpid_pin.arms.planar import planar_chain
-from fpid_pin.arms.rigid_body import require_regular
-from fpid_pin.arms.robot_file import kind_of, read_robot
-from fpid_pin.arms.shapes import Shape, geometry_of
-from fpid_pin.arms.tree import Keep, Tree, tree_of
+from fpid_pin.arms.robot_file import kind_of
+from fpid_pin.arms.tree import HoldError, Keep, Tree, tree_of
 from fpid_pin.arms.urdf import urdf_tree
-from fpid_pin.text import cut
 
 Lock = Mapping[str, float] | None
 
@@ -89,26 +86,6 @@ class Arm(ArmChanges):
         changes = "".join(f" + {name}" for change in self._changes for name in change)
         return f"<Arm {self.name}{changes}, {self.n} joints>"
 
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Arm):
-            return NotImplemented
-        return bool(self.tool == other.tool and self.model == other.model)
-
-    def __hash__(self) -> int:
-        return hash((self.name, self.joint_names))
-
-    def joint_index(self, joint: str | int) -> int:
-        """Return the index of a joint given by name (or by index, which is checked).
-
-        Raises
-        ------
-        ArgumentError
-            An unknown name (the message gives the nearest), or an index out of range.
-        """
-        if isinstance(joint, str):
-            return self.joint_names.index(checks.choice("joint", joint, self.joint_names))
-        return checks.integer("joint", joint, low=0, high=self.n - 1)
-
     def visual(self) -> tuple[Any, Any]:
         """Return (model, visual ``pinocchio.GeometryModel``) for a viewer, loaded on first use.
 
@@ -119,7 +96,7 @@ class Arm(ArmChanges):
         """
         kept = vars(self)
         if "_geometry" not in kept:
-            kept["_geometry"] = geometry_of(self._shapes, cut(self.name))
+            kept["_geometry"] = geometry_of(self._shapes, self.name)
         return self.model, kept["_geometry"].copy()
 
     def to_dict(self) -> dict[str, Any]:
@@ -140,17 +117,18 @@ class Arm(ArmChanges):
             chain.model(), chain.tool_frame, credit=chain.credit, _shapes=tuple(chain.shapes),
             _inertia=chain.inertia, _origin=origin,
         )  # fmt: skip
-        require_regular(arm.model, arm.name, arm.home)
+        arm._require_regular()
         return arm
 
     @classmethod
-    def _from_tree(cls, tree: Tree, gravity: ArrayLike | None, *options: Any) -> Self:
+    def _from_tree(cls, tree: Tree, gravity: Any, *options: Any, origin: Any = None) -> Self:
         """Build the arm of a tree; `options` are those of `Tree.serial`."""
         if gravity is not None:
-            tree.model.gravity.linear = np.array(gravity_vector("gravity", gravity))
+            tree.gravity = gravity_vector("gravity", gravity)
         chain = tree.serial(*options)
-        arm = cls._of(chain)
-        tree.warn(chain)
+        arm = cls._of(chain, origin)
+        if origin is None:
+            tree.warn(chain)
         return arm
 
     @classmethod
@@ -158,10 +136,8 @@ class Arm(ArmChanges):
         """Return the paper's robot (section 5.1) from ``urdf/two_link.urdf``, g = 9.8 m/s^2."""
         # `data` is a link to the repository's urdf folder; the wheel and the sdist hold the file.
         file = resources.files("fpid_pin.arms") / "data" / "two_link.urdf"
-        tree = urdf_tree(file.read_bytes(), "two_link.urdf")
-        # Pinocchio's own default is 9.81.
-        tree.model.gravity.linear = np.array((0.0, 0.0, -9.8))
-        return cls._of(tree.serial(), {"kind": "two_link"})
+        tree = urdf_tree(None, file.read_text(encoding="utf-8"))
+        return cls._from_tree(tree, 9.8, origin={"kind": "two_link"})
 
     @classmethod
     def planar(
@@ -241,17 +217,9 @@ class Arm(ArmChanges):
         FpidWarning
             Limits that are none, or were not taken as they stand, by joint.
         """
-        if urdf is not None:
-            checks.plain("urdf", urdf, str, "the text of a URDF")
-        if path is not None or urdf is None:
-            checks.instance("path", path, (str, Path), "the path of a URDF file")
-        checks.instance("package_dirs", package_dirs, (list, tuple), "a list of folders")
-        for k, place in enumerate(package_dirs):
-            checks.instance(f"package_dirs.{k}", place, (str, Path), "a folder")
-        text = read_robot(cast("Path", path)) if urdf is None else urdf
-        folder = None if path is None else Path(os.path.abspath(path)).parent
-        tree = urdf_tree(text, str(path or "URDF"), folder, package_dirs)
-        return cls._from_tree(tree, gravity, lock, keep, inertia, tool)
+        return cls._from_tree(
+            urdf_tree(path, urdf, package_dirs), gravity, lock, keep, inertia, tool
+        )
 
     @classmethod
     def from_mjcf(
@@ -293,8 +261,7 @@ class Arm(ArmChanges):
             What is left out: springs, equality constraints, tendons, gravity compensation, fluid,
             other bodies that move.
         """
-        tree = mjcf.mjcf_tree(path, arm, keep)
-        return cls._from_tree(tree, gravity, lock, keep, inertia, tool)
+        return cls._from_tree(mjcf_tree(path, arm, keep), gravity, lock, keep, inertia, tool)
 
     @classmethod
     def from_model(
@@ -328,11 +295,7 @@ class Arm(ArmChanges):
         ArmError
             As for `from_urdf`.
         """
-        checks.instance("model", model, pin.Model, "a pinocchio.Model")
-        if geometry is not None:
-            checks.instance("geometry", geometry, pin.GeometryModel, "a pinocchio.GeometryModel")
-        tree = tree_of(model, str(model.name) or "model", geometry)
-        return cls._from_tree(tree, gravity, lock, keep, inertia, tool)
+        return cls._from_tree(tree_of(model, geometry), gravity, lock, keep, inertia, tool)
 
     @classmethod
     def from_example(
@@ -355,7 +318,8 @@ class Arm(ArmChanges):
         tree, held = catalogue.example_tree(name)
         given = {"name": name, "lock": lock and dict(lock), "keep": keep, "tool": tool}
         origin = {"kind": "example"} | {key: value for key, value in given.items() if value}
-        return cls._of(tree.serial({**held, **(lock or {})}, keep, tool=tool), origin)
+        locks = {**held, **(lock or {})}
+        return cls._from_tree(tree, None, locks, keep, "error", tool, origin=origin)
 
     @classmethod
     def from_description(
@@ -388,7 +352,48 @@ class Arm(ArmChanges):
             The package is missing (``pip install fpid_pin[descriptions]``), the download failed,
             or the file is refused as `from_urdf` and `from_mjcf` refuse it.
         """
-        path, folders = catalogue.described_file(name)
-        options: dict[str, Any] = {"keep": keep, "inertia": inertia, "tool": tool}
-        options |= {} if folders is None else {"package_dirs": folders}
-        return cls.from_file(path, lock, gravity, **options)
+        path, where = catalogue.described_file(name)
+        return cls.from_file(path, lock, gravity, keep=keep, inertia=inertia, tool=tool, **where)
+
+
+# ---------------------------------------------------------------------- how files name arms
+
+#: By the kind of an ``[arm]`` table, what makes the arm; its arguments are the table's keys. There
+#: is also ``model``, whose keys are the fields of `Chain`.
+KINDS: dict[str, Callable[..., Arm]] = {
+    "two_link": Arm.two_link,
+    "planar": Arm.planar,
+    "urdf": Arm.from_urdf,
+    "mjcf": Arm.from_mjcf,
+    "example": Arm.from_example,
+    "description": Arm.from_description,
+}
+
+
+def arm_of(table: Mapping[str, Any]) -> Arm:
+    """Build the arm of a table; raises `ArgumentError` for an unknown or missing key.
+
+    Each kind may have ``changes``, a list of what `Arm.with_changes` takes.
+    """
+    kind = checks.choice("kind", table.get("kind"), [*KINDS, "model"])
+    changes = table.get("changes", ())
+    checks.instance("changes", changes, (list, tuple), "a list of tables")
+    fields = {key: value for key, value in table.items() if key not in ("kind", "changes")}
+    if kind == "model":
+        arm = Arm._of(descriptions.from_dict(fields, Chain))
+    else:
+        arm = call(KINDS[kind], fields, "arm")
+    return arm.with_changes(*changes)
+
+
+def _from_table(kind: str, fields: Mapping[str, Any]) -> Arm:
+    try:
+        return arm_of({"kind": kind, **fields})
+    except HoldError as error:
+        raise error.written("toml") from None
+
+
+for _kind in (*KINDS, "model"):
+    # Reading one gives an `Arm`; none of these classes ever has an instance.
+    _members = {"from_table": staticmethod(partial(_from_table, _kind))}
+    descriptions.described(_kind)(type(f"_{_kind}", (Arm,), _members))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from fpid_pin import checks
-from fpid_pin.arms.robot_file import one_line, read_robot
+from fpid_pin.arms.robot_file import one_line
 from fpid_pin.arms.tree import Tree
 from fpid_pin.arms.urdf import urdf_tree
 from fpid_pin.exceptions import ArmError
@@ -67,15 +67,14 @@ def example_tree(name: str) -> tuple[Tree, Mapping[str, float]]:
         ) from None
     path = folder / entry.file
     # Meshes are addressed as package://example-robot-data/robots/..., two folders up.
-    tree = urdf_tree(read_robot(path), str(path), path.parent, (folder.parent.parent,))
-    tree.model.name = name
+    tree = urdf_tree(path, package_dirs=(folder.parent.parent,))
+    tree.name, tree.tool = name, entry.tool
     tree.credit = f"{name}: {entry.credit} (by way of example-robot-data)"
-    tree.tool = entry.tool
     # The catalogue's arrays are for the arm with the catalogue's own locks.
-    own = [k for k, joint in enumerate(tree.names) if joint not in entry.lock]
-    tree.home = {tree.names[k]: q for k, q in zip(own, entry.home, strict=False)}
-    for k, armature in zip(own, entry.armature, strict=False):
-        tree.model.armature[tree.model.joints[k + 1].idx_v] = armature
+    own = [joint for joint in tree.joints if joint["name"] not in entry.lock]
+    tree.home = {joint["name"]: q for joint, q in zip(own, entry.home, strict=False)}
+    for joint, armature in zip(own, entry.armature, strict=False):
+        joint["armature"] = armature
     return tree, entry.lock
 
 
@@ -86,17 +85,17 @@ _PACKAGE = "robot_descriptions"
 ENDING = "_description"
 
 
-def described_file(name: str) -> tuple[str, list[str] | None]:
-    """Return the file of a description, and the folders of its meshes; of an MJCF file None."""
+def described_file(name: str) -> tuple[str, dict[str, Any]]:
+    """Return the file of a description, and where its meshes are as `Arm.from_file` takes it."""
     module = _module(name)
     if hasattr(module, "URDF_PATH") or hasattr(module, "XACRO_PATH"):
         path = str(getattr(module, "URDF_PATH", None) or _written_out(module, name))
         folders = {str(getattr(module, key)) for key in ("PACKAGE_PATH", "REPOSITORY_PATH")
                    if hasattr(module, key)}  # fmt: skip
         # Meshes are addressed by the package's name, one folder up.
-        return path, sorted(folders | {str(Path(folder).parent) for folder in folders})
+        return path, {"package_dirs": sorted(folders | {str(Path(x).parent) for x in folders})}
     if hasattr(module, "MJCF_PATH"):
-        return str(module.MJCF_PATH), None
+        return str(module.MJCF_PATH), {}
     raise ArmError(f"{name}: expected a description with a URDF or an MJCF file, got neither")
 
 

@@ -16,20 +16,21 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms.inertia import inertia_of, require_physical, row_of
-from fpid_pin.arms.joints import (
+from fpid_pin.arms.parts import (
     UNITS,
     Placement,
+    Shape,
     axis_of,
-    is_unbounded,
+    inertia_of,
     joint_model,
     kind_of,
     placement_of,
+    require_physical,
+    row_of,
     rows_of,
 )
-from fpid_pin.arms.shapes import Shape
 from fpid_pin.checks import Array, Check, FloatArray, Number, OneOf, Text, Whole
-from fpid_pin.descriptions import Description, keys
+from fpid_pin.descriptions import Description, without_defaults
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, shown
 
@@ -167,17 +168,15 @@ class Chain(Description):
                 checks.integer(f"{group}.{k}.joint", item.joint, low=-1, high=n - 1)
         if self.home is not None:
             checks.vector("home", self.home, n)
-        taken = set[str]()
-        names = [joint.name for joint in self.joints]
-        for name in names + [frame.name for frame in self.frames]:
-            if name in taken or not name:
+        names = [joint.name for joint in self.joints] + [frame.name for frame in self.frames]
+        for k, name in enumerate(names):
+            if name in names[:k] or not name:
                 raise ArgumentError("name", "names of their own", f"{shown(name)} again")
-            taken.add(name)
         if self.tool is not None:
-            checks.choice("tool", self.tool, [*taken])
+            checks.choice("tool", self.tool, names)
         if self.inertia != "accept":
             rows = np.array([joint.inertia for joint in self.joints])
-            require_physical(names, rows, cut(self.name))
+            require_physical(names[:n], rows, cut(self.name))
 
     @property
     def tool_frame(self) -> str:
@@ -229,29 +228,26 @@ def set_columns(model: Any, **columns: Any) -> None:
 def joint_row(model: Any, k: int) -> Row:
     """Return joint `k` of a model as the table of a `Joint`; of one of no kind, what there is."""
     joint = model.joints[k]
-    row: Row = {"name": str(model.names[k]), "kind": kind_of(joint)}
+    row: Row = {"name": str(model.names[k]), "kind": kind_of(joint),
+                "placement": rows_of(model.jointPlacements[k])}  # fmt: skip
     if row["kind"] not in UNITS:
         return row
-    row |= {"axis": axis_of(joint).tolist(), "placement": rows_of(model.jointPlacements[k]),
-            "inertia": row_of(model.inertias[k])}  # fmt: skip
+    row |= {"axis": axis_of(joint).tolist(), "inertia": row_of(model.inertias[k])}
     for key, name in VECTORS.items():
         row[key] = float(getattr(model, name)[joint.idx_q if "Position" in name else joint.idx_v])
-    if is_unbounded(joint):
-        row |= {"lower": -math.inf, "upper": math.inf}
-    return row
+    # Of coordinates (cos, sin) there are no limits.
+    return row if joint.nq == 1 else row | {"lower": -math.inf, "upper": math.inf}
 
 
 def frame_rows(model: Any) -> list[Row]:
     """Return a model's frames as tables; a link that shares its name with a joint gets another."""
     taken, types = {str(name) for name in model.names}, {t: name for name, t in FRAMES.items()}
-    rows = []
-    for frame in list(model.frames)[1:]:
-        if frame.type in types:
-            kind, joint = types[frame.type], int(frame.parentJoint) - 1
-            name = own_name(str(frame.name), kind, taken)
-            rows.append({"name": name, "joint": joint, "type": kind,
-                         "placement": rows_of(frame.placement)})  # fmt: skip
-    return rows
+    return [
+        {"name": own_name(str(frame.name), types[frame.type], taken),
+         "joint": int(frame.parentJoint) - 1, "type": types[frame.type],
+         "placement": rows_of(frame.placement)}
+        for frame in list(model.frames)[1:] if frame.type in types
+    ]  # fmt: skip
 
 
 def own_name(name: str, kind: str, taken: set[str]) -> str:
@@ -267,26 +263,12 @@ def table_of(model: Any, shapes: Sequence[Shape], **fields: Any) -> Row:
     gravity = np.array(model.gravity.linear).tolist()
     down = gravity[:2] == [0, 0] and gravity[2] <= 0
     poses = {pair.key(): pair.data() for pair in model.referenceConfigurations}
-    rows: Row = {
-        "joints": [_short(Joint, joint_row(model, k)) for k in range(1, model.njoints)],
+    joints = [joint_row(model, k) for k in range(1, model.njoints)]
+    fields |= {
+        "joints": [without_defaults(Joint, row) for row in joints],
         "frames": frame_rows(model),
-        "shapes": [_short(Shape, vars(shape)) for shape in shapes],
+        "shapes": [without_defaults(Shape, vars(shape)) for shape in shapes],
         "name": str(model.name),
         "home": poses.get("home"),
     }
-    return _short(Chain, rows | fields) | {"gravity": -gravity[2] if down else gravity}
-
-
-def _short(cls: Any, row: Row) -> Row:
-    """Return a table in plain values, without what is as it is by default."""
-    found = {key.name: (key, _plain(row.get(key.name, key.default))) for key in keys(cls).values()}
-    return {
-        name: value
-        for name, (key, value) in found.items()
-        if key.required or value != _plain(key.default)
-    }
-
-
-def _plain(value: Any) -> Any:
-    values = value.tolist() if isinstance(value, np.ndarray) else value
-    return [_plain(part) for part in values] if isinstance(values, (list, tuple)) else values
+    return without_defaults(Chain, fields) | {"gravity": -gravity[2] if down else gravity}

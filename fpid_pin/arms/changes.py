@@ -9,17 +9,25 @@ from dataclasses import dataclass
 from typing import Any, Self, TypeVar
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms.chain import column, gravity_vector, set_columns
-from fpid_pin.arms.inertia import impossible, row_of
+from fpid_pin.arms.parts import SIX, impossible, inertia_of, row_of
 from fpid_pin.arms.rigid_body import RigidBody
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
 
 T = TypeVar("T")
+#: Changes of a file's table; the keys of each are the method's arguments.
+_NAMES = ("payload", "friction", "limits", "gravity", "armature", "inertias", "scaled_links")
+#: Of an argument that has a number for each joint: what a message calls it, and the joint's field.
+_FIELDS = {
+    "viscous": ("viscous friction", "damping"), "dry": ("dry friction", "friction"),
+    "effort": ("effort limit", "effort"), "velocity": ("velocity limit", "velocity"),
+    "lower": ("lower limit", "lower"), "upper": ("upper limit", "upper"),
+    "armature": ("armature", "armature"),
+}  # fmt: skip
 #: A limit that is none, in a file: inf is not a number in JSON.
 _FAR = 1e9
 
@@ -41,6 +49,23 @@ class ArmChanges(RigidBody):
         }
         return dataclasses.replace(self, model=model, _changes=(*self._changes, {name: table}))
 
+    def _with_numbers(self, change: str, **given: ArrayLike | None) -> Self:
+        """Return the arm with other numbers of `_FIELDS`; what is None stays."""
+        fields, columns = {}, {}
+        for argument, value in given.items():
+            if value is not None:
+                name, key = _FIELDS[argument]
+                low, limit = None if key in ("lower", "upper") else 0.0, change == "limits"
+                numbers = checks.per_joint(name, value, self.n, low=low, finite=not limit)
+                if limit and low is not None:
+                    numbers = np.where(numbers > 0.0, numbers, np.inf)
+                if limit:
+                    none = np.copysign(np.inf, numbers)
+                    numbers = np.where(np.abs(numbers) < _FAR, numbers, none)
+                columns[key] = numbers
+                fields[argument] = np.clip(numbers, -_FAR, _FAR) if limit else numbers
+        return self._changed(change, fields, **columns)
+
     def with_payload(
         self,
         mass: float,
@@ -55,13 +80,12 @@ class ArmChanges(RigidBody):
         """
         mass = checks.number("mass", mass, low=0.0)
         centre = checks.floats("com", com, shape=(3,))
-        given = None if inertia is None else checks.floats("inertia", inertia, shape=(3, 3))
-        about = np.zeros((3, 3)) if given is None else np.array(given)
-        body = pin.Inertia(mass, np.array(centre), np.zeros((3, 3)))
-        body.inertia = about
+        given = np.zeros((3, 3)) if inertia is None else inertia
+        about = checks.floats("inertia", given, shape=(3, 3))
+        row = (mass, *centre, *about[SIX])
         if not np.array_equal(about, about.T):
             raise ArgumentError("inertia", "a symmetric matrix", about.tolist())
-        if impossible(np.array([row_of(body)]), rounding=1e-9)[0]:
+        if impossible(np.array([row]), rounding=1e-9)[0]:
             expected = "principal moments >= 0, none above the sum of the others"
             raise ArgumentError("inertia", expected, np.linalg.eigvalsh(about).tolist())
         # A joint's own frame is where its link begins.
@@ -72,16 +96,15 @@ class ArmChanges(RigidBody):
             raise ArgumentError("frame", "a frame that moves with the arm", shown(name))
         rows = column(self.model, "inertia")
         if mass > 0.0:
-            rows[joint - 1] = row_of(self.model.inertias[joint] + places[name].placement.act(body))
-        fields = {"mass": mass, "com": centre, "frame": frame, "inertia": given}
+            body = places[name].placement.act(inertia_of(row))
+            rows[joint - 1] = row_of(self.model.inertias[joint] + body)
+        fields = {"mass": mass, "com": centre, "frame": frame}
+        fields["inertia"] = None if inertia is None else about
         return self._changed("payload", fields, inertia=rows)
 
     def with_friction(self, viscous: ArrayLike | None = None, dry: ArrayLike | None = None) -> Self:
         """Return the arm with other F_v [N m s/rad] or F_d [N m]; what is None stays."""
-        given = {"viscous friction": viscous, "dry friction": dry}
-        columns = self._columns(given, ("damping", "friction"), low=0.0)
-        fields = {"viscous": columns.get("damping"), "dry": columns.get("friction")}
-        return self._changed("friction", fields, **columns)
+        return self._with_numbers("friction", viscous=viscous, dry=dry)
 
     def with_limits(
         self,
@@ -95,21 +118,11 @@ class ArmChanges(RigidBody):
         `effort` [N m] and `velocity` [rad/s]: 0 or inf is none; `lower` and `upper` [rad]: -inf or
         inf is none. Home moves into them.
         """
-        rates = {"effort limit": effort, "velocity limit": velocity}
-        columns = self._columns(rates, ("effort", "velocity"), low=0.0)
-        columns = {key: np.where(limit > 0.0, limit, np.inf) for key, limit in columns.items()}
-        bounds = {"lower limit": lower, "upper limit": upper}
-        columns |= self._columns(bounds, ("lower", "upper"))
-        columns = {
-            key: np.where(np.abs(limit) < _FAR, limit, np.copysign(np.inf, limit))
-            for key, limit in columns.items()
-        }
-        written = {key: np.clip(limit, -_FAR, _FAR) for key, limit in columns.items()}
-        arm = self._changed("limits", written, **columns)
-        low, high = column(arm.model, "lower"), column(arm.model, "upper")
-        for k in np.flatnonzero(~(low < high)):
-            what = f"a number > {low[k]:g} for {self.joint_names[k]}"
-            raise ArgumentError("upper limit", what, f"{high[k]:g}")
+        given = {"effort": effort, "velocity": velocity, "lower": lower, "upper": upper}
+        arm = self._with_numbers("limits", **given)
+        for k in np.flatnonzero(~(arm.lower < arm.upper)):
+            what = f"a number > {arm.lower[k]:g} for {self.joint_names[k]}"
+            raise ArgumentError("upper limit", what, f"{arm.upper[k]:g}")
         return arm
 
     def with_gravity(self, gravity: ArrayLike) -> Self:
@@ -121,8 +134,7 @@ class ArmChanges(RigidBody):
 
     def with_armature(self, armature: ArrayLike) -> Self:
         """Return the arm with other rotor inertias [kg m^2], seen at the joint."""
-        columns = self._columns({"armature": armature}, ("armature",), low=0.0)
-        return self._changed("armature", columns, **columns)
+        return self._with_numbers("armature", armature=armature)
 
     def with_inertias(self, rows: ArrayLike) -> Self:
         """Return the arm with other inertias for all links, (n, 10).
@@ -139,7 +151,8 @@ class ArmChanges(RigidBody):
         `mass` scales a link's density, and with it its rotational inertia, which `inertia` scales
         further. Centres of mass stay; what is made is physically consistent if this arm is.
         """
-        factors = self._columns({"mass": mass, "inertia": inertia}, ("mass", "inertia"), above=0.0)
+        given = {"mass": mass, "inertia": inertia}
+        factors = {k: checks.per_joint(k, v, self.n, above=0.0) for k, v in given.items()}
         return self._changed("scaled_links", factors, inertia=self._scaled(**factors))
 
     def _scaled(self, mass: Any, inertia: Any) -> Any:
@@ -206,33 +219,13 @@ class ArmChanges(RigidBody):
         arm = self.with_inertias(rows)
         if friction:
             scale = rng.uniform(1.0 - friction, 1.0 + friction, (2, self.n))
-            viscous, dry = scale * [column(self.model, key) for key in ("damping", "friction")]
-            arm = arm.with_friction(viscous, dry)
+            arm = arm.with_friction(*(scale * [self.viscous_friction, self.dry_friction]))
         return arm
 
-    def _columns(
-        self,
-        given: Mapping[str, Any],
-        keys: tuple[str, ...],
-        low: float | None = None,
-        above: float | None = None,
-    ) -> dict[str, Any]:
-        """Return what is given, by its name in a message, as (n,) by these keys."""
-        n, finite = self.n, not any("limit" in name for name in given)
-        return {
-            key: checks.per_joint(name, value, n, low=low, above=above, finite=finite)
-            for key, (name, value) in zip(keys, given.items(), strict=True)
-            if value is not None
-        }
 
-
-#: Changes of a file's table; the keys of each are the method's arguments.
-_NAMES = ("payload", "friction", "limits", "gravity", "armature", "inertias", "scaled_links")
-
-
-def call(make: Callable[..., T], fields: Mapping[str, Any], where: str, of: Any = None) -> T:
-    """Call `make` with the keys of a table, which are its arguments, or those of `of`."""
-    known = inspect.signature(of or make).parameters
+def call(make: Callable[..., T], fields: Mapping[str, Any], where: str) -> T:
+    """Call `make` with the keys of a table, which are its arguments."""
+    known = inspect.signature(make).parameters
     for key in fields:
         checks.choice(f"{where}.{key}", key, known, among="one of the keys")
     for key, parameter in known.items():

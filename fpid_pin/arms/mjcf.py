@@ -10,15 +10,14 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin import checks
-from fpid_pin.arms.chain import FRAMES, VECTORS, Row, own_name
-from fpid_pin.arms.inertia import moved
-from fpid_pin.arms.joints import (
+from fpid_pin.arms.chain import Row, own_name
+from fpid_pin.arms.parts import (
     PRISMATIC,
     REVOLUTE,
     UNITS,
     Numbers,
     displacement,
-    joint_model,
+    moved,
     rows_of,
 )
 from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_root
@@ -65,10 +64,8 @@ class _Reader:
         self.joints = [model.joint(k).name or f"joint{k}" for k in range(model.njnt)]
         # The names of a compiled model begin with its own.
         name = bytes(model.names).partition(b"\0")[0].decode()
-        robot = pin.Model()
-        robot.name = Path(label).stem if name in ("", "MuJoCo Model") else name
-        robot.gravity.linear = np.array(gravity)
-        self.result = Tree(label, robot)
+        name = Path(label).stem if name in ("", "MuJoCo Model") else name
+        self.result = Tree(label, name, gravity, followers_move=True)
         #: Of each body: which joint carries it, and where on it.
         self.at: dict[int, tuple[int, Any]] = {0: (-1, pin.SE3.Identity())}
         #: Pose of the key frame called home.
@@ -90,13 +87,13 @@ class _Reader:
                 joint, place = self.at[body]
                 name = own_name(model.site(site).name, "site", taken)
                 place = place * _pose(model.site_pos[site], model.site_quat[site])
-                self._add_frame(name, joint, "frame", place)
+                tree.frames.append(_frame(name, joint, "frame", place))
         for geom in range(model.ngeom):
             if int(model.geom_bodyid[geom]) in self.at and int(model.geom_bodyid[geom]) >= base:
                 tree.shapes += self._shapes(geom)
         # What pulls at joints in MuJoCo and is no part of an arm here.
         self._couple()
-        counts = {"equality constraint": model.neq - len(tree.coupled), "tendon": model.ntendon,
+        counts = {"equality constraint": model.neq - len(tree.followers), "tendon": model.ntendon,
                   "flexible body": model.nflex, "plugin": model.nplugin}  # fmt: skip
         left_out = [f"{count} {what}(s)" for what, count in counts.items() if count]
         if model.opt.density or model.opt.viscosity or any(model.opt.wind):
@@ -121,7 +118,7 @@ class _Reader:
             names = [self.joints[i] for i in (j, master)]
             if master >= 0 and not any(higher) and {*names} <= {*tree.names}:
                 rest, its_rest = (float(model.qpos0[model.jnt_qposadr[i]]) for i in (j, master))
-                tree.coupled[names[0]] = (names[1], factor, rest + offset - factor * its_rest)
+                tree.followers[names[0]] = (names[1], factor, rest + offset - factor * its_rest)
                 tree.remark(names[0], f"left out: an equality constraint to {named(names[1])}")
 
     # ------------------------------------------------------------------ the arm in a scene
@@ -166,34 +163,28 @@ class _Reader:
             # The joint's frame is the body's, moved to where the joint is.
             to_joint = pin.SE3(np.eye(3), np.array(model.jnt_pos[j]))
             back = self._add_joint(j, carrier, place * to_joint)
-            carrier, place = tree.model.njoints - 2, back * to_joint.inverse()
+            carrier, place = len(tree.joints) - 1, back * to_joint.inverse()
         self.at[body] = carrier, place
         xx, yy, zz = (float(x) for x in model.body_inertia[body])
         principal = (float(model.body_mass[body]), 0.0, 0.0, 0.0, xx, 0.0, yy, 0.0, 0.0, zz)
         inertia = moved(principal, place * _pose(model.body_ipos[body], model.body_iquat[body]))
         name = self.bodies[body]
         tree.bodies.append(Body(name, carrier, inertia))
-        self._add_frame(own_name(name, "link", taken), carrier, "link", place)
+        tree.frames.append(_frame(own_name(name, "link", taken), carrier, "link", place))
         if model.body_gravcomp[body] and carrier >= 0:
             tree.remark(name, "left out: gravity compensation")
-
-    def _add_frame(self, name: str, joint: int, kind: str, place: Any) -> None:
-        self.result.model.addFrame(pin.Frame(name, joint + 1, place, FRAMES[kind]), False)
 
     def _add_joint(self, j: int, carrier: int, place: Any) -> Any:
         """Add a joint; return its body's frame in the joint's, but for the joint's own place."""
         model, name, tree = self.model, self.joints[j], self.result
         kind, dof = _KINDS[int(model.jnt_type[j])], int(model.jnt_dofadr[j])
+        row: Row = {"name": name, "kind": kind, "placement": rows_of(place)}
+        tree.joints.append(row)
+        tree.parents.append(carrier)
         if kind not in UNITS:
-            joint = getattr(pin, f"JointModel{kind}")()
-            tree.model.addJoint(carrier + 1, joint, place, name)
             return pin.SE3.Identity()
         axis, at = np.array(model.jnt_axis[j]), int(model.jnt_qposadr[j])
-        added = tree.model.joints[tree.model.addJoint(
-            carrier + 1, joint_model(kind, axis), place, name)]  # fmt: skip
-        for key, value in self._numbers(j, dof).items():
-            vector = getattr(tree.model, VECTORS[key])
-            vector[added.idx_q if "Position" in VECTORS[key] else added.idx_v] = value
+        row |= {"axis": axis} | self._numbers(j, dof)
         # A coordinate is measured from qpos0, where the file draws the body.
         tree.rest[name] = float(model.qpos0[at])
         if self.home is not None:
@@ -279,6 +270,10 @@ class _Reader:
             size = size[:1]
         yield {"joint": joint, "placement": rows_of(place), "kind": kind, "size": size,
                "colour": _floats(colour), "path": path}  # fmt: skip
+
+
+def _frame(name: str, joint: int, kind: str, place: Any) -> Row:
+    return {"name": name, "joint": joint, "type": kind, "placement": rows_of(place)}
 
 
 def _pose(position: Any, quaternion: Any) -> Any:

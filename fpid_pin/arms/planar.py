@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms.chain import Chain, Frame, Joint, gravity_vector
-from fpid_pin.arms.joints import REVOLUTE, Numbers
-from fpid_pin.arms.shapes import Shape
+from fpid_pin.arms.parts import REVOLUTE, Numbers, Shape
 from fpid_pin.exceptions import ArgumentError
 
 Rotation = tuple[Numbers, Numbers, Numbers]

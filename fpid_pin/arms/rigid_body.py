@@ -1,4 +1,4 @@
-"""The rigid-body terms of eq. (5), by Pinocchio, a call each; compiled: `kernels.rigid_body`."""
+"""The rigid-body terms of eq. (5), by Pinocchio, a call each; and the bodies that kernels move."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms.chain import VECTORS, column
-from fpid_pin.arms.joints import EFFORT_UNITS, UNITS, kind_of, link_of
+from fpid_pin.arms.parts import EFFORT_UNITS, UNITS, kind_of, link_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArmError
 from fpid_pin.text import cut, html_table, named
@@ -26,6 +26,8 @@ _SHOWN = ("lower", "upper", "velocity_limit", "effort_limit", "viscous_friction"
 _POSES = 4
 #: Smallest admissible ratio of the mass matrix's extreme eigenvalues (rounding alone gives 1e-16).
 _SINGULAR = 1e-14
+#: Of a symmetric matrix: xx, xy, xz, yy, yz, zz.
+_UPPER = np.triu_indices(3)
 
 
 def _column(key: str) -> cached_property[FloatArray]:
@@ -107,7 +109,7 @@ class RigidBody:
 
     def mass_matrix(self, q: ArrayLike) -> FloatArray:
         """Return M(q) [kg m^2], (n, n): symmetric, rotor inertia included."""
-        upper = np.triu(pin.crba(self.model, self._data, self._joint("q", q)))
+        upper = np.triu(pin.crba(self.model, self._data, *self._checked(q=q)))
         return np.asarray(upper + np.triu(upper, 1).T)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> FloatArray:
@@ -115,41 +117,40 @@ class RigidBody:
 
         The paper's C in eq. (35) is another matrix with the same C q'.
         """
-        q, v = self._joint("q", q), self._joint("v", v)
-        return np.array(pin.computeCoriolisMatrix(self.model, self._data, q, v))
+        given = self._checked(q=q, v=v)
+        return np.array(pin.computeCoriolisMatrix(self.model, self._data, *given))
 
     def gravity_vector(self, q: ArrayLike) -> FloatArray:
         """Return G(q) [N m], (n,)."""
-        data = self._data
-        return np.array(pin.computeGeneralizedGravity(self.model, data, self._joint("q", q)))
+        given = self._checked(q=q)
+        return np.array(pin.computeGeneralizedGravity(self.model, self._data, *given))
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
         """Return tau = M q'' + C q' + G [N m], (n,) (recursive Newton-Euler)."""
-        q, v, a = self._joint("q", q), self._joint("v", v), self._joint("a", a)
-        return np.array(pin.rnea(self.model, self._data, q, v, a))
+        return np.array(pin.rnea(self.model, self._data, *self._checked(q=q, v=v, a=a)))
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> FloatArray:
         """Return q'' = M^-1 (tau - C q' - G) [rad/s^2], (n,) (articulated bodies)."""
-        q, v, tau = self._joint("q", q), self._joint("v", v), self._joint("tau", tau)
-        return np.array(pin.aba(self.model, self._data, q, v, tau, pin.Convention.WORLD))
+        given = self._checked(q=q, v=v, tau=tau)
+        return np.array(pin.aba(self.model, self._data, *given, pin.Convention.WORLD))
 
     def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Return 1/2 q'^T M q', J, rotor inertia included."""
-        v = self._joint("v", v)
+        (v,) = self._checked(v=v)
         return float(0.5 * v @ self.mass_matrix(q) @ v)
 
     def potential_energy(self, q: ArrayLike) -> float:
         """Return the energy of gravity, J, zero when all mass is at the world's origin."""
-        data = self._data
-        return float(pin.computePotentialEnergy(self.model, data, self._joint("q", q)))
+        given = self._checked(q=q)
+        return float(pin.computePotentialEnergy(self.model, self._data, *given))
 
     def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
         """Return Y, (n, 10 n), with tau = Y @ inertial_parameters + armature * a.
 
         Rotor inertia is not among the ten parameters of a link, so it stands apart.
         """
-        q, v, a = self._joint("q", q), self._joint("v", v), self._joint("a", a)
-        found = pin.computeJointTorqueRegressor(self.model, self._data, q, v, a)
+        given = self._checked(q=q, v=v, a=a)
+        found = pin.computeJointTorqueRegressor(self.model, self._data, *given)
         # Of one joint Pinocchio returns no matrix.
         return np.array(found).reshape(self.n, -1)
 
@@ -161,18 +162,37 @@ class RigidBody:
 
     def tool_pose(self, q: ArrayLike) -> FloatArray:
         """Return the tool frame's pose in the world, a (4, 4) homogeneous matrix [m]."""
-        data = self._data
-        pin.forwardKinematics(self.model, data, self._joint("q", q))
-        pose = pin.updateFramePlacement(self.model, data, self.model.getFrameId(self.tool))
+        pin.forwardKinematics(self.model, self._data, *self._checked(q=q))
+        pose = pin.updateFramePlacement(self.model, self._data, self.model.getFrameId(self.tool))
         return np.array(pose.homogeneous)
 
     def tool_jacobian(self, q: ArrayLike) -> FloatArray:
         """Return J, (6, n): the tool's linear then angular velocity in world axes is J q'."""
         frame = self.model.getFrameId(self.tool)
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        q = self._joint("q", q)
-        found = pin.computeFrameJacobian(self.model, self._data, q, frame, axes)
+        given = self._checked(q=q)
+        found = pin.computeFrameJacobian(self.model, self._data, *given, frame, axes)
         return np.array(found).reshape(6, self.n)
+
+    def joint_index(self, joint: str | int) -> int:
+        """Return the index of a joint given by name (or by index, which is checked).
+
+        Raises
+        ------
+        ArgumentError
+            An unknown name (the message gives the nearest), or an index out of range.
+        """
+        if isinstance(joint, str):
+            return self.joint_names.index(checks.choice("joint", joint, self.joint_names))
+        return checks.integer("joint", joint, low=0, high=self.n - 1)
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, RigidBody):
+            return NotImplemented
+        return bool(self.tool == other.tool and self.model == other.model)
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.joint_names))
 
     def _repr_html_(self) -> str:
         columns = [getattr(self, name).tolist() for name in _SHOWN]
@@ -182,39 +202,97 @@ class RigidBody:
         return html_table(f"{self.name}: {self.n} joints, tool {self.tool}", heads, rows)
 
     @cached_property
+    def bodies(self) -> Any:
+        """What the kernels move, (n,) BODY of `kernels.records`; not to be written."""
+        bodies = bodies_of(self.model)
+        bodies.flags.writeable = False
+        return bodies
+
+    @cached_property
     def _data(self) -> Any:
         return self.model.createData()
 
-    def _joint(self, name: str, value: ArrayLike) -> FloatArray:
-        return checks.vector(name, value, self.n)
+    def _checked(self, **vectors: ArrayLike) -> list[FloatArray]:
+        return [checks.vector(name, value, self.n) for name, value in vectors.items()]
 
+    def _require_regular(self) -> None:
+        """Refuse a massless link that leaves the mass matrix singular.
 
-def require_regular(model: Any, name: str, home: Any) -> None:
-    """Refuse, by its name, a massless link that leaves the mass matrix singular.
-
-    Tried at the zero pose, at home and at a few seeded poses: a massless elbow, say, is regular
-    while the arm is bent and singular when it is straight.
-    """
-    data = model.createData()
-    random = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSES, model.nv))
-    for q in np.vstack((np.zeros(model.nv), home, random)):
-        upper = np.triu(pin.crba(model, data, q))
-        mass = upper + np.triu(upper, 1).T
-        if not np.isfinite(mass).all():
+        Tried at the zero pose, at home and at a few seeded poses: a massless elbow, say, is regular
+        while the arm is bent and singular when it is straight.
+        """
+        random = np.random.default_rng(0).uniform(-np.pi, np.pi, (_POSES, self.n))
+        for q in np.vstack((np.zeros(self.n), self.home, random)):
+            mass = self.mass_matrix(q)
+            if not np.isfinite(mass).all():
+                raise ArmError(
+                    f"{cut(self.name)}: expected finite inertias, got a mass matrix with NaN or inf"
+                )
+            values, vectors = np.linalg.eigh(mass)
+            if values[0] > _SINGULAR * max(values[-1], np.finfo(np.float64).tiny):
+                continue
+            # The direction in which nothing moves: the culprit is a massless link that takes part
+            # in it, or else the link that moves most.
+            share = np.abs(vectors[:, 0])
+            bodies = list(self.model.inertias)[1:]
+            idle = [k for k, body in enumerate(bodies) if body.mass <= 0.0 and share[k] > 1e-6]
+            k = (idle or [int(np.argmax(share))])[0]
             raise ArmError(
-                f"{cut(name)}: expected finite inertias, got a mass matrix with NaN or inf"
+                f"{cut(self.name)}: expected a positive definite mass matrix, got smallest "
+                f"eigenvalue {values[0]:.3g}: link {named(link_of(self.model, k + 1))} (moved by "
+                f"joint {named(self.joint_names[k])}) has too little mass or inertia"
             )
-        values, vectors = np.linalg.eigh(mass)
-        if values[0] > _SINGULAR * max(values[-1], np.finfo(np.float64).tiny):
-            continue
-        # The direction in which nothing moves: the culprit is a massless link that takes part in
-        # it, or else the link that moves most.
-        share = np.abs(vectors[:, 0])
-        bodies = list(model.inertias)[1:]
-        idle = [k for k, body in enumerate(bodies) if body.mass <= 0.0 and share[k] > 1e-6]
-        joint = (idle[0] if idle else int(np.argmax(share))) + 1
-        raise ArmError(
-            f"{cut(name)}: expected a positive definite mass matrix, got smallest eigenvalue "
-            f"{values[0]:.3g}: link {named(link_of(model, joint))} (moved by joint "
-            f"{named(str(model.names[joint]))}) has too little mass or inertia"
-        )
+
+
+# ---------------------------------------------------------------------- for the kernels
+
+
+def bodies_of(model: Any) -> Any:
+    """Return the bodies of a Pinocchio model of revolute and prismatic joints, (n,) BODY.
+
+    Each body's frame is turned so that its joint's axis is z; angles, and everything that has one
+    number a joint, stay.
+    """
+    # It loads numba.
+    from fpid_pin.kernels.records import BODY
+
+    n = model.nv
+    if model.njoints != n + 1 or model.nq != n:
+        wrong = next(k for k in range(1, model.njoints) if model.joints[k].nq != 1)
+        kind = model.joints[wrong].shortname().removeprefix("JointModel")
+        raise ArmError(f"expected revolute and prismatic joints, got {model.names[wrong]} ({kind})")
+    bodies = np.zeros(n, BODY)
+    data, turned = model.createData(), [np.eye(3)]
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    for k in range(1, model.njoints):
+        jacobian = np.reshape(pin.getJointJacobian(model, data, k, pin.LOCAL), (6, -1))
+        axis = jacobian[:, model.joints[k].idx_v]
+        slides = bool(np.abs(axis[:3]).max() > 0.5)
+        turned.append(_to_z(axis[:3] if slides else axis[3:]))
+        frame, below, at = turned[k], turned[model.parents[k]], model.jointPlacements[k]
+        inertia = model.inertias[k]
+        rotation, lever = below.T @ at.rotation @ frame, frame.T @ inertia.lever
+        steiner = lever @ lever * np.eye(3) - np.outer(lever, lever)
+        moments = frame.T @ inertia.inertia @ frame + inertia.mass * steiner
+        # In the order of BODY, all at once: field by field it is most of what a plant costs.
+        bodies[k - 1] = (
+            *rotation.T.ravel(), *(below.T @ at.translation), inertia.mass, *(inertia.mass * lever),
+            *moments[_UPPER], model.armature[k - 1], slides,
+        )  # fmt: skip
+    return bodies
+
+
+def _to_z(axis: FloatArray) -> FloatArray:
+    """Return a rotation that takes z to the unit vector `axis`."""
+    z = np.array([0.0, 0.0, 1.0])
+    cosine = float(z @ axis)
+    if cosine < -1.0 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    cross = pin.skew(np.cross(z, axis))
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + cosine))
+
+
+def inertial_numbers(bodies: Any) -> FloatArray:
+    """Return the ten inertial numbers of each body, (n, 10): m, h (3), and j (6)."""
+    names = ["m", "h0", "h1", "h2", "j00", "j01", "j02", "j11", "j12", "j22"]
+    return np.stack([bodies[name] for name in names], axis=1)

@@ -2,39 +2,33 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import shlex
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from fpid_pin import checks, descriptions
-from fpid_pin.arms.chain import INERTIA, VECTORS, Chain, Row, frame_rows, joint_row
-from fpid_pin.arms.inertia import (
-    impossible,
-    moved,
-    nearest_possible,
-    require_physical,
-    row_of,
-    summed,
-)
-from fpid_pin.arms.joints import (
+from fpid_pin.arms.chain import INERTIA, Chain, Row, frame_rows, joint_row
+from fpid_pin.arms.parts import (
     UNITS,
     Numbers,
     displacement,
-    is_unbounded,
-    kind_of,
+    impossible,
     link_of,
+    moved,
+    nearest_possible,
     placement_of,
+    require_physical,
+    row_of,
     rows_of,
+    shape_rows,
+    summed,
 )
-from fpid_pin.arms.shapes import shape_rows
 from fpid_pin.exceptions import ArgumentError, ArmError, FpidWarning
 from fpid_pin.text import cut, listed, named, shown
 
@@ -47,8 +41,6 @@ _WORDS = {
 }
 #: A position limit beyond this [rad] or [m] is a way of saying that there is none.
 UNREACHABLE = 1e4
-
-
 #: What to hold as a script, a configuration and the command line write it: how names are quoted,
 #: what keeps, what locks, what is between joints, a joint.
 _FORMS: dict[str, tuple[Callable[[str], str], str, str, str, str]] = {
@@ -83,8 +75,7 @@ class HoldError(ArmError):
         return self.of(self.what, self.lock, self.keep, form)
 
 
-@dataclass(frozen=True)
-class Body:
+class Body(NamedTuple):
     """A link: its ten numbers in the frame of the joint that carries it (-1: the base)."""
 
     name: str
@@ -94,31 +85,33 @@ class Body:
 
 @dataclass
 class Tree:
-    """What a reader found: a Pinocchio model of joints of any kind, and what that has no place for.
+    """What a reader found: the table of a `Chain`, but of joints of any kind, which may branch.
 
-    Joints are counted from 0 here, as in an arm's table; -1 is the base.
+    Joints are counted from 0, each after its parent; -1 is the base.
     """
 
     label: str  # what to call it in a message
-    model: Any  # joints and frames; its inertias are not looked at
+    name: str
+    gravity: Any  # (3,) [m/s^2]
+    joints: list[Row] = field(default_factory=list)  # without inertias; of no kind, a placement
+    parents: list[int] = field(default_factory=list)
+    frames: list[Row] = field(default_factory=list)
     bodies: list[Body] = field(default_factory=list)
-    shapes: list[Row] = field(default_factory=list)  # tables of `Shape`
+    shapes: list[Row] = field(default_factory=list)
     rest: dict[str, float] = field(default_factory=dict)  # where joints are drawn; 0 if not here
     #: Joint: (master, multiplier, offset).
-    mimics: dict[str, tuple[str, float, float]] = field(default_factory=dict)
-    #: The same of joints that are coupled where they are read from, and may move on their own here.
-    coupled: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+    followers: dict[str, tuple[str, float, float]] = field(default_factory=dict)
+    followers_move: bool = False  # whether they may move on their own
     home: dict[str, float] = field(default_factory=dict)  # of each joint, where the file has a pose
     tool: str | None = None
     credit: str = ""
     #: What a user should know of how the file was read: said of which joints or links.
     remarks: dict[str, list[str]] = field(default_factory=dict)
 
-    # Of a model that is complete.
-    names = cached_property(lambda self: [str(name) for name in list(self.model.names)[1:]])
-    kinds = cached_property(lambda self: [kind_of(joint) for joint in list(self.model.joints)[1:]])
-    parents = cached_property(lambda self: [int(p) - 1 for p in list(self.model.parents)[1:]])
-    frames = cached_property(lambda self: frame_rows(self.model))
+    @property
+    def names(self) -> list[str]:
+        """Names of the joints."""
+        return [joint["name"] for joint in self.joints]
 
     def serial(
         self,
@@ -133,18 +126,17 @@ class Tree:
         """
         checks.choice("inertia", inertia, INERTIA)
         held = self._held({} if lock is None else lock, keep)
-        free = [k for k in range(len(self.names)) if k not in held]
+        free = [k for k in range(len(self.joints)) if k not in held]
         self._require_chain(free)
         # Of each joint: which of the chain's carries its frame, and where on it.
         at: dict[int, tuple[int, Any]] = {-1: (-1, pin.SE3.Identity())}
         joints = list[Row]()
-        for k in range(len(self.names)):
-            row = joint_row(self.model, k + 1)
+        for k, row in enumerate(self.joints):
             carrier, place = at[self.parents[k]]
-            place = place * self.model.jointPlacements[k + 1]
+            place = place * placement_of(row["placement"])
             if k in held:
-                if self.kinds[k] in UNITS:
-                    place = place * displacement(self.kinds[k], np.array(row["axis"]), held[k])
+                if row["kind"] in UNITS:
+                    place = place * displacement(row["kind"], np.array(row["axis"]), held[k])
                 at[k] = carrier, place
             else:
                 at[k] = len(joints), pin.SE3.Identity()
@@ -158,8 +150,8 @@ class Tree:
         named_tool = any(frame["name"] == "tool" for frame in self.frames)
         table = {
             "joints": joints, "frames": _carried(self.frames, at),
-            "shapes": _carried(self.shapes, at), "name": str(self.model.name) or "arm",
-            "gravity": np.array(self.model.gravity.linear), "credit": self.credit,
+            "shapes": _carried(self.shapes, at), "name": self.name or "arm",
+            "gravity": self.gravity, "credit": self.credit,
             "home": [self.home[joint["name"]] for joint in joints] if self.home else None,
             "tool": tool or self.tool or ("tool" if named_tool else tip),
             "inertia": "accept" if inertia == "accept" else "error",
@@ -198,7 +190,7 @@ class Tree:
         values: dict[str, float] = {}
         for name, value in lock.items():
             values[checks.choice("lock", name, names)] = checks.number(f"lock.{name}", value)
-            kind = self.kinds[names.index(name)]
+            kind = self.joints[names.index(name)]["kind"]
             if kind not in UNITS:
                 raise ArmError(
                     f"{cut(self.label)}: joint {named(name)}: expected a joint with one coordinate "
@@ -208,10 +200,9 @@ class Tree:
             kept = self._kept(keep)
             drawn = {name: self.rest.get(name, 0.0) for name in names if name not in kept}
             values = drawn | values
-        followers = self.mimics | self.coupled
-        for _ in followers:
+        for _ in self.followers:
             # A mimic joint follows its master, by way of others perhaps; a lock of its own counts.
-            for name, (master, factor, offset) in followers.items():
+            for name, (master, factor, offset) in self.followers.items():
                 if name not in lock and master in values:
                     values[name] = factor * values[master] + offset
         return {names.index(name): value for name, value in values.items()}
@@ -227,7 +218,7 @@ class Tree:
 
     def _path(self, joint: int) -> list[int]:
         """Return the joints from the base to this one."""
-        return [k - 1 for k in self.model.supports[joint + 1] if k > 0]
+        return [] if joint < 0 else [*self._path(self.parents[joint]), joint]
 
     # ------------------------------------------------------------------ is it a chain
 
@@ -248,16 +239,16 @@ class Tree:
             )
         if fault:
             # A finger that others follow is no part of the arm either.
-            followers = self.mimics | self.coupled
-            fingers = {*self.coupled, *(master for master, _, _ in followers.values())}
+            followers, names = self.followers, self.names
+            fingers = {*followers, *(master for master, _, _ in followers.values())}
             for k in able:
-                if self.names[k] in fingers and not below[k]:
+                if names[k] in fingers and not below[k]:
                     below[above[k]].remove(k)
             chain = _main_chain(below)
-            others = [self.names[k] for k in free if k not in chain]
+            others = [names[k] for k in free if k not in chain]
             rest = {name: self.rest.get(name, 0.0) for name in others
                     if name not in followers or followers[name][0] not in others}  # fmt: skip
-            if any(self.kinds[k] not in UNITS for k in free):
+            if any(self.joints[k]["kind"] not in UNITS for k in free):
                 rest = {}
             # What stands on a joint that no arm has is not to be had by its tip either.
             stands = chain and not any(map(self._joint_fault, self._path(chain[-1])))
@@ -265,9 +256,9 @@ class Tree:
             raise HoldError.of(f"{label}: {fault}", rest, tip)
 
     def _joint_fault(self, k: int) -> str:
-        name, kind, fault = self.names[k], self.kinds[k], ""
-        if name in self.mimics:
-            fault = f"a joint of its own, got one that mimics {named(self.mimics[name][0])}"
+        name, kind, fault = self.joints[k]["name"], self.joints[k]["kind"], ""
+        if name in self.followers and not self.followers_move:
+            fault = f"a joint of its own, got one that mimics {named(self.followers[name][0])}"
         elif kind not in UNITS:
             fault = f"revolute, continuous or prismatic, got {_WORDS.get(kind, kind)}"
         return fault and f"joint {named(name)}: expected {fault}"
@@ -286,7 +277,7 @@ class Tree:
             if inertia == "nearest":
                 for k in np.flatnonzero(np.isfinite(rows).all(axis=1) & impossible(rows)):
                     rows[k], far = nearest_possible(moving[k].inertia)
-                    moving[k] = dataclasses.replace(moving[k], inertia=tuple(rows[k].tolist()))
+                    moving[k] = moving[k]._replace(inertia=tuple(rows[k].tolist()))
                     self.remark(
                         names[k],
                         f"inertia changed by {100.0 * far:.2g} % to the closest that a body has",
@@ -323,26 +314,31 @@ def _carried(rows: Sequence[Row], at: Mapping[int, tuple[int, Any]]) -> list[Row
     return carried
 
 
-def tree_of(model: Any, label: str, geometry: Any = None) -> Tree:
-    """Return the tree of a ``pinocchio.Model``, with its visual geometry; both stay as they are.
+def tree_of(model: Any, geometry: Any = None) -> Tree:
+    """Return the tree of a ``pinocchio.Model``, with its visual geometry.
 
     An effort or velocity limit of 0, and position limits that are empty or beyond reach, are none.
     """
-    model = model.copy()
-    for key in ("effort", "velocity"):
-        limit = np.array(getattr(model, VECTORS[key]))
-        setattr(model, VECTORS[key], np.where((limit == 0.0) | (limit > 1e300), np.inf, limit))
-    lower, upper = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    none = lower >= upper
-    model.lowerPositionLimit = np.where(none | (lower < -UNREACHABLE), -np.inf, lower)
-    model.upperPositionLimit = np.where(none | (upper > UNREACHABLE), np.inf, upper)
-    tree = Tree(label, model, shapes=[] if geometry is None else shape_rows(geometry))
+    checks.instance("model", model, pin.Model, "a pinocchio.Model")
+    if geometry is not None:
+        checks.instance("geometry", geometry, pin.GeometryModel, "a pinocchio.GeometryModel")
+    name, gravity = str(model.name), np.array(model.gravity.linear)
+    tree = Tree(name or "model", name, gravity, frames=frame_rows(model))
+    tree.shapes = [] if geometry is None else shape_rows(geometry)
     poses = {pair.key(): pair.data() for pair in model.referenceConfigurations}
     home = np.array(poses.get("home", ()), dtype=np.float64)
     for k, joint in enumerate(list(model.joints)[1:], start=1):
+        row = joint_row(model, k)
+        for key in {"effort", "velocity"} & {*row}:
+            row[key] = np.inf if row[key] == 0.0 or row[key] > 1e300 else row[key]
+        if row["kind"] in UNITS:
+            none = row["lower"] >= row["upper"]
+            row["lower"] = -np.inf if none or row["lower"] < -UNREACHABLE else row["lower"]
+            row["upper"] = np.inf if none or row["upper"] > UNREACHABLE else row["upper"]
+        tree.joints.append(row)
+        tree.parents.append(int(model.parents[k]) - 1)
         tree.bodies.append(Body(link_of(model, k), k - 1, row_of(model.inertias[k])))
         if home.shape == (model.nq,) and np.isfinite(home).all() and joint.nv == 1:
             at = home[joint.idx_q : joint.idx_q + joint.nq]
-            angle = np.arctan2(at[1], at[0]) if is_unbounded(joint) else at[0]
-            tree.home[tree.names[k - 1]] = float(angle)
+            tree.home[row["name"]] = float(at[0] if joint.nq == 1 else np.arctan2(at[1], at[0]))
     return tree

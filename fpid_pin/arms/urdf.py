@@ -11,16 +11,15 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pinocchio as pin
 
+from fpid_pin import checks
 from fpid_pin.arms.chain import MOST_JOINTS
-from fpid_pin.arms.inertia import moved
-from fpid_pin.arms.joints import rows_of
-from fpid_pin.arms.robot_file import one_line, parse_xml, require_root
-from fpid_pin.arms.shapes import GREY
+from fpid_pin.arms.parts import GREY, UNITS, moved, rows_of
+from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_root
 from fpid_pin.arms.tree import Body, Tree, tree_of
 from fpid_pin.exceptions import ArmError
 from fpid_pin.text import cut, listed, named
@@ -38,20 +37,30 @@ _LENGTHS = {
     "sphere": {"radius": 1},
     "mesh": {"scale": 3},
 }
+#: Numbers of a joint that mimics another, as they are by default.
+_MIMIC = ("multiplier", "1"), ("offset", "0")
 _TO_SET = "(with_limits, in files changes = [{ limits = ... }], sets one)"
 
 
 def urdf_tree(
-    text: bytes | str,
-    label: str,
-    folder: Path | None = None,
-    package_dirs: Sequence[str | Path] = (),
+    path: str | Path | None, urdf: str | None = None, package_dirs: Sequence[str | Path] = ()
 ) -> Tree:
-    """Read the text of a URDF; what urdfdom and Pinocchio accept is accepted, what they refuse not.
+    """Read a URDF; what urdfdom and Pinocchio accept is accepted, what they refuse is refused.
 
-    Meshes are looked up at and above `folder`, the file's, and in `package_dirs`.
+    `urdf` is its text, in place of what the file has. Meshes are looked up at and above the file,
+    and in `package_dirs`.
     """
-    label = cut(label)
+    if path is not None or urdf is None:
+        checks.instance("path", path, (str, Path), "the path of a URDF file")
+    checks.instance("package_dirs", package_dirs, (list, tuple), "a list of folders")
+    for k, place in enumerate(package_dirs):
+        checks.instance(f"package_dirs.{k}", place, (str, Path), "a folder")
+    if urdf is None:
+        text: bytes | str = read_robot(cast("Path", path))
+    else:
+        text = checks.plain("urdf", urdf, str, "the text of a URDF")
+    folder = None if path is None else Path(path).absolute().parent
+    label = cut(str(path or "URDF"))
     root = parse_xml(text, label)
     require_root(root, "robot", label)
     _require_single(root, label)
@@ -64,24 +73,23 @@ def urdf_tree(
         raise ArmError(
             f"{label}: expected every link below the base, got {len(lost)} apart: {listed(lost)}"
         )
-    tree = tree_of(model, label)
-    model = tree.model
+    tree = tree_of(model)
+    tree.label = label
     tree.bodies = [_body(link, places[link.get("name", "")]) for link in root.findall("link")]
     for name, remark in remarks:
         tree.remark(name, remark)
     for body in tree.bodies:
         if body.joint >= 0 and body.inertia[0] == 0.0 and any(body.inertia[4:]):
             tree.remark(body.name, "mass 0 with a rotational inertia, which is kept")
-    for joint, name in zip(list(tree.model.joints)[1:], tree.names, strict=True):
+    for row in tree.joints:
         # Where a held joint stands: as drawn, or as near to it as its limits let it.
-        if joint.nq == 1:
-            limits = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            tree.rest[name] = float(np.clip(0.0, *limits))
+        if row["kind"] in UNITS:
+            tree.rest[row["name"]] = float(np.clip(0.0, row["lower"], row["upper"]))
     for element in root.findall("joint"):
         mimic = element.find("mimic")
         if mimic is not None and element.get("name") in tree.names:
-            scale = [float(mimic.get(k, d)) for k, d in (("multiplier", "1"), ("offset", "0"))]
-            tree.mimics[element.get("name", "")] = (mimic.get("joint", ""), scale[0], scale[1])
+            factor, offset = (float(mimic.get(k, d)) for k, d in _MIMIC)
+            tree.followers[element.get("name", "")] = (mimic.get("joint", ""), factor, offset)
     _add_visuals(tree, root, places, _folders(folder, package_dirs))
     return tree
 

@@ -18,9 +18,9 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm, catalogue, robot_file
+from fpid_pin.arms.arm import arm_of
 from fpid_pin.arms.catalogue import ENDING
-from fpid_pin.arms.joints import PRISMATIC
-from fpid_pin.arms.tables import arm_of
+from fpid_pin.arms.parts import PRISMATIC
 from fpid_pin.arms.tree import HoldError
 from fpid_pin.checks import FloatArray
 from fpid_pin.cli.screen import Row, print_table, say

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin.arms.bodies import bodies_of, inertial_numbers
+from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.checks import Flag, FloatArray, Number, PerJoint
 from fpid_pin.control.law import Controller
 from fpid_pin.descriptions import described
@@ -110,7 +110,7 @@ class SlotineLi(Controller):
     def numbers(self, arm: Arm, step: float, horizon: float) -> Mapping[str, ArrayLike]:
         """Return estimates, rates and gains on an arm: see `Controller.numbers`."""
         mass, reach, friction = natural_sizes(arm)
-        known = self.initial * inertial_numbers(bodies_of(arm))
+        known = self.initial * inertial_numbers(arm.bodies)
         return dict(zip(ESTIMATES, known.T, strict=True)) | {
             "slope": self.slope, "damping": self.damping, "leakage": self.leakage,
             "initial": self.initial, "reach": reach, "m_rate": self.adaptation_rate * mass**2,

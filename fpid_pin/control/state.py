@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms.bodies import bodies_of, inertial_numbers
+from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
@@ -88,7 +88,7 @@ class State:
                 raise ArgumentError(f"shown.{name}", "a number of the law", field)
         numbers = np.zeros((n, len(self.record.names)))
         self.joints = numbers.view(self.record)[:, 0]
-        numbers[:, INERTIA : INERTIA + 10] = inertial_numbers(bodies_of(arm))
+        numbers[:, INERTIA : INERTIA + 10] = inertial_numbers(arm.bodies)
         for name, value in given.items():
             try:
                 self.joints[name] = value
@@ -107,7 +107,7 @@ class State:
             poles=zeros((1, 0), records.POLE),
             modes=zeros((n, 0, 0), records.MODE),
             table=zeros((0, 4)),
-            bodies=bodies_of(arm).copy(),
+            bodies=arm.bodies.copy(),
             links=zeros(n, records.LINK),
             motions=zeros((3, n, 6)),
             frames=zeros(n + 1, records.FRAME),

@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin import checks
-from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.state import State, start_all
@@ -209,7 +208,7 @@ class Robot:
         self.experiment, self.state, self.row = experiment, state, 0
         self.outcome: Outcome | None = None
         plant = self.plant = plant_of(experiment)
-        joints, bodies = np.zeros(n, PLANT), bodies_of(plant.arm).copy()
+        joints, bodies = np.zeros(n, PLANT), plant.arm.bodies.copy()
         joints["limit"], joints["viscous"] = plant.effort_limit, plant.viscous_friction
         joints["runaway"], joints["dry"] = experiment.runaway_speed, plant.dry_friction
         stages = 0

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from fpid_pin.arms.bodies import bodies_of
 from fpid_pin.control.state import NODES
 from fpid_pin.costs.cost import BLOCK_ROWS
 from fpid_pin.export.javascript import HELPERS, JavaScript
@@ -80,7 +79,7 @@ class Engine:
         self.text = f"{HELPERS}{program.text}return [{', '.join(names)}];\n"
         # What a kilogram at the tool adds to the bodies' records, (n, fields).
         arm = plant_of(experiment).arm
-        more, less = (words(bodies_of(a)) for a in (arm.with_payload(1.0), arm))
+        more, less = (words(a.bodies) for a in (arm.with_payload(1.0), arm))
         # The state of the sensors' random numbers, two integers of 128 bits.
         state = np.random.default_rng(experiment.seed).bit_generator.state["state"]
         generator = {name: hex(value) for name, value in state.items()}
@@ -105,7 +104,7 @@ class Engine:
         kept = OWN_SIGNALS + len(SIGNALS)
         bundles: dict[str, Any] = {
             # Without friction's part of the rotor inertias: it depends on step and slider.
-            "plant": robot.arrays._replace(bodies=bodies_of(robot.plant.arm)),
+            "plant": robot.arrays._replace(bodies=robot.plant.arm.bodies),
             "sensing": Sensing(
                 sensors, np.zeros((MOST_DELAY + 1, 2, n)), np.zeros((BLOCK_ROWS, 2, n))
             ),

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.arms.joints import PRISMATIC
+from fpid_pin.arms.parts import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.view.scene import stage, view_axes
 from fpid_pin.view.shapes import Shape, joint_axis, shapes_of

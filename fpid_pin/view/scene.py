@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.arms.joints import PRISMATIC
+from fpid_pin.arms.parts import PRISMATIC
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import cut, visible

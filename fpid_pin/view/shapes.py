@@ -10,8 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from fpid_pin.arms import Arm
-from fpid_pin.arms.joints import PRISMATIC, axis_of
-from fpid_pin.arms.shapes import solid_of
+from fpid_pin.arms.parts import PRISMATIC, axis_of, solid_of
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import FpidError, FpidWarning
 

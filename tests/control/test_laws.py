@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.arms.bodies import bodies_of, inertial_numbers
+from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.control import SlidingMode, SlotineLi
 from fpid_pin.control.slotine_li import natural_sizes
 from fpid_pin.references import Sinusoid
@@ -236,7 +236,7 @@ def test_slotine_li_lyapunov_function_does_not_rise():
         torque = loop.torque(q, v, *np.outer([np.sin(t), np.cos(t), -np.sin(t)], np.ones(2)))
         estimates = np.stack([loop.state.joints[f"{name}_hat"] for name in names], axis=1)
         s = loop.signals()["s"]
-        wrong = (estimates - inertial_numbers(bodies_of(arm))) / sizes
+        wrong = (estimates - inertial_numbers(arm.bodies)) / sizes
         values.append(0.5 * s @ arm.mass_matrix(q) @ s + 0.5 * (wrong**2).sum() / 4.0)
         v = v + step * arm.forward_dynamics(q, v, torque)
         q = q + step * v

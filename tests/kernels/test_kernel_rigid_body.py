@@ -1,7 +1,5 @@
 """Dynamics of random chains of turning and sliding joints against Pinocchio; dry friction."""
 
-from types import SimpleNamespace
-
 import numba
 import numpy as np
 import pinocchio as pin
@@ -9,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fpid_pin.arms.bodies import bodies_of, inertial_numbers
+from fpid_pin.arms.rigid_body import bodies_of, inertial_numbers
 from fpid_pin.exceptions import ArmError
 from fpid_pin.kernels import plant, rigid_body, tick
 from fpid_pin.kernels.records import FRAME, LINK, PLANT, WORKSPACE
@@ -41,10 +39,6 @@ def random_chain(seed, n):
     return model, rng
 
 
-def bodies(model):
-    return bodies_of(SimpleNamespace(model=model))
-
-
 def mass_matrix(model, q):
     upper = np.triu(pin.crba(model, model.createData(), q))
     return upper + np.triu(upper, 1).T
@@ -55,9 +49,9 @@ def factored(model, q, v, tau):
     n, gravity = model.nv, np.array(model.gravity.linear)
     frames = np.zeros(n + 1, FRAME)
     bias, mass, a = np.zeros(n), np.zeros((n, n)), np.zeros(n)
-    rigid_body.mass_matrix_and_bias(bodies(model), frames, gravity, q, v, bias, mass)
+    rigid_body.mass_matrix_and_bias(bodies_of(model), frames, gravity, q, v, bias, mass)
     whole = np.tril(mass) + np.tril(mass, -1).T
-    rigid_body.forward_dynamics(bodies(model), frames, gravity, q, v, tau, mass, a)
+    rigid_body.forward_dynamics(bodies_of(model), frames, gravity, q, v, tau, mass, a)
     return whole, bias, a, mass
 
 
@@ -90,7 +84,7 @@ def test_random_chains_move_as_pinocchio_has_them(n, seed):
 def asked(model, q, v, w, a, inertias=None):
     """Return M a + C(q, v) w + G by the kernel, and the arrays that it leaves."""
     n = model.nv
-    own, links, motions, out = bodies(model), np.zeros(n, LINK), np.zeros((3, n, 6)), np.zeros(n)
+    own, links, motions, out = bodies_of(model), np.zeros(n, LINK), np.zeros((3, n, 6)), np.zeros(n)
     inertias = inertial_numbers(own) if inertias is None else inertias
     gravity = np.array(model.gravity.linear)
     tick.inverse_dynamics(own, inertias, links, motions, gravity, q, v, w, a, out)
@@ -119,7 +113,7 @@ def test_two_velocities_are_the_symmetric_form_of_pinocchios_coriolis_torque(n, 
 def turned_frames(model):
     """Return how the frames of the kernels' bodies are turned against Pinocchio's, (n, 3, 3)."""
     frames = [np.eye(3)]
-    for k, b in enumerate(bodies(model), start=1):
+    for k, b in enumerate(bodies_of(model), start=1):
         columns = np.array([[b.x0, b.x1, b.x2], [b.y0, b.y1, b.y2], [b.z0, b.z1, b.z2]]).T
         placement = model.jointPlacements[k].rotation
         frames.append(placement.T @ frames[model.parents[k]] @ columns)
@@ -160,12 +154,12 @@ def test_derivatives_by_the_inertial_numbers_are_those_of_pinocchios_regressor(n
     )
     _, links, motions = asked(model, q, v, w, a)
     found = np.full((n, 10), np.nan)
-    tick.velocities(bodies(model), links, s, motions[2])
+    tick.velocities(bodies_of(model), links, s, motions[2])
     tick.gradient(links, motions, found)
     assert np.abs(found - exact).max() < 1e-12 * max(np.abs(exact).max(), 1.0)
     # Torques are linear in the numbers: a difference has no error but rounding.
     change = rng.normal(size=(n, 10))
-    own = inertial_numbers(bodies(model))
+    own = inertial_numbers(bodies_of(model))
     more, less = (asked(model, q, v, w, a, own + x)[0] for x in (change, -change))
     slope = s @ (more - less) / 2.0
     assert slope == pytest.approx((found * change).sum(), rel=1e-10, abs=1e-10)
@@ -176,7 +170,7 @@ def test_a_joint_of_another_kind_is_named():
     added = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
     model.appendBodyToJoint(added, pin.Inertia.Random(), pin.SE3.Identity())
     with pytest.raises(ArmError, match=r"revolute and prismatic joints, got ball \(Spherical\)"):
-        bodies(model)
+        bodies_of(model)
 
 
 # ---------------------------------------------------------------------- dry friction
