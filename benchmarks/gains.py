@@ -48,7 +48,7 @@ from fpid_pin.control import (
 from fpid_pin.control.ceilings import FrozenLoops, between
 from fpid_pin.control.gains import impossible_joints
 from fpid_pin.control.poses import seeded_poses
-from fpid_pin.simulation.limits import limit_report
+from fpid_pin.simulation import limit_report
 
 WANTED = 0.05  # [rad]
 FIRST_RUN = [

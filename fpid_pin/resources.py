@@ -41,6 +41,11 @@ def one_blas_thread() -> Iterator[None]:
         yield
 
 
+def keep_to_one_thread() -> None:
+    """Let BLAS work on one thread from now on: processes that share the cores have one each."""
+    _blas().limit(limits=1, user_api="blas")
+
+
 def installed(module: str) -> bool:
     """Return whether a module of an extra can be imported."""
     return importlib.util.find_spec(module) is not None

@@ -103,10 +103,10 @@ class Loop:
             self.xi = self.xi + (1.0 - p) ** 2 / self.h * miss
 
 
-def simulate(loop, plant, sample, q, v, rows):
+def simulate(loop, plant, sample, q, v, rows, push=lambda t: 0.0):
     """Return angles and torques, (rows, n): semi-implicit Euler, viscous friction implicit.
 
-    `plant` is the true arm, `sample(t)` the reference's q, v, a.
+    `plant` is the true arm, `sample(t)` the reference's q, v, a, and `push(t)` a disturbance.
     """
     model, h, viscous = plant.model.copy(), loop.h, plant.viscous_friction
     model.armature = np.array(model.armature) + h * viscous
@@ -116,7 +116,7 @@ def simulate(loop, plant, sample, q, v, rows):
         u = loop.torque(q, v, *sample(k * h))
         angles.append(q)
         torques.append(u)
-        v = v + h * pin.aba(model, data, q, v, u - viscous * v)
+        v = v + h * pin.aba(model, data, q, v, u + push(k * h) - viscous * v)
         q = q + h * v
     return np.array(angles), np.array(torques)
 
@@ -246,15 +246,20 @@ class PiecewiseLinear:
 
 
 class Fpid:
-    """Eqs. (10), (22) and (30)-(32) with orders 1."""
+    """Eqs. (10), (22) and (30)-(32): orders 1, or `fractional(f, f')` of f = (int e, e)."""
 
-    def __init__(self, gains, rates, k0=1.0, k1=2.0):
+    def __init__(self, gains, rates, k0=1.0, k1=2.0, fractional=None, regressors="law"):
         self.gains, self.rates, self.k0, self.k1 = gains, rates, k0, k1
+        self.fractional, self.regressors = fractional, regressors
 
     def torque(self, x):
-        self.phi = x.e, x.total, x.rate
+        terms = integer = x.e, x.total, x.rate
+        if self.fractional is not None:
+            f, slope = np.concatenate([x.total, x.e]), np.concatenate([x.e, x.rate])
+            terms = x.e, *np.split(self.fractional(f, slope), 2)
+        self.phi = terms if self.regressors == "law" else integer
         self.s = -(x.rate + self.k1 * x.e + self.k0 * x.total)
-        return sum(gain * term for gain, term in zip(self.gains, self.phi, strict=True))
+        return sum(gain * term for gain, term in zip(self.gains, terms, strict=True))
 
     def adapt(self, x):
         free = x.cut * -self.s <= 0.0

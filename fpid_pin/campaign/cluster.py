@@ -12,7 +12,7 @@ from fpid_pin import checks, own_code
 from fpid_pin._version import __version__
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.resources import needed
-from fpid_pin.simulation.workers import fit_for_workers
+from fpid_pin.simulation.workers import without_ctrl_c
 
 #: Scheduler and first worker answer within this [s], or are none: with what else it takes, 10 s.
 PATIENCE = 8.0
@@ -96,7 +96,7 @@ def local_cluster(workers: int = 2) -> Iterator[Any]:
     distributed = needed("distributed", "cluster")
     # Without a dashboard, too, there is a page of each, on every interface if not told where.
     page = f"{_LOOPBACK}:0"
-    with fit_for_workers():
+    with without_ctrl_c():
         cluster = distributed.LocalCluster(
             workers, threads_per_worker=1, host=_LOOPBACK, dashboard_address=page,
             worker_dashboard_address=page, silence_logs=40,

@@ -26,9 +26,20 @@ REDUCTIONS = ("sum", "worst", "rms")
 class Metric:
     """What a figure of merit is, and how those of all joints become one."""
 
+    word: str  # in the head of a column
     unit: str  # for a joint that turns; `text.unit_for` has that of others
     joints: str  # one of `REDUCTIONS`
-    meaning: str  # in words; e = q_d - q, u the torque that was applied
+    meaning: str  # e = q_d - q, u the torque that was applied
+
+    @property
+    def scale(self) -> float:
+        """By what a table multiplies it: shares are shown in percent."""
+        return 100.0 if self.unit == "share of time" else 1.0
+
+    @property
+    def head(self) -> str:
+        """Its column's head in a table of joints."""
+        return f"{self.word} [{self.unit if self.scale == 1.0 else '%'}]"
 
     def of(self, values: FloatArray) -> float:
         """Return the one number of all joints' figures, (n,)."""
@@ -44,25 +55,26 @@ class Metrics:
     of a completed run. Each field has its `Metric`: see `METRICS`.
     """
 
-    ise: Annotated[FloatArray, Metric("rad² s", "sum", "integral of e^2")]
-    iae: Annotated[FloatArray, Metric("rad s", "sum", "integral of |e|")]
-    itae: Annotated[FloatArray, Metric("rad s²", "sum", "integral of t |e|")]
-    rms: Annotated[FloatArray, Metric("rad", "rms", "root mean square of e")]
-    rms_tail: Annotated[FloatArray, Metric("rad", "rms",
+    rms: Annotated[FloatArray, Metric("RMS", "rad", "rms", "root mean square of e")]
+    rms_tail: Annotated[FloatArray, Metric("RMS tail", "rad", "rms",
         "the same over the planned last half; NaN for a run that ended earlier")]
-    energy: Annotated[FloatArray, Metric("N²m²s", "sum", "integral of u^2")]
-    total_variation: Annotated[FloatArray, Metric("N m", "sum", "sum of |u_k - u_(k-1)|")]
-    peak_torque: Annotated[FloatArray, Metric("N m", "worst", "largest |u|")]
-    peak_error: Annotated[FloatArray, Metric("rad", "worst", "largest |e|")]
-    settling_time: Annotated[FloatArray, Metric("s", "worst",
+    ise: Annotated[FloatArray, Metric("ISE", "rad² s", "sum", "integral of e^2")]
+    iae: Annotated[FloatArray, Metric("IAE", "rad s", "sum", "integral of |e|")]
+    itae: Annotated[FloatArray, Metric("ITAE", "rad s²", "sum", "integral of t |e|")]
+    energy: Annotated[FloatArray, Metric("energy", "N²m²s", "sum", "integral of u^2")]
+    total_variation: Annotated[FloatArray, Metric("variation", "N m", "sum",
+        "sum of |u_k - u_(k-1)|")]
+    peak_torque: Annotated[FloatArray, Metric("peak torque", "N m", "worst", "largest |u|")]
+    peak_error: Annotated[FloatArray, Metric("peak error", "rad", "worst", "largest |e|")]
+    settling_time: Annotated[FloatArray, Metric("settled", "s", "worst",
         "from when on |e| <= SETTLING_BAND to the end; 0 where it always was, inf where it is "
         "beyond at the end, or where the run ended early")]
-    overshoot: Annotated[FloatArray, Metric("rad", "worst",
+    overshoot: Annotated[FloatArray, Metric("overshoot", "rad", "worst",
         "largest error on the side opposite to the one at the start, that is, how far beyond the "
         "reference the joint went; 0 where it starts within the band")]
-    saturated: Annotated[FloatArray, Metric("share of time", "worst",
+    saturated: Annotated[FloatArray, Metric("at its limit", "share of time", "worst",
         "share of the rows whose torque is at its limit, the least of the law's and the drives'")]
-    torque_rate: Annotated[FloatArray, Metric("N m/s", "worst",
+    torque_rate: Annotated[FloatArray, Metric("torque rate", "N m/s", "worst",
         "root mean square of (u_k - u_(k-1))/h: what the arm feels as jerk, which is M^-1 times "
         "the torque's rate, but for smoother terms")]
 # fmt: on

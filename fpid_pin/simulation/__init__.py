@@ -10,8 +10,7 @@ from fpid_pin.simulation.experiment import (
     paper_controller,
     paper_experiment,
 )
-from fpid_pin.simulation.limits import Exceedance, limit_report
-from fpid_pin.simulation.recorded import metrics_of
+from fpid_pin.simulation.recorded import Exceedance, limit_report, metrics_of
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.toml import to_toml
 

@@ -17,7 +17,7 @@ from fpid_pin.costs import METRICS, Metrics, QuadraticCost
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation.entry import simulate
 from fpid_pin.simulation.experiment import Experiment, of_paper
-from fpid_pin.simulation.limits import Exceedance, limit_report
+from fpid_pin.simulation.recorded import Exceedance, limit_report
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.toml import by_name
 from fpid_pin.text import ReprMixin, against, enumerated, head_for, html_table, percent
@@ -49,47 +49,31 @@ class Measure:
         return f"{float(f'{value:.3g}'):g} {self.unit}".rstrip()
 
 
-def _joints(metric: str, factor: float = 1.0) -> Callable[[Metrics], float]:
-    return lambda metrics: factor * METRICS[metric].of(getattr(metrics, metric))
+def _measure(metric: str, word: str, label: str = "") -> Measure:
+    """Return a metric over the joints, angles in thousandths and shares in percent."""
+    m = METRICS[metric]
+    scale, unit = {"rad": (1e3, "mrad"), "share of time": (100.0, "%")}.get(m.unit, (1.0, m.unit))
+    over = "worst joint" if m.joints == "worst" else f"{m.joints} of joints"
+    head = f"{word} ({over}) [{unit}]"
+    return Measure(label, head, lambda metrics: scale * m.of(getattr(metrics, metric)))
 
 
 #: What a comparison may be decided by.
 MEASURES = {
-    "tail": Measure(
-        "RMS error of the last half", "tail (rms of joints) [mrad]", _joints("rms_tail", 1e3)
-    ),
-    "variation": Measure(
-        "torque variation (sum of joints)",
-        "variation (sum of joints) [N m]",
-        _joints("total_variation"),
-    ),
-    "rms": Measure("RMS error", "RMS (rms of joints) [mrad]", _joints("rms", 1e3)),
-    "peak": Measure(
-        "peak torque (worst joint)", "peak (worst joint) [N m]", _joints("peak_torque")
-    ),
-    "energy": Measure(
-        "energy (sum of joints)", "energy (sum of joints) [N²m²s]", _joints("energy")
-    ),
+    "tail": _measure("rms_tail", "tail", "RMS error of the last half"),
+    "variation": _measure("total_variation", "variation", "torque variation (sum of joints)"),
+    "rms": _measure("rms", "RMS", "RMS error"),
+    "peak": _measure("peak_torque", "peak", "peak torque (worst joint)"),
+    "energy": _measure("energy", "energy", "energy (sum of joints)"),
     "cost": Measure(f"cost (33) with w1 = {COST.w1:g}, w2 = {COST.w2:g}", "cost (33)", COST.of),
-    "peak_error": Measure(
-        "peak error (worst joint)", "peak error (worst joint) [mrad]", _joints("peak_error", 1e3)
-    ),
+    "peak_error": _measure("peak_error", "peak error", "peak error (worst joint)"),
 }
-#: All figures of a run, by their heads; of those of whole runs, one that ended early has none.
-FIGURES = {measure.head: measure.of for measure in MEASURES.values()} | {
-    "settled (worst joint) [s]": _joints("settling_time"),
-    "at its limit (worst joint) [%]": _joints("saturated", 100.0),
-    "torque rate (worst joint) [N m/s]": _joints("torque_rate"),
-}
-_OF_WHOLE_RUNS = tuple(MEASURES[name].head for name in ("tail", "cost"))
-#: Columns of each joint, and the metric that each is of.
-_JOINT_COLUMNS = {
-    "RMS [rad]": "rms", "RMS tail [rad]": "rms_tail", "ISE [rad^2 s]": "ise", "IAE [rad s]": "iae",
-    "ITAE [rad s^2]": "itae", "energy [N²m²s]": "energy", "variation [N m]": "total_variation",
-    "peak torque [N m]": "peak_torque", "peak error [rad]": "peak_error",
-    "settled [s]": "settling_time", "overshoot [rad]": "overshoot", "at its limit [%]": "saturated",
-    "torque rate [N m/s]": "torque_rate",
-}  # fmt: skip
+_TAIL, _VARIATION, _COST = (MEASURES[name] for name in ("tail", "variation", "cost"))
+#: All figures of a run.
+_FIGURES = (
+    *MEASURES.values(), _measure("settling_time", "settled"),
+    _measure("saturated", "at its limit"), _measure("torque_rate", "torque rate"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -172,14 +156,13 @@ class Comparison(ReprMixin):
         rivals = list(dict.fromkeys([*rest[:1], *others, *(k for k in rest if k == 0)]))
         told = standing(names, row, [*map(measure.write, row)], ties, rivals, "ended early")
         text = f"Least {measure.label}{where}: {told}."
-        variation = MEASURES["variation"]
-        varies = [variation.of(run.metrics) for run in runs]
+        varies = [_VARIATION.of(run.metrics) for run in runs]
         costs = {
             k: change(varies[ties[0]], varies[k], names[k])
             for k in dict.fromkeys([*ties[1:2], *others, *rest[:1]])
             if np.isfinite(row[k])
         }
-        if measure.of is variation.of or not costs:
+        if measure.of is _VARIATION.of or not costs:
             return text
         return f"{text} Its torque varies {enumerated([*costs.values()][:2])}."
 
@@ -238,11 +221,12 @@ class Comparison(ReprMixin):
         for ((condition, controller), run, _), first in zip(self._each(), best, strict=True):
             ended = not run.outcome.completed
             row: dict[str, Any] = {"condition": condition, "controller": controller}
-            for head, figure in FIGURES.items():
-                if head == MEASURES["cost"].head and not self._has_cost:
-                    continue
-                value = np.inf if ended and head in _OF_WHOLE_RUNS else figure(run.metrics)
-                row[head_for(head, self.angles)] = value
+            for figure in _FIGURES:
+                if figure is not _COST or self._has_cost:
+                    # Of those of whole runs, one that ended early has none.
+                    lost = ended and figure in (_TAIL, _COST)
+                    head = head_for(figure.head, self.angles)
+                    row[head] = np.inf if lost else figure.of(run.metrics)
             row["outcome"] = str(run.outcome) if ended else "completed"
             rows.append(row | ({"best": "best" if first else ""} if self.measure else {}))
         return rows
@@ -250,12 +234,12 @@ class Comparison(ReprMixin):
     @property
     def _has_cost(self) -> bool:
         """Whether (33) says anything: away from the paper's arm it is nearly all energy."""
-        return self.measure == MEASURES["cost"] or all(of_paper(run.arm) for run in self.runs)
+        return self.measure == _COST or all(of_paper(run.arm) for run in self.runs)
 
     @property
     def legend(self) -> str:
         """What the heads of the tables mean."""
-        cost = f"; {MEASURES['cost'].label}" if self._has_cost else ""
+        cost = f"; {_COST.label}" if self._has_cost else ""
         return f"tail: RMS error of the last half{cost}"
 
     def joint_rows(self) -> list[dict[str, Any]]:
@@ -270,9 +254,8 @@ class Comparison(ReprMixin):
                 "joint": joint if unit == "rad" else f"{joint} [m, N]",
             }
             | {
-                head_for(head, self.angles): getattr(run.metrics, name)[j]
-                * (100.0 if head.endswith("[%]") else 1.0)
-                for head, name in _JOINT_COLUMNS.items()
+                head_for(metric.head, self.angles): metric.scale * getattr(run.metrics, name)[j]
+                for name, metric in METRICS.items()
             }
             for (condition, controller), run, _ in self._each()
             for j, (joint, unit) in enumerate(zip(run.arm.joint_names, run.arm.units, strict=True))

@@ -19,8 +19,7 @@ from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.resources import require_memory
 from fpid_pin.simulation.experiment import Experiment, Outcome, default_cost
-from fpid_pin.simulation.limits import asks_degrees
-from fpid_pin.simulation.recorded import describe_run, metrics_from
+from fpid_pin.simulation.recorded import asks_degrees, describe_run, metrics_from
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.workers import distribute, executor_of, workers_of
 

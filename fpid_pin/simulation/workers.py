@@ -11,7 +11,6 @@ import pickle
 import signal
 import sys
 import threading
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
@@ -24,24 +23,20 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from itertools import islice
 from multiprocessing import resource_tracker
 from typing import Any, TypeVar
 
 from fpid_pin import checks, own_code
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidError, TuningError, WorkersDied
+from fpid_pin.resources import keep_to_one_thread
 from fpid_pin.simulation.experiment import Experiment
 
 T = TypeVar("T")
 
 #: Tasks under way for each worker: none is idle while its last result is taken.
 AHEAD = 2
-
-# One thread a process: Pinocchio's and BLAS's threads collapse where processes share the cores.
-_THREAD_SETTINGS = (
-    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-)  # fmt: skip
 
 
 class WorkerPool(Executor):
@@ -86,7 +81,7 @@ class WorkerPool(Executor):
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """See `concurrent.futures.Executor.submit`."""
         _require_importable((fn, args, kwargs))
-        with fit_for_workers():
+        with without_ctrl_c():
             try:
                 return self._pool.submit(fn, *args, **kwargs)
             except BrokenExecutor:
@@ -118,29 +113,25 @@ def _require_importable(task: Any) -> None:
 
 
 @contextmanager
-def fit_for_workers() -> Iterator[None]:
-    """Let processes that are started in this block inherit one thread each, and no Ctrl-C.
+def without_ctrl_c() -> Iterator[None]:
+    """Let processes that are started in this block hear no Ctrl-C: it is for their parent.
 
-    A terminal sends Ctrl-C to them too, also while they import what they will need.
+    A terminal sends it to them too, also while they import what they will need.
     """
     # It unblocks the signal where it starts, so that must have happened.
     resource_tracker.ensure_running()
-    before = {name: os.environ[name] for name in _THREAD_SETTINGS if name in os.environ}
-    os.environ.update(dict.fromkeys(_THREAD_SETTINGS, "1"))
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
-        for name in _THREAD_SETTINGS:
-            os.environ.pop(name, None)
-        os.environ.update(before)
 
 
 def _prepare_worker(own: list[str]) -> None:
     """Leave Ctrl-C to the parent, do not outlive it, and run the user's files that it has run."""
     own_code.load_again(own)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    keep_to_one_thread()
     parent = multiprocessing.parent_process()
     if parent is None:
         return
@@ -198,20 +189,18 @@ def distribute(
     if executor is None:
         yield from ((k, call(*task)) for k, task in enumerate(tasks))
         return
-    waiting, lost = deque(range(len(tasks))), deque[int]()
+    waiting, lost = iter(enumerate(tasks)), list[int]()
     running: dict[Future[T], int] = {}
     k = 0
     try:
-        while waiting or lost or running:
-            if lost and not running:
-                k = lost.popleft()
-                yield k, executor.submit(call, *tasks[k]).result()
-            while waiting and not lost and len(running) < AHEAD * workers_of(executor):
-                k = waiting.popleft()
+        while True:
+            for k, task in islice(waiting, AHEAD * workers_of(executor) - len(running)):
                 try:
-                    running[executor.submit(call, *tasks[k])] = k
+                    running[executor.submit(call, *task)] = k
                 except BrokenExecutor:
                     lost.append(k)
+            if not running:
+                break
             # What there is comes before what was lost.
             for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=_failed):
                 k = running.pop(future)
@@ -223,6 +212,8 @@ def distribute(
                     lost.append(k)
                 else:
                     yield k, result
+        for k in [*lost, *(k for k, _ in waiting)]:
+            yield k, executor.submit(call, *tasks[k]).result()
     except CancelledError:
         # Nobody here cancels what is waited for.
         raise FpidError(

@@ -108,7 +108,7 @@ def test_the_first_sentence_is_over_what_the_user_has_names_ties_and_what_the_to
 
 def test_limits_are_told_by_condition_and_quantity():
     one = run(1e-3)
-    limit = fp.simulation.limits.Exceedance
+    limit = fp.simulation.Exceedance
     one.limits = [
         limit(joint, "effort", 5.0, 0.1, 5.0, part, "N m")
         for joint, part in (("j1", 0.25), ("j2", 0.996))
