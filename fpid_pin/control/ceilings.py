@@ -51,7 +51,7 @@ PAIRS = 4
 #: How often poses may be added at which the last gains were found wanting.
 ROUNDS = 8
 #: Parts of the bandwidth to start from, one after another until less damping than that is missing.
-LOWERED, ENOUGH = (1.0, 0.5, 0.2), 0.1
+STARTING_PARTS, ENOUGH = (1.0, 0.5, 0.2), 0.1
 #: Missing damping ratio, and part of the bound used in excess, that no round is spent on.
 SLACK = 0.01
 
@@ -143,8 +143,8 @@ class DerivativeBound:
     def critical_poses(self, scale: FloatArray) -> FloatArray:
         """Return poses at which a loop with equal gains over a scale is likeliest to break, (7, n).
 
-        They are home; where the arm is heaviest, where gravity is most unstable (M and dG/dq over
-        the scale s_j, (n,)), and where it is lightest, searched for; and three seeded ones.
+        They are home; where the arm is heaviest, most unstable by gravity (M and dG/dq over the
+        scale, (n,)), and lightest, searched for; and three seeded ones.
         """
         poses = seeded_poses(self.arm, 200, 0)
         found = [
@@ -190,7 +190,7 @@ def gain_ceilings(
         Of the sampled loop [s].
     poses, seed
         How many poses to look at (the first is home), and what draws them. The worst of several
-        are starts of a search for the worst there is; see `DerivativeBound`.
+        are starts of a search for the worst there is (docs/gains.md).
     """
     checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
     poses = checks.integer("poses", poses, low=1)
@@ -267,12 +267,9 @@ def between(low: FloatArray, high: FloatArray, part: FloatArray) -> FloatArray:
 
 
 def is_damped(loops: FrozenLoops, low: FloatArray, high: FloatArray) -> bool:
-    """Return whether all that is tried in a box of gains keeps `BOX_DAMPING` at every pose.
-
-    Tried are the eight corners at which all joints are alike; from the worst of them, corners
-    that the derivative of the damping ratio points to, until it points nowhere new; and
-    seeded points inside.
-    """
+    """Return whether all that is tried in a box of gains keeps `BOX_DAMPING` at every pose."""
+    # Corners at which all joints are alike, corners that the damping ratio's derivative points to
+    # from the worst of them, and seeded points inside.
     corners = [np.outer(ends, np.ones(low.shape[1])) for ends in product((0.0, 1.0), repeat=3)]
     for pose in range(len(loops.poses)):
         found = [loops.damping(between(low, high, corner), pose) for corner in corners]
@@ -300,8 +297,7 @@ def damped_box(
 
     All gains are Kp, Ki, Kd, (3, n), scale included. At a part below 1 the box's sides are nearer
     to the gains, in ratio; the low one with the square of the part: it is of less use to
-    adaptation, and where gravity is unstable, low Kp is what breaks the loop. That each point of a
-    box is stable while it stands still says nothing about gains that move: see `certify_gains`.
+    adaptation, and where gravity is unstable, low Kp is what breaks the loop.
     """
 
     def sides(part: float) -> tuple[FloatArray, FloatArray]:
@@ -322,13 +318,10 @@ def nearest_gains(
 ) -> FloatArray:  # fmt: skip
     """Lower gains, (3, n), joint by joint, no further than damping and the bound on Kd ask.
 
-    `part` of the bound may be used up; `damping` is the least ratio at each pose of `loops`.
-
-    Maximises the sum of all ln K, so that a gain gives up little where another can do as much, by
-    sequential quadratic programming (SLSQP) with exact derivatives of poles and loads. A pose
-    counts from when gains have been found wanting there. Where nothing satisfies all constraints
-    the damping ratios fall short by the same, least, amount. Where a search ends far from what is
-    wanted another begins at less bandwidth.
+    `part` of the bound may be used up; `damping` is the least ratio at each pose of `loops`. The
+    sum of all ln K is made as large as it may be, so that a gain gives up little where another can
+    do as much. A pose counts from when gains have been found wanting there. Where nothing
+    satisfies all constraints the damping ratios fall short by the same, least, amount.
     """
     from scipy.optimize import minimize
 
@@ -387,7 +380,8 @@ def nearest_gains(
         return table
 
     found, least = wanted, np.inf
-    for lowered in LOWERED:
+    # Where a search ends far from what is wanted another begins at less bandwidth.
+    for lowered in STARTING_PARTS:
         start = np.append(np.repeat(np.log(lowered) * slower, n), 0.0)
         table = searched(start)
         short = float((damping - loops.ratios(table)).max())

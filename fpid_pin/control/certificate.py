@@ -174,16 +174,11 @@ def norm_bound(
 ) -> float:
     """Return a bound on the norm of a stable system's response over the unit circle.
 
-    It is at most `EXCESS` times the largest norm that is met, and inf where none is found. A
-    singular value of the response is gamma at the frequency w only where a Hamiltonian matrix of
-    gamma has the eigenvalue j w (Boyd, Balakrishnan and Kabamba, Mathematics of Control, Signals,
-    and Systems 2, 1989), in the variable s of z = (1 + s)/(1 - s), which takes the unit circle to
-    the imaginary axis. Where eigenvalues that are near it show larger norms, gamma rises (Bruinsma
-    and Steinbuch, Systems & Control Letters 14, 1990).
-
-    `response` is the system's at angles of z, (K,) [rad], as (K, outputs, inputs); `most` is the
-    largest norm that is known, that at z = -1 among others.
+    It is at most `EXCESS` times the largest norm that is met, and inf where none is found: by
+    eigenvalues of Hamiltonian matrices (docs/gains.md). `response` is the system's at angles of z,
+    (K,) [rad], as (K, outputs, inputs); `most` is the largest norm known, z = -1 among others.
     """
+    # In the variable s of z = (1 + s)/(1 - s).
     eye = np.eye(len(system.a))
     inverse = np.linalg.inv(eye + system.a)
     a, b = inverse @ (system.a - eye), 2.0**0.5 * inverse @ system.b

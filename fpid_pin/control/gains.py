@@ -259,12 +259,11 @@ def explain_gains(
         With gains over the scale ``s_j = M_jj + F_v/w + F_d/(0.09 rad w^2) + max|G_j|/(0.5 rad
         w^2)`` (never so large that 0.05 rad of error alone ask for the effort limit), Kp = w^2,
         and Kd, Ki that at the frequency w weigh as 2 w and 0.3 w^3 do at orders 1. Gains are
-        lowered, no further than needed, until Kd uses up at most 0.4 of the sampled-data bound
-        (`DerivativeBound`) at the worst pose, and damping ratios are at least 0.4 at home and
-        0.2 at the heaviest pose, the lightest, the most unstable and some random ones. Projection
-        keeps adapted gains within 0.7 and four times these, under the ceilings of `gain_ceilings`,
-        in a box that is damped at all those poses (`damped_box`). Learning rates make 0.05 rad of
-        error double a gain in about five seconds.
+        lowered, no further than needed, until Kd uses up at most 0.4 of what the sampled loop bears
+        at the worst pose, and damping ratios are at least 0.4 at home and 0.2 at six other poses.
+        Projection keeps adapted gains within 0.7 and four times these, under the ceilings of
+        `gain_ceilings`, in a box that is damped at all those poses (docs/gains.md). Learning rates
+        make 0.05 rad of error double a gain in about five seconds.
 
     Warns
     -----
@@ -279,14 +278,11 @@ def explain_gains(
 def impossible_joints(arm: Arm) -> list[str]:
     """Return a line for every joint that its drive cannot move at home, whatever the gains."""
     falling = joints_that_fall(arm, arm.home, arm.effort_limit, "at home")
-    each = zip(
-        arm.joint_names, arm.dry_friction, arm.effort_limit, arm.effort_units, strict=True
-    )  # fmt: skip
     return [f"{line}; it cannot hold the arm there" for line in falling] + [
-        f"{arm.name}: joint {joint}: dry friction of {dry:.3g} {unit} is not below its effort "
-        f"limit of {limit:.3g} {unit}; it cannot be moved"
-        for joint, dry, limit, unit in each
-        if limit <= dry
+        f"{arm.name}: joint {arm.joint_names[j]}: dry friction of {arm.dry_friction[j]:.3g} {unit} "
+        f"is not below its effort limit of {arm.effort_limit[j]:.3g} {unit}; it cannot be moved"
+        for j, unit in enumerate(arm.effort_units)
+        if arm.effort_limit[j] <= arm.dry_friction[j]
     ]
 
 
@@ -337,17 +333,20 @@ def adapt_orders(controller: AdaptiveFpid, arm: Arm, *, speed: float = 1.0) -> A
     """
     checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
     speed = checks.number("speed", speed, low=0.0)
-    kp, ki, kd, k1, lam, mu = (
-        checks.per_joint(name, getattr(controller, name), arm.n)
-        for name in ("kp", "ki", "kd", "k1", "integral_order", "derivative_order")
-    )
-    scale = controller.scale_on(arm)
+    kp, ki, kd = gain_table(controller, arm.n)
+    k1, scale = checks.per_joint("k1", controller.k1, arm.n), controller.scale_on(arm)
     square = scale * kp / np.diag(arm.mass_matrix(arm.home))  # w^2 [1/s^2]
     strength = k1 * LEARNING_ERROR**2 * LEARNING_TIME * scale * np.stack([ki, kd * square])
     rate = np.divide(speed, strength, out=np.zeros_like(strength), where=strength > 0.0)
     return dataclasses.replace(
         controller,
         order_learning_rate=rate,
-        integral_order_bounds=(controller.integral_order_bounds[0], lam.max()),
-        derivative_order_bounds=(controller.derivative_order_bounds[0], mu.max()),
+        integral_order_bounds=(
+            controller.integral_order_bounds[0],
+            np.max(controller.integral_order),
+        ),
+        derivative_order_bounds=(
+            controller.derivative_order_bounds[0],
+            np.max(controller.derivative_order),
+        ),
     )

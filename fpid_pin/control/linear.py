@@ -132,16 +132,6 @@ class LinearLaw:
         others = np.linalg.solve(np.eye(inner.shape[1]) - inner[:, :, known:], inner[:, :, :known])
         return np.asarray(self.torque[:, :known] + self.torque[:, known:] @ others)
 
-    def kept(self, outputs: BoolArray, memory: BoolArray) -> LinearLaw:
-        """Return the law without the other outputs, their modes, and the other numbers."""
-        columns = np.concatenate([np.ones(self.measured, dtype=bool), outputs, memory])
-        modes = self.out[outputs].any(axis=0)
-        return LinearLaw(
-            self.torque[:, columns], self.following[memory][:, columns],
-            self.direct[outputs][:, columns], self.drive[modes][:, columns],
-            self.out[outputs][:, modes], self.decay[modes],
-        )  # fmt: skip
-
     def remembering(self, rows: FloatArray, basis: FloatArray) -> LinearLaw:
         """Return the law that remembers r = rows m in place of m = basis r."""
         known = self.torque.shape[1] - len(self.following)
@@ -159,18 +149,10 @@ def linearised(
     controller: Controller, arm: Arm, q: FloatArray, *, step: float, horizon: float,
     design: Design | None = None,
 ) -> LinearLaw:  # fmt: skip
-    """Linearise a law about rest at a pose q, (n,), as the engine runs it, with its observer.
+    """Linearise a law about rest at a pose q, (n,), with its observer: see `stability_report`.
 
-    Gravity counts as held by a constant torque. What adapts counts as far as it matters at rest:
-    estimates of the weight, which errors move in proportion, do; gains, which products of errors
-    move, stay. Torque limits and the supervisor, which is silent at rest, are left out. `design`
-    is for its fractional operators, in place of its own.
-
-    Raises
-    ------
-    ArgumentError
-        A fractional design without modes; a torque that jumps, as sgn without a boundary layer
-        does; a law in plain Python that keeps a past of its own, such as a `Bank`'s.
+    Gravity counts as held by a constant torque. `design` is for its fractional operators, in place
+    of its own.
     """
     who, n = type(controller).__name__, arm.n
     tick = _Tick(controller.on(arm, step=step), arm, q, step, horizon, design)
@@ -182,7 +164,12 @@ def linearised(
     jumps[n : n + len(tick.own)] &= memory[: len(tick.own), np.newaxis]
     if jumps.any():
         raise checks.ArgumentError("controller", "a law that is smooth at rest", f"a jump in {who}")
-    law, own = law.kept(outputs, memory), own[memory]
+    columns = np.concatenate([np.ones(law.measured, dtype=bool), outputs, memory])
+    modes, own = law.out[outputs].any(axis=0), own[memory]
+    law = LinearLaw(
+        law.torque[:, columns], law.following[memory][:, columns], law.direct[outputs][:, columns],
+        law.drive[modes][:, columns], law.out[outputs][:, modes], law.decay[modes],
+    )  # fmt: skip
     # What remembers the same becomes one; adding 0 makes -0 to 0.
     _, first, group = np.unique(
         law.following + 0.0, axis=0, return_index=True, return_inverse=True
@@ -368,7 +355,7 @@ def linear_terms(
     """Return an FPID about rest at home with its terms, (3 n), in the place of torques.
 
     The terms are e of all joints, then I^lambda e, then D^mu e; those that `used` has at 0, (3, n),
-    are left out. Gains are, too: `feedback` closes the loop. For the rest see `linearised`.
+    are left out. `feedback` of gains closes the loop.
     """
     n = arm.n
     kp, ki, kd = used = np.broadcast_to(used, (3, n))

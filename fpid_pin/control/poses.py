@@ -36,9 +36,8 @@ def worst_pose(
 ) -> tuple[float, FloatArray]:
     """Return the largest value of a positive measure of poses that is found, and where.
 
-    The measure gives its value and its derivative by the pose, (n,). Searched from the worst
-    `STARTS` of `poses`, (poses, n), by L-BFGS-B within the joints' limits: where an arm is nearly
-    singular samples miss the worst by far, and a search from one of them may end beside it.
+    The measure gives its value and its derivative by the pose, (n,). It is searched from the worst
+    `STARTS` of `poses`, (poses, n), within the joints' limits: docs/gains.md says why.
     """
     from scipy.optimize import minimize
 

@@ -129,15 +129,17 @@ def stability_report(
         The nominal arm, which is also taken for the plant.
     controller
         Any law, in every form, as its `Loop` runs it: with its observer, its integrals, what it
-        remembers, and what adapts as far as that matters at rest (`linearised` says what does).
-        Torque limits and dry friction are left out, and so is a supervisor: it is silent at rest.
+        remembers, and what adapts as far as that matters at rest: estimates of the weight, which
+        errors move in proportion, do; gains, which products of errors move, stay. Torque limits and
+        dry friction are left out, and so is a supervisor: it is silent at rest.
     step, horizon
         [s].
 
     Raises
     ------
     ArgumentError
-        What cannot be linearised: see `linearised`.
+        A fractional design without modes; a torque that jumps, as sgn without a boundary layer
+        does; a law in plain Python that keeps a past of its own, such as a `Bank`'s.
 
     Notes
     -----

@@ -1,5 +1,5 @@
 """Suggested gains suit arms that nobody tuned, in boxes that are stable; ceilings are where loops
-break. Judged by loops that are written out here."""
+break. Judged by simulations and by closed forms."""
 
 import dataclasses
 import itertools
@@ -13,10 +13,8 @@ import pytest
 import fpid_pin as fp
 from fpid_pin.control import Safeguards, explain_gains, gain_ceilings, suggest_gains
 from fpid_pin.control.ceilings import DerivativeBound
-from fpid_pin.control.gains import impossible_joints
 from fpid_pin.control.poses import gravity_instability, heaviness
-from fpid_pin.control.stability import critical_derivative
-from fpid_pin.fractional import Crone, ExponentialSum
+from fpid_pin.disturbances import Pulse
 from fpid_pin.references import Hold
 
 TWO = fp.Arm.two_link()
@@ -95,41 +93,21 @@ def test_a_joint_that_friction_stops_within_a_step_bears_half_of_two_over_the_st
     assert factors[1] < -1.0 < factors[0]
 
 
-def test_an_integer_derivative_bears_two_over_the_step_and_lower_orders_more():
-    design = ExponentialSum(modes=24)
-    for step in (1e-3, 2e-3):
-        found = critical_derivative(design, 1.0, step=step, horizon=20.0)
-        assert found == pytest.approx(2.0 / step, rel=1e-12)
-    found = [critical_derivative(design, mu, step=1e-3, horizon=20.0) for mu in (1.0, 0.9, 0.7)]
-    assert found == sorted(found)
-    crone = Crone(low=1e-2, high=1e3, n=5)
-    assert critical_derivative(crone, 0.9, step=1e-3, horizon=20.0) > 2000.0
-
-
-def grows(arm, law, gains, q, step, duration=5.0):
-    """Kick the arm, linearised at rest at q, under a law whose gains stand still."""
-    model, n = arm.model.copy(), arm.n
-    data = model.createData()
-    upper = np.triu(pin.crba(model, data, q))
-    inertia = upper + np.triu(upper, 1).T
-    stiffness = pin.computeGeneralizedGravityDerivatives(model, data, q)
-    implicit = np.linalg.inv(inertia + step * np.diag(arm.viscous_friction))
+def grows(arm, law, gains, q, step):
+    """Kick the arm, at rest at q with its weight held, under a law whose gains stand still."""
     fixed = dataclasses.replace(
         law, kp=gains[0], ki=gains[1], kd=gains[2], learning_rate=0.0, safeguards=None
     )
-    loop = fixed.start(arm.with_limits(effort=0.0), step=step)
-    still, x = np.zeros(n), np.zeros(n)
-    v = np.random.default_rng(0).normal(size=n)
-    moved = []
-    for _ in range(round(duration / step)):
-        tau = loop.torque(q + x, v, q, still, still)
-        v = v + step * implicit @ (tau - stiffness @ x - arm.viscous_friction * v)
-        x = x + step * v
-        moved.append(np.abs(x).max())
-        if moved[-1] > 1e6:
-            return True
+    rng = np.random.default_rng(0)
+    experiment = fp.Experiment(
+        arm.with_limits(effort=0.0), Hold(q), q0=q, v0=1e-7 * rng.normal(size=arm.n),
+        plant=fp.Plant(disturbance=Pulse(arm.gravity_vector(q))), step=step, duration=5.0,
+        dynamics="compiled",
+    )  # fmt: skip
+    moved = np.abs(fp.simulate(experiment, fixed).q - q).max(axis=1)
     half = len(moved) // 2
-    return max(moved[half:]) > 0.9 * max(moved[:half])
+    # What breaks away may come to rest at a pose that it can bear.
+    return moved.max() > 1e-3 or moved[half:].max() > 0.9 * moved[:half].max()
 
 
 def some_gains(low, high, count, rng):
@@ -249,20 +227,15 @@ def test_a_description_and_the_function_make_the_same_law_with_all_that_was_aske
     assert asked == list(options.values())[1:]
 
 
-@pytest.mark.parametrize(
-    ("name", "joint", "why"),
-    [("bravo7_no_ee", "joint2", "gravity at home"), ("talos_arm", "gripper_left_joint", "dry")],
-)
-def test_joints_that_no_gains_can_move_are_named(name, joint, why):
-    (line,) = impossible_joints(fp.Arm.from_example(name))
-    assert joint in line
-    assert why in line
-
-
 def test_only_what_there_is_to_warn_of_is_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         suggest_gains(TWO)
     weak = TWO.with_limits(effort=(5.0, 100.0))
-    with pytest.warns(fp.FpidWarning, match="joint1: gravity at home"):
-        suggest_gains(weak, adaptive=False)
+    rough = TWO.with_friction(dry=(0.0, 30.0)).with_limits(effort=(100.0, 30.0))
+    for arm, words in (
+        (weak, r"joint1: gravity at home is 27.4 N m, beyond its effort limit of 5 N m; it cannot"),
+        (rough, "joint2: dry friction of 30 N m is not below its effort limit of 30 N m; it cann"),
+    ):
+        with pytest.warns(fp.FpidWarning, match=words):
+            suggest_gains(arm, adaptive=False)

@@ -12,7 +12,6 @@ from own_laws import FractionalSurface, PythonPid, own
 import fpid_pin as fp
 from fpid_pin.control import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.linear import linear_arm, linearised
-from fpid_pin.control.poses import gravity_stiffness
 from fpid_pin.control.stability import stability_report
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold
@@ -168,14 +167,6 @@ def grown(arm, law, late=0):
     run = fp.simulate(experiment, law)
     part = len(run.v) // 6
     return np.abs(run.v[-part:]).max() / np.abs(run.v[:part]).max()
-
-
-def test_gravity_stiffness_is_that_of_the_two_link_arm():
-    arm = fp.Arm.two_link()
-    q = np.array([0.4, -0.7])
-    both = -9.8 * 0.8 * np.sin(q.sum())
-    truth = [[-9.8 * 2.0 * np.sin(q[0]) + both, both], [both, both]]
-    assert gravity_stiffness(arm, q) == pytest.approx(np.array(truth), abs=1e-6)
 
 
 def test_margins_of_pd_on_a_unit_inertia_are_the_closed_forms():

@@ -120,12 +120,7 @@ def test_orders_next_to_the_ends_are_filters_close_to_them():
     ("design", "arguments", "words"),
     [
         (Crone, {"low": 10.0, "high": 1.0}, "band: expected low < high, got low = 10, high = 1"),
-        (Crone, {"low": 0.0}, "low: expected a number > 0, got 0"),
-        (Crone, {"n": 0}, "n: expected a whole number in"),
-        (Crone, {"widening": -1.0}, "widening: expected a number in"),
         (ExponentialSum, {"modes": 0}, r"modes: expected a whole number in \[1, 128\], got 0"),
-        (ExponentialSum, {"modes": 2.5}, "modes: expected a whole number"),
-        (ExponentialSum, {"tolerance": 0.0}, r"tolerance: expected a number in \(0, 1\], got 0"),
         (ExponentialSum, {"modes": 3, "tolerance": 1e-3}, "either modes or tolerance, got both"),
     ],
 )

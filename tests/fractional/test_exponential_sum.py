@@ -74,19 +74,6 @@ def test_weights_are_never_negative(modes, horizon):
     assert (c.weights >= 0.0).all()
 
 
-def test_a_thousand_different_orders_are_fitted_in_one_call_each_as_if_it_were_alone():
-    design, orders = ExponentialSum(24), np.linspace(0.0, 1.0, 1000).reshape(2, 500)
-    together = design.coefficients(orders, **GRID).weights
-    for index in ((0, 0), (0, 17), (1, 2), (1, 499)):
-        alone = design.coefficients(orders[index], **GRID).weights
-        assert np.array_equal(alone, together[(slice(None), *index)])
-    error = kernel_error(design, orders.reshape(-1), np.geomspace(STEP, HORIZON, 200), **GRID)
-    assert np.abs(error).max() < 1e-6
-    # The ends are a constant and nothing.
-    assert np.array_equal(together[:, 0, 0], [1.0] + [0.0] * 23)
-    assert not together[:, 1, 499].any()
-
-
 def test_more_modes_are_better_and_the_stated_error_holds_between_the_fitted_orders():
     lags, orders = np.geomspace(STEP, HORIZON, 3000), np.linspace(0.013, 0.987, 23)
     last = np.inf
