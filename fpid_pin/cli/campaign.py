@@ -11,6 +11,7 @@ from urllib.parse import quote
 
 import typer
 
+from fpid_pin import own_code
 from fpid_pin.cli.options import AllowImport, ConfigFile, Dask, Workers
 from fpid_pin.cli.output import file_names, results_path
 from fpid_pin.cli.screen import print_table, progress_bar, say, say_written
@@ -65,6 +66,7 @@ def resume(
     """Go on with a campaign, also to more plants than at first."""
     from fpid_pin.campaign.ledger import Ledger
 
+    own_code.allowed.set(allow_import)
     executor = executor_of(workers, dask)
     with Ledger(ledger) as book:
         study, planned = book.study(), book.planned
@@ -148,6 +150,7 @@ def replay(
     """Simulate a run again, beside its nominal twin."""
     from fpid_pin import campaign
 
+    own_code.allowed.set(allow_import)
     require_file(html)
     again = campaign.replay(ledger, run, controller)
     say(*str(again).splitlines())
@@ -201,6 +204,7 @@ def report(
     """Write a page: success, distributions, the worst runs."""
     from fpid_pin import campaign
 
+    own_code.allowed.set(allow_import)
     require_file(html)
     data = campaign.load(ledger)
     folder = html.with_name(f"{html.stem}-replays")

@@ -143,7 +143,7 @@ def tune(
     from fpid_pin.cli.tune import run_tuning
 
     out = out or results_path(config, "-tuned")
-    run_tuning(config, out, resume, controller, condition, workers, dask, png)
+    run_tuning(config, out, resume, controller, condition, workers, dask, png, allow_import)
 
 
 @app.command()

@@ -1,19 +1,7 @@
 """The TOML configuration, format 1: what a file says, checked whole, as descriptions.
 
-    format = 1
-    import           a Python file, or several, with kinds of one's own (see `fpid_pin.own_code`)
-    [arm]            kind and the arguments of that kind of arm
-    [plant]          arguments of Plant
-    [reference]      kind and its arguments
-    [[disturbance]]  kind and its arguments; several add up
-    [sensors]        arguments of Sensors
-    [simulation]     step, duration, integrator, dynamics, seed, runaway_speed, q0, v0
-    [[controller]]   kind, name and arguments of the controller
-    [[condition]]    name, and plant, sensors, disturbance in place of those above
-    [tune]           see `tune.TuneTable`
-    [campaign]       see `campaign.study.CampaignTable`
-
-Keys are the constructors' arguments. Every fault is reported at once, each with its key path.
+docs/configuration.md has its tables; their keys are the constructors' arguments. Every fault is
+reported at once, each with its key path.
 """
 
 from __future__ import annotations
@@ -154,16 +142,9 @@ class Config:
 
 
 def load(path: str | Path, allow_import: bool = False) -> Config:
-    """Read and check a configuration file; the Python files that it names are run where allowed.
-
-    Raises
-    ------
-    ConfigError
-        A line for every fault: file, key path, what was expected, what came.
-    """
+    """Read and check a configuration file; the Python files that it names are run where allowed."""
     path = Path(path)
-    if allow_import:
-        own_code.allowed.set(True)
+    own_code.allowed.set(allow_import)
     try:
         with open(path, "rb") as file:
             data = file.read(MOST_BYTES + 1)

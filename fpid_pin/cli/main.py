@@ -54,10 +54,8 @@ def _run(arguments: list[str]) -> None:
     from typer import Exit
     from typer.main import get_command
 
-    from fpid_pin import own_code
     from fpid_pin.cli.commands import app
 
-    own_code.allowed.set(False)
     try:
         # Typer's own way in makes a status of Ctrl-C, and nothing of a pipe that nobody reads.
         with get_command(app).make_context("fpid-pin", [*arguments]) as context:

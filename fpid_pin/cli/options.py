@@ -7,19 +7,10 @@ from typing import Annotated
 
 import typer
 
-from fpid_pin import own_code
-
-
-def _allow(given: bool) -> bool:
-    own_code.allowed.set(given)
-    return given
-
-
 # Of most commands.
 ConfigFile = Annotated[Path, typer.Argument(metavar="CONFIG.toml", help="What to simulate.")]
 AllowImport = Annotated[
-    bool,
-    typer.Option("--allow-import", callback=_allow, help="Run the Python files it imports."),
+    bool, typer.Option("--allow-import", help="Run the Python files it imports.")
 ]
 Chosen = Annotated[str | None, typer.Option(help="Which controller, by name.")]
 Condition = Annotated[str | None, typer.Option(help="Under which condition, by name.")]

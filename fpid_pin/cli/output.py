@@ -46,14 +46,7 @@ def output_folder(path: str | Path) -> Iterator[Path]:
     """Give a temporary folder that takes the place of `path` when the block ends without an error.
 
     An older folder of results there is replaced, what is a user's own within it is carried over;
-    anything else is left alone and refused. Until the block ends nobody else may write there.
-
-    Raises
-    ------
-    FileFormatError
-        Before the block: `path` cannot be written, is something that these commands did not make,
-        cannot be replaced (the working folder, a mount point), or another process is at it. In the
-        block and after it: the system refuses (a full disk).
+    anything else is refused, before the block. Until it ends nobody else may write there.
     """
     path = Path(path)
     temporary: Path | None = None
@@ -173,11 +166,6 @@ def file_names(
 
     >>> file_names([["PID +"], ["PID -"], ["tuned"]], taken=["tuned"])
     ['pid', 'pid-2', 'tuned-2']
-
-    Raises
-    ------
-    ConfigError
-        A name that no file can have, for its length.
     """
     given = set(taken)
     names = []

@@ -143,13 +143,14 @@ def run_tuning(
     workers: int | None = None,
     dask: str | None = None,
     png: bool = False,
+    allow_import: bool = False,
 ) -> TuningResult:
     """Search as a configuration and the command's options say, and write the folder `out`.
 
     The search's checkpoint lies beside `out` until the folder is written, with it inside.
     """
     scheduler = executor_of(workers, dask)
-    config = load(path)
+    config = load(path, allow_import)
     if condition is not None:
         config = config.under(condition)
     plan = read_plan(config, controller)

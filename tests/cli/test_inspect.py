@@ -133,19 +133,6 @@ def test_the_rest_of_a_tree_is_held_by_the_tip_of_the_arm(folder, capsys):
 # ---------------------------------------------------------------------- init
 
 
-def test_compare_runs_what_init_writes(folder, capsys):
-    assert main(["init", "two_link", "--out", "start.toml"]) == 0
-    text = (folder / "start.toml").read_text()
-    assert len(text.splitlines()) < 105
-    (folder / "start.toml").write_text(text.replace("duration = 10.0", "duration = 0.05"))
-    assert main(["compare", "start.toml", "--no-figures"]) == 0
-    printed = capsys.readouterr().out
-    for part in (*INITIAL, "noise", "delay"):
-        assert part in printed
-    assert "UNSTABLE" not in printed
-    assert len(list((folder / "runs" / "start").glob("*.npz"))) == 30
-
-
 @pytest.mark.parametrize("name", ["ur5", "lifter.xml"])
 def test_a_configuration_stays_within_the_limits_of_its_arm_and_every_law_follows(folder, name):
     assert main(["init", name]) == 0

@@ -1,13 +1,12 @@
 """How the command ends: one line for what the system refuses, a status for Ctrl-C."""
 
-import os
 import signal
 import subprocess
 import sys
 import time
 
 import pytest
-from bounded import started
+from bounded import finished, started
 
 from fpid_pin.cli.main import main
 
@@ -40,26 +39,17 @@ def test_what_the_system_refuses_is_one_line_and_status_2(monkeypatch, capsys, e
 
 
 @pytest.mark.parametrize(
-    ("arguments", "where"),
-    [(["--help"], "full"), (["arms"], "closed pipe"), (["run", "none.toml"], "full errors")],
+    ("words", "said"),
+    [
+        ("--help > /dev/full", "fpid-pin: standard output: No space left on device\n"),
+        ("arms | true", "fpid-pin: standard output: Broken pipe\n"),
+        ("run none.toml 2> /dev/full", ""),  # the status says it
+    ],
 )
-def test_output_that_takes_no_more_is_one_line_and_status_2(arguments, where):
-    said = "nothing can be said, and the status says it"
-    if where == "full errors":
-        with open("/dev/full", "w") as full, command(*arguments, stderr=full) as child:
-            child.communicate()
-    elif where == "full":
-        with open("/dev/full", "w") as full, command(*arguments, stdout=full) as child:
-            said = child.communicate()[1]
-        assert said == "fpid-pin: standard output: No space left on device\n"
-    else:
-        reader, writer = os.pipe()
-        os.close(reader)
-        with command(*arguments, stdout=writer) as child:
-            os.close(writer)
-            said = child.communicate()[1]
-        assert said == "fpid-pin: standard output: Broken pipe\n"
-    assert child.returncode == 2
+def test_output_that_takes_no_more_is_one_line_and_status_2(words, said):
+    line = f"{sys.executable} -m fpid_pin.cli.main {words}"
+    done = finished(["bash", "-o", "pipefail", "-c", line])
+    assert (done.returncode, done.stderr) == (2, said)
 
 
 class Careless:

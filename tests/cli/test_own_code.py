@@ -97,6 +97,10 @@ def test_nothing_is_run_that_was_not_allowed_nor_by_a_script_that_calls_commands
         assert "mine" in capsys.readouterr().out
         assert fp.Run.load(out / "mine.npz").outcome.completed
         # What one call allowed, the next command does not.
+        (config.parent / "own.py").rename(config.parent / "other.py")
+        config.write_text(CONFIG.replace("own.py", "other.py"))
+        with pytest.raises(ConfigError, match="expected --allow-import"):
+            commands.tune(config, out=config.parent / "tuned")
         assert main(["run", str(config), "--out", str(out)]) == 2
 
     contextvars.copy_context().run(script)
