@@ -126,7 +126,7 @@ def run_inspect(table: dict[str, Any], bandwidth: float, step: float, picture: P
     arm = arm_of_table(table)
     if picture is not None:
         from fpid_pin.view import plots
-        from fpid_pin.view.portrait import portrait
+        from fpid_pin.view.shapes import portrait
 
         # First: a name that no picture can have is told before a page of numbers.
         plots.save_figure(portrait(arm), picture)

@@ -264,7 +264,7 @@ def playground(
 
 def _playground(config: Config, html: Path) -> list[str]:
     """Write a page of the controllers that it can hold; return a line for each that it cannot."""
-    from fpid_pin.view.playground_law import Law
+    from fpid_pin.view.playground_engine import Law
     from fpid_pin.view.playground_page import playground
 
     kept: list[Law] = []

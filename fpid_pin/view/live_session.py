@@ -24,8 +24,7 @@ from fpid_pin.simulation.engine import Simulation
 from fpid_pin.simulation.entry import warm
 from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.replay import render
-from fpid_pin.view.scene import experiment_scene
+from fpid_pin.view.replay import experiment_scene, render
 
 HELP = "keys, here or in the page: 1-9 choose a joint, + and - push it, q ends"
 _PUSH_TIME = 0.2

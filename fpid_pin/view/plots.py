@@ -14,17 +14,21 @@ from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
 from fpid_pin.text import cut, percent, unit_for
 from fpid_pin.view.maps import convergence, cost_map, heat_map, profile
-from fpid_pin.view.panels import REFERENCE, joints_of, looks_of, overview
-from fpid_pin.view.scene import as_runs, captions_of
 from fpid_pin.view.style import (
     INK,
     PALETTE,
+    REFERENCE,
+    as_runs,
+    captions_of,
     colour,
     figure_bytes,
+    joints_of,
     legend,
     lettering,
     line,
+    looks_of,
     new_figure,
+    overview,
     save_figure,
     shared_legend,
     styled,

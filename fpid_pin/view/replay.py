@@ -1,8 +1,13 @@
-"""Runs as one page that opens anywhere: in a file, in a browser, in the cell of a notebook."""
+"""Runs as one page that opens anywhere: in a file, in a browser, in the cell of a notebook.
+
+A page draws from a scene: one table of plain values with the arms, their motion and the camera.
+"""
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import json
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import cache
@@ -10,13 +15,22 @@ from importlib import util
 from pathlib import Path
 from typing import Any
 
-from fpid_pin.exceptions import FpidError
+import numpy as np
+from numpy.typing import NDArray
+
+from fpid_pin import checks
+from fpid_pin.arms import Arm
+from fpid_pin.arms.parts import PRISMATIC
+from fpid_pin.checks import FloatArray
+from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.files import put_text
+from fpid_pin.simulation.experiment import Experiment
 from fpid_pin.simulation.run import Run
-from fpid_pin.text import cut
+from fpid_pin.text import cut, visible
 from fpid_pin.view.document import Page, as_text, asset, document
 from fpid_pin.view.link import LiveLink
-from fpid_pin.view.scene import as_runs, captions_of, replay_scene, to_script_json
+from fpid_pin.view.shapes import Shape, joint_axis, shapes_of, stage, tool_placement
+from fpid_pin.view.style import as_runs, captions_of, colour, short
 
 _BODY = """<div id="stage"></div>
 <details id="panel" open><summary>{title}</summary><div id="runs"></div>
@@ -27,7 +41,147 @@ _BODY = """<div id="stage"></div>
 <output id="time">t = 0.00 s</output></div>
 <script type="application/json" id="scene">{scene}</script>"""
 
-_SCRIPTS = ("scene.js", "bodies.js", "stage.js", "replay.js")
+_SCRIPTS = ("scene.js", "replay.js")
+
+# ------------------------------------------------------------------ the scene
+
+
+def replay_scene(
+    runs: Sequence[Run],
+    *,
+    captions: Sequence[str] | None = None,
+    fps: float = 30.0,
+    groups: Mapping[str, Sequence[int]] | None = None,
+) -> dict[str, Any]:
+    """Return the scene of a replay of runs, side by side, with `fps` frames a second.
+
+    `groups` are runs that are seen together, by name, as indices, None: all; the first is shown.
+    A run's colour is that of its place in its group.
+    """
+    fps = checks.number("fps", fps, low=1.0, high=240.0)
+    if not runs:
+        raise ArgumentError("runs", "at least one run", "none")
+    texts = captions_of(runs, captions)
+    for run, text in zip(runs, texts, strict=True):
+        if len(run.t) == 0:
+            raise ArgumentError("run", "at least one sample", f"none in {text!r}")
+        if not (np.isfinite(run.q).all() and np.isfinite(run.q_ref).all()):
+            # A file may say so; the engine ends a run before.
+            raise ArgumentError("run", "finite angles", f"NaN or inf in {text!r}")
+    scene, table = _Scene(), []
+    for name, members in (groups or {"": range(len(runs))}).items():
+        seen = [_frames(runs[k], fps) for k in members]
+        motions = [np.concatenate([frames["q"], frames["q_ref"]]) for frames in seen]
+        group = scene.group([runs[k].arm for k in members], [texts[k] for k in members], motions)
+        for entry, frames, k in zip(group["runs"], seen, members, strict=True):
+            entry |= {key: scene.store(values.astype("f4")) for key, values in frames.items()}
+            if not runs[k].outcome.completed:
+                entry["outcome"] = visible(str(runs[k].outcome))
+        group["duration"] = max(float(runs[k].t[-1]) for k in members)
+        table.append({"name": short(name), **group})
+    return {"shown": 0, "groups": table, "live": False, **scene.table()}
+
+
+def _frames(run: Run, fps: float) -> dict[str, FloatArray]:
+    """Return samples of a run, some `fps` a second, the last one among them."""
+    last, stride = len(run.t) - 1, max(round(1.0 / (fps * run.step)), 1)
+    rows = np.append(np.arange(0, last, stride), last)
+    return {key: getattr(run, key)[rows] for key in ("t", "q", "q_ref", "torque")}
+
+
+def experiment_scene(experiment: Experiment, caption: str, span: float) -> dict[str, Any]:
+    """Return a scene without motion: an experiment's arm, with room for `span` [s] of it."""
+    wanted = experiment.motion(np.linspace(0.0, span, 240))[0]
+    motion = np.concatenate([np.asarray(experiment.q0).reshape(1, -1), wanted])
+    scene = _Scene()
+    return scene.group([experiment.arm], [caption], [motion]) | scene.table()
+
+
+# ------------------------------------------------------------------ the table
+
+
+class _Scene:
+    """Arms on their way into a table: those that are equal are described once, as are buffers."""
+
+    def __init__(self) -> None:
+        self._arms: list[Arm] = []
+        self._described: list[dict[str, Any]] = []
+        self._buffers: list[dict[str, str]] = []
+
+    def store(self, array: NDArray[Any]) -> int:
+        """Store a float32, uint16 or uint32 array and return its number."""
+        little = array.astype(array.dtype.newbyteorder("<"))
+        data = base64.b64encode(little.tobytes()).decode("ascii")
+        self._buffers.append({"type": little.dtype.str[1:], "data": data})
+        return len(self._buffers) - 1
+
+    def table(self) -> dict[str, Any]:
+        """Return what does not depend on who is on the stage."""
+        credits = sorted({arm.credit for arm in self._arms if arm.credit})
+        return {"arms": self._described, "buffers": self._buffers, "credits": credits}
+
+    def group(
+        self, arms: list[Arm], captions: Sequence[str], motions: list[FloatArray]
+    ) -> dict[str, Any]:
+        """Return who is on the stage, and where it is seen from; for `motions` see `stage`."""
+        place = stage(arms, motions)
+        runs = [
+            {"caption": short(caption), "arm": self._number(arm), "offset": place.offsets[k],
+             "top": place.heights[k], "colour": colour(k)}
+            for k, (arm, caption) in enumerate(zip(arms, captions, strict=True))
+        ]  # fmt: skip
+        camera = {name: getattr(place, name) for name in ("towards", "centre", "extent")}
+        about = {name: getattr(place, name) for name in ("floor", "reach", "planar")}
+        return {"runs": runs, "camera": camera, **about}
+
+    def _number(self, arm: Arm) -> int:
+        if arm not in self._arms:
+            self._arms.append(arm)
+            self._described.append(self._arm(arm))
+        return self._arms.index(arm)
+
+    def _arm(self, arm: Arm) -> dict[str, Any]:
+        joints = [
+            {"name": short(arm.joint_names[j]), "axis": joint_axis(arm.model, j),
+             "placement": _column_major(arm.model.jointPlacements[j + 1].homogeneous),
+             "slides": arm.joint_kinds[j] == PRISMATIC,
+             "limit": limit if np.isfinite(limit) else None}
+            for j, limit in enumerate(arm.effort_limit)
+        ]  # fmt: skip
+        joint, placement = tool_placement(arm)
+        return {
+            "name": short(arm.name), "joints": joints,
+            "tool": {"joint": joint, "placement": _column_major(placement)},
+            "shapes": [self._shape(shape) for shape in shapes_of(arm)],
+        }  # fmt: skip
+
+    def _shape(self, shape: Shape) -> dict[str, Any]:
+        # 16 bits over the shape's own box: 8 um on a link of half a metre, at half the size.
+        steps = np.iinfo(np.uint16).max
+        low = shape.vertices.min(axis=0)
+        scale = np.maximum(shape.vertices.max(axis=0) - low, 1e-9) / steps
+        grid = np.rint((shape.vertices - low) / scale).astype(np.uint16)
+        index = shape.triangles.astype(np.uint16 if len(grid) <= steps else np.uint32)
+        return {
+            "joint": shape.joint, "placement": _column_major(shape.placement),
+            "colour": shape.colour, "low": low, "scale": scale, "vertices": self.store(grid),
+            "triangles": self.store(index),
+        }  # fmt: skip
+
+
+def _column_major(matrix: NDArray[Any]) -> NDArray[Any]:
+    return matrix.T.ravel()
+
+
+def to_script_json(table: Any) -> str:
+    """Return JSON, of plain values and arrays, that may stand inside a script element."""
+    text = json.dumps(table, allow_nan=False, separators=(",", ":"), default=np.ndarray.tolist)
+    for sign in ("<", ">", "&", "\u2028", "\u2029"):
+        text = text.replace(sign, f"\\u{ord(sign):04x}")
+    return text
+
+
+# ------------------------------------------------------------------ the page
 
 
 @cache
@@ -49,7 +203,7 @@ def licences(credits: Sequence[str]) -> str:
 
 
 def render(scene: Mapping[str, Any], title: str) -> str:
-    """Return the whole page of a table from `fpid_pin.view.scene`; it asks for nothing."""
+    """Return the whole page of a scene; it asks for nothing."""
     return document(
         title,
         style=asset("replay.css"),

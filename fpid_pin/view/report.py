@@ -14,11 +14,9 @@ from fpid_pin.files import put_text
 from fpid_pin.simulation.run import Run
 from fpid_pin.text import unit_for
 from fpid_pin.view.document import Link, as_text, asset, document, framed
-from fpid_pin.view.panels import joints_of
 from fpid_pin.view.plots import figures as standard_figures
 from fpid_pin.view.replay import replay_html
-from fpid_pin.view.scene import as_runs, captions_of
-from fpid_pin.view.style import INK, colour, figure_bytes
+from fpid_pin.view.style import INK, as_runs, captions_of, colour, figure_bytes, joints_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

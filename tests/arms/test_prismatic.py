@@ -7,7 +7,7 @@ from robots import joint, link, robot, write
 import fpid_pin as fp
 from fpid_pin.arms import Arm
 from fpid_pin.simulation import limit_report
-from fpid_pin.view.scene import stage
+from fpid_pin.view.shapes import stage
 
 M, INERTIA, CARRIER, G = 1.5, 0.02, 0.3, 9.81
 #: A carrier turns about -y (x towards z), with its inertia about the joint; a mass slides along it.

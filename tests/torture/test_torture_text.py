@@ -22,7 +22,6 @@ from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.text import visible
 from fpid_pin.view import plots, report_html
-from fpid_pin.view.playground_page import playground_html
 from fpid_pin.view.replay import replay_html
 from fpid_pin.view.style import figure_bytes
 
@@ -100,7 +99,8 @@ def run_called(name):
 def test_a_page_has_the_elements_that_it_has_with_harmless_names(kind, most, tmp_path, tally):
     def page(name):
         if kind == "playground":
-            return playground_html(fp.paper_experiment(duration=0.02), law_called(name), title=name)
+            job = fp.paper_experiment(duration=0.02)
+            return fp.view.playground(job, law_called(name), title=name).text
         run = run_called(name)
         if kind == "replay":
             return replay_html([run], captions=[name], title=name)

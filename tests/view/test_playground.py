@@ -15,7 +15,6 @@ import fpid_pin as fp
 from fpid_pin.cli.configuration import demo_config, load
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError, DesignError, ExportError
-from fpid_pin.view.playground_page import playground_html
 
 DURATION = 4.0
 MARKUP = '<img src=x onerror="document.title=1">'
@@ -274,7 +273,7 @@ def test_the_page_is_small_and_without_addresses(page_file):
 )  # fmt: skip
 def test_what_a_page_cannot_hold_is_refused_in_a_line(job, controller, error, said):
     with pytest.raises(error, match=said):
-        playground_html(job, controller)
+        fp.view.playground(job, controller)
 
 
 def test_the_command_leaves_out_what_a_page_cannot_hold(tmp_path, capsys):

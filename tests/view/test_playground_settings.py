@@ -16,7 +16,6 @@ import fpid_pin as fp
 from fpid_pin.cli.configuration import parse
 from fpid_pin.control.law import Derivative
 from fpid_pin.view.document import asset
-from fpid_pin.view.playground_page import playground_html
 
 #: Runs are short: settings that are chaotic have no time to show it.
 DURATION = 0.25
@@ -33,7 +32,8 @@ function refuse(link) {
 }
 const [, , path, question] = process.argv;
 const asked = JSON.parse(require("fs").readFileSync(path));
-process.stdout.write(JSON.stringify(asked.map({run, refuse}[question])));
+const read = (link) => fromLink(link).now;
+process.stdout.write(JSON.stringify(asked.map({run, refuse, read}[question])));
 """
 GUARD = fp.Supervisor.quiet(m_x=3.0, reference_bound=1.5)
 
@@ -114,7 +114,7 @@ class Page:
     def __init__(self, folder, job, laws):
         if shutil.which("node") is None:
             pytest.skip("no node")
-        text = playground_html(job, laws)
+        text = fp.view.playground(job, laws).text
         tables = "\n".join(re.findall(r"<script>(const (?:ENGINE|PAGE) = \{.*?\};)</script>", text))
         engine = re.search(r'id="engine">(.*?)</script>', text, re.DOTALL).group(1)
         self.table = json.loads(re.search(r"PAGE = (\{.*\});", tables, re.DOTALL).group(1))
@@ -124,7 +124,7 @@ class Page:
         self.script.write_text("\n".join(parts), encoding="utf-8")
 
     def ask(self, question, asked):
-        """Return the page's answer to each thing that is asked: a `run`, or to `refuse` a link."""
+        """Return the page's answer to each: a `run`; a link, to `refuse` it or to `read` it."""
         path = self.folder / "asked.json"
         path.write_text(json.dumps(asked))
         done = finished(["node", str(self.script), str(path), question])
@@ -197,9 +197,11 @@ def test_every_slider_from_every_preset_is_as_its_toml(page, law):
     start, asked = page.table["start"], []
     controls = controls_of(page, law)
     assert len(page.table["presets"]) > 10
-    for k, preset in enumerate(page.table["presets"]):
+    presets = page.ask("read", [preset["now"] for preset in page.table["presets"]])
+    for k, preset in enumerate(presets):
         # What a preset says of the first law it says of this one, where that has such a setting.
-        own = {re.sub(r"^0\.", f"{law}.", key): value for key, value in preset["now"].items()}
+        changed = {key: value for key, value in preset.items() if value != start[key]}
+        own = {re.sub(r"^0\.", f"{law}.", key): value for key, value in changed.items()}
         base = {key: value for key, value in own.items() if key in start} | {"controller": law}
         for number, (key, control) in enumerate(controls.items()):
             values = places_of(control, base.get(key, start[key]), page.table["steps"])
@@ -252,11 +254,8 @@ def test_an_arm_with_limits_and_friction_and_a_reference_without_a_formula(tmp_p
     friction = [1.0, 1.0, 1.0, 0.5, 0.5, 0.2]
     page.check([{}, {"payload": 2.0, "dry_friction": friction, "viscous_friction": friction}])
     # Presets fit any arm.
-    start = page.table["start"]
-    for preset in page.table["presets"]:
-        for key, value in (preset["now"] | (preset["pinned"] or {})).items():
-            assert type(value) is type(start[key])
-            assert key == "beside" or np.shape(value) == np.shape(start[key])
+    links = [x[kind] for x in page.table["presets"] for kind in ("now", "pinned") if x[kind]]
+    assert [faults for faults, _ in page.ask("refuse", links)] == [[]] * len(links)
 
 
 def test_an_fpid_is_offered_beside_feedforward_and_observer_and_with_orders_1(tmp_path):
@@ -269,13 +268,10 @@ def test_an_fpid_is_offered_beside_feedforward_and_observer_and_with_orders_1(tm
     assert np.array_equal(best.controller.integral_order, law.integral_order)
     assert np.all(np.array(integer.controller.derivative_order) == 1.0)
     assert integer.controller.observer == best.controller.observer > 0.0
-    pairs = {
-        preset["name"]: (preset["now"]["controller"], preset["pinned"]["controller"])
-        for preset in page.table["presets"]
-        if preset["pinned"] is not None
-    }
-    assert pairs["Feedforward and observer"] == (1, 0)
-    assert pairs["The same with integer orders"] == (1, 2)
+    for preset in page.table["presets"]:
+        if preset["needs"] in ("best", "both"):
+            laws = [page.ask("read", [preset[x]])[0]["controller"] for x in ("now", "pinned")]
+            assert laws == ([1, 0] if preset["name"] == "Feedforward and observer" else [1, 2])
     # Whoever brings such a law is offered no more.
     assert len(Page(tmp_path, job, [law, best.controller]).table["laws"]) == 2
 

@@ -61,7 +61,8 @@ def test_an_exported_page_draws_the_arm_and_moves_it(visit, make_run, tmp_path, 
             assert changed(empty, picture(page)) > (0.01 if group == "actual" else 2e-4), group
             page.evaluate(GROUPS.format(groups=[group], on="false"))
         # Where Pinocchio has it.
-        seen = page.evaluate("fpidPin.views[0].arm.tool(fpidPin.views[0].row('q', 30)).toArray()")
+        rows = f"fpidPin.views[0].tracks[0].sampleValues.subarray({30 * arm.n}, {31 * arm.n})"
+        seen = page.evaluate(f"fpidPin.views[0].arm.tool({rows}).toArray()")
         assert seen == pytest.approx(arm.tool_pose(run.q[30 * 33])[:3, 3], abs=1e-6)
 
 

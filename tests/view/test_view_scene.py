@@ -12,9 +12,9 @@ from fpid_pin import Arm, FpidWarning, Run
 from fpid_pin.arms import names
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.view import export_html
-from fpid_pin.view.portrait import portrait
-from fpid_pin.view.scene import captions_of, replay_scene, stage, to_script_json
-from fpid_pin.view.shapes import shapes_of, solid_surface
+from fpid_pin.view.replay import replay_scene, to_script_json
+from fpid_pin.view.shapes import portrait, shapes_of, solid_surface, stage
+from fpid_pin.view.style import captions_of
 
 FULL = os.environ.get("FPID_TORTURE") == "full"
 MESH = '<visual><geometry><mesh filename="package://nowhere/{}.stl"/></geometry></visual>'

@@ -8,10 +8,9 @@ const plots = Object.fromEntries(["error", "torque", "signal"].map((name) =>
 const state = {runs: null, pinned: null, got: 0, busy: false, waiting: false, latency: []};
 
 function say(text, bad = false) {
-  const box = element("message");
-  box.textContent = text;
-  box.hidden = !text;
-  box.classList.toggle("bad", bad);
+  element("message").textContent = text;
+  element("message").hidden = !text;
+  element("message").classList.toggle("bad", bad);
 }
 
 // ------------------------------------------------------------------ settings and their past
@@ -35,15 +34,15 @@ const model = {
     remember();
   },
   go(from, to) {
+    if (!from.length) return;
     to.push(this.committed);
     this.committed = from.pop();
     this.load(...JSON.parse(this.committed));
   },
   load(now, pinned) {
-    Object.assign(this, {now, pinned});
+    this.pinned = pinned;
+    this.change(now, false);
     remember();
-    refresh();
-    ask();
   },
 };
 
@@ -62,13 +61,12 @@ function remember() {
 // One message at a time; of those that were asked for meanwhile only the newest.
 function ask() {
   clearTimeout(state.scene);
-  state.asked = performance.now();
-  state.waiting = true;
+  Object.assign(state, {asked: performance.now(), waiting: true});
   if (!state.busy) send();
 }
 function send() {
-  const {now, pinned} = model, laws = [now.controller, ...now.beside];
-  const runs = [...new Set(laws)].map((law) => settingsOf(now, law));
+  const {now, pinned} = model;
+  const runs = [...new Set([now.controller, ...now.beside])].map((law) => settingsOf(now, law));
   Object.assign(state, {busy: true, waiting: false, sent: state.asked, hasPinned: pinned !== null});
   if (pinned) runs.push(settingsOf(pinned, pinned.controller));
   document.body.classList.add("busy");
@@ -97,25 +95,18 @@ const METRICS = [
   ["iae", "∫|e| dt", "rad s", total], ["peak_torque", "largest torque", "N m", Math.max],
   ["energy", "∫u² dt", "N²m²s", total], ["total_variation", "torque's ups and downs", "N m", total]];
 
-// A unit of joints that turn as it is of these.
-const ofJoints = (unit, joints) => [...new Set(joints.map((j) => PAGE.units[j][unit]))].join(" or ");
 const several = () => model.now.beside.length > 0;
-const chosen = () => (element("joint").value === "all" ? JOINTS.map((_, j) => j)
-  : [Number(element("joint").value)]);
-const key = (text, kind) => {
-  const one = make("span", {class: "key"}, make("i"), text);
-  one.style.setProperty("--joint", colour(kind));
-  return one;
-};
+const chosen = () => (element("joint").value === "all" ? [...JOINTS.keys()] : [Number(element("joint").value)]);
 
 function table() {
   const {runs, pinned} = state, all = [...runs, ...(pinned ? [pinned] : [])], joints = chosen();
   const names = runs.map(({controller}) => (several() ? PAGE.laws[controller].name : "now"));
-  const head = ["the smaller the better", ...names, ...(pinned ? ["pinned"] : [])];
   // Two runs: by how much the first is better or worse. More: the best of them.
-  if (all.length === 2) head.push("change");
+  const head = ["the smaller the better", ...names, ...(pinned ? ["pinned"] : []),
+    ...(all.length === 2 ? ["change"] : [])];
   element("metrics-head").replaceChildren(...head.map((text) => make("th", {scope: "col"}, text)));
   element("metrics").replaceChildren(...METRICS.map(([metric, text, unit, gather]) => {
+    const units = [...new Set(joints.map((j) => PAGE.units[j][unit]))].join(" or ");
     const values = all.map((run) => gather(...joints.map((j) => run.metrics[metric][j])));
     const [now, other] = values, change = (100 * (now - other)) / other, best = Math.min(...values);
     const cells = values.map((x) => make("td", {class: values.length > 2 && x === best ? "better" : ""},
@@ -125,7 +116,7 @@ function table() {
       const said = `${change > 0 ? "+" : "−"}${label(tidy(Math.abs(change), 2))} %`;
       cells.push(make("td", {class: kind}, !Number.isFinite(change) ? "–" : kind ? said : "0 %"));
     }
-    return make("tr", {}, make("th", {scope: "row"}, text, make("small", {}, ofJoints(unit, joints))), ...cells);
+    return make("tr", {}, make("th", {scope: "row"}, text, make("small", {}, units)), ...cells);
   }));
 }
 
@@ -148,11 +139,13 @@ function draw() {
   box.className = lost ? "bad" : "good";
   const {time, joint, cause} = lost?.outcome ?? {};
   const who = several() && lost ? `${PAGE.laws[lost.controller].name}: diverged` : "Diverged";
-  const spent = Math.round(runs.reduce((sum, run) => sum + run.milliseconds, 0));
+  const spent = Math.round(total(...runs.map(({milliseconds}) => milliseconds)));
   box.textContent = lost ? `${who} at ${label(tidy(time, 5))} s, ${joint}: ${cause}.`
     : `Ran all ${label(ENGINE.duration)} s, ${runs[0].rows.toLocaleString("en")} samples, in ${spent} ms.`;
 }
 
+const option = (value, text) => make("option", {value}, text);
+const key = (text, kind) => make("span", {class: "key", style: `--joint: ${colour(kind)}`}, make("i"), text);
 let redraw = () => {}, built = null;
 function refresh() {
   const {controller, beside} = model.now;
@@ -160,8 +153,7 @@ function refresh() {
     built = controller;
     redraw = buildControls(element("controls"), controller);
     element("controller").value = controller;
-    element("signal-name").replaceChildren(...PAGE.laws[controller].signals.map(([name, text]) =>
-      make("option", {value: name}, text)));
+    element("signal-name").replaceChildren(...PAGE.laws[controller].signals.map((one) => option(...one)));
   }
   document.querySelectorAll("#beside input").forEach((box, k) => {
     box.checked = k === controller || beside.includes(k);
@@ -170,9 +162,9 @@ function refresh() {
   // Laws are told apart by colour, so joints one at a time.
   element("joint").options[0].hidden = several();
   if (several() && element("joint").value === "all") element("joint").value = "0";
-  const laws = [controller, ...beside];
   element("legend").replaceChildren(
-    ...(several() ? laws.map((k) => key(PAGE.laws[k].name, k)) : chosen().map((j) => key(JOINTS[j], j))),
+    ...(several() ? [controller, ...beside].map((k) => key(PAGE.laws[k].name, k))
+      : chosen().map((j) => key(JOINTS[j], j))),
     ...(model.pinned ? [make("span", {class: "key dashed"}, make("i"), "pinned")] : []));
   redraw();
   element("undo").disabled = !model.past.length;
@@ -183,37 +175,33 @@ function refresh() {
 
 // ------------------------------------------------------------------ commands
 
+// Settings that one step back undoes, and what there is to say of them.
+function take(now, pinned, text) {
+  model.pinned = pinned;
+  model.change(now, true);
+  say(text);
+}
+
 const commands = {
-  undo() { if (model.past.length) model.go(model.past, model.future); },
-  redo() { if (model.future.length) model.go(model.future, model.past); },
+  undo() { model.go(model.past, model.future); },
+  redo() { model.go(model.future, model.past); },
   reset() {
-    model.change({...fresh(), controller: model.now.controller}, true);
-    say("");
+    take({...fresh(), controller: model.now.controller}, model.pinned, "");
     element("preset").value = "";
   },
   pin() {
-    model.pinned = clone(model.now);
-    model.change({}, true);
-    say("Pinned: dashed lines, the grey path, and a column of its own in the table.");
+    take({}, clone(model.now), "Pinned: dashed lines, the grey path, and a column of its own in the table.");
   },
-  unpin() {
-    model.pinned = null;
-    model.change({}, true);
-    say("");
-  },
+  unpin() { take({}, null, ""); },
   link() { give(`${location.href.split("#")[0]}#${toLink(model.now, model.pinned)}`, "Link"); },
   toml() { give(toToml(settingsOf(model.now, model.now.controller)), "TOML"); },
   play() { stage.play(!stage.playing); },
   close() { element("giving").close(); },
   async copy() {
-    const text = element("given");
-    try {
-      await navigator.clipboard.writeText(text.value);
-      element("copied").textContent = "Copied.";
-    } catch {
-      text.select();
-      element("copied").textContent = document.execCommand("copy") ? "Copied." : "Select and copy it.";
-    }
+    element("given").select();
+    const copied = await navigator.clipboard?.writeText(element("given").value).then(() => true, () => false);
+    const said = copied || document.execCommand("copy") ? "Copied." : "Select and copy it.";
+    element("copied").textContent = said;
   },
 };
 for (const [name, command] of Object.entries(commands)) {
@@ -232,46 +220,41 @@ function give(text, what) {
   element("given").scrollTop = 0;
 }
 
+onSpace(commands.play);
 document.addEventListener("keydown", (event) => {
   const typing = event.target.matches("input[type=text], textarea, select");
-  if ((event.ctrlKey || event.metaKey) && event.key.toLowerCase() === "z" && !typing) {
-    event.preventDefault();
-    (event.shiftKey ? commands.redo : commands.undo)();
-  } else if (event.key === " " && event.target === document.body) {
-    event.preventDefault();
-    commands.play();
-  }
+  if (typing || !(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z") return;
+  event.preventDefault();
+  (event.shiftKey ? commands.redo : commands.undo)();
 });
 
 // Presets, controllers, joints, signals.
-PAGE.presets.forEach(({name}, k) => element("preset").append(make("option", {value: k}, name)));
-element("preset").addEventListener("change", ({target}) => {
-  const {now, pinned, text} = PAGE.presets[target.value] ?? {};
-  if (!now) return;
-  model.pinned = pinned ? {...fresh(), ...clone(pinned)} : null;
-  model.change({...fresh(), ...clone(now)}, true);
-  say(text);
+const changed = (id, act) => element(id).addEventListener("change", ({target}) => act(target.value));
+element("preset").append(...PAGE.presets.map(({name}, k) => option(k, name)));
+changed("preset", (k) => {
+  if (k === "") return;
+  const {now, pinned, text} = PAGE.presets[k];
+  take(fromLink(now).now, pinned === null ? null : fromLink(pinned).now, text);
 });
 PAGE.laws.forEach(({name}, k) => {
-  element("controller").append(make("option", {value: k}, name));
-  const box = make("input", {type: "checkbox", value: k});
+  element("controller").append(option(k, name));
+  const box = make("input", {type: "checkbox"});
   box.addEventListener("change", () => model.change({beside: box.checked
     ? [...model.now.beside, k] : model.now.beside.filter((other) => other !== k)}, true));
   element("beside").append(make("label", {}, box, name));
 });
 for (const id of ["laws", "beside"]) element(id).hidden = PAGE.laws.length < 2;
-element("controller").addEventListener("change", ({target}) => {
-  const controller = Number(target.value), {beside, controller: before} = model.now;
+changed("controller", (value) => {
+  const controller = Number(value), {beside, controller: before} = model.now;
   model.change({controller, beside: several()
     ? [before, ...beside].filter((k) => k !== controller) : []}, true);
 });
-element("joint").append(make("option", {value: "all"}, "all joints"),
-  ...JOINTS.map((name, j) => make("option", {value: j}, name)));
-element("joint").addEventListener("change", () => {
+element("joint").append(option("all", "all joints"), ...JOINTS.map((name, j) => option(j, name)));
+changed("joint", () => {
   refresh();
   draw();
 });
-element("signal-name").addEventListener("change", ask);
+changed("signal-name", ask);
 dark.addEventListener("change", () => {
   built = null;
   Object.values(plots).forEach((plot) => plot.build());
@@ -281,22 +264,18 @@ dark.addEventListener("change", () => {
 // Time: one for the arm and all plots.
 const seek = element("seek");
 seek.max = ENGINE.duration;
-stage.moved = (t) => {
-  if (document.activeElement !== seek || stage.playing) seek.value = t;
-  seek.setAttribute("aria-valuetext", `${t.toFixed(2)} s`);
-  element("time").textContent = `${t.toFixed(2)} s`;
-  for (const plot of Object.values(plots)) {
-    plot.time = t;
-    plot.chart.redraw(false, false);
-  }
+stage.moved = () => {
+  const {time, playing} = stage, text = `${time.toFixed(2)} s`;
+  if (document.activeElement !== seek || playing) seek.value = time;
+  seek.setAttribute("aria-valuetext", text);
+  element("time").textContent = text;
+  element("play").textContent = playing ? "Pause" : "Play";
+  Object.values(plots).forEach(({chart}) => chart.redraw(false, false));
 };
 seek.addEventListener("input", () => {
   stage.play(false);
   stage.seek(Number(seek.value));
 });
-stage.toggled = (on) => {
-  element("play").textContent = on ? "Pause" : "Play";
-};
 
 function open() {
   const {now, pinned, faults} = fromLink(location.hash.slice(1));
@@ -307,5 +286,5 @@ function open() {
 }
 open();
 window.addEventListener("hashchange", open);
-if (reduced.matches) stage.toggled(false); else stage.play(true);
+stage.play(!reduced.matches);
 window.playground = {model, state};

@@ -12,39 +12,31 @@ const keyOf = (name, law) => (name in PAGE.start ? name : `${law}.${name}`);
 
 // What the run of one law is made with, by plain names.
 function settingsOf(now, law) {
-  const found = {};
-  for (const [key, value] of Object.entries(now)) {
-    const [head, name] = key.split(".");
-    if (name === undefined) found[key] = value;
-    else if (Number(head) === law) found[name] = value;
-  }
-  return {...found, controller: law, beside: []};
+  const own = Object.entries(now).map(([key, value]) => [key.split("."), value])
+    .filter(([[head, name]]) => name === undefined || Number(head) === law)
+    .map(([key, value]) => [key.pop(), value]);
+  return {...Object.fromEntries(own), controller: law, beside: []};
 }
 
 // What a setting may be; the words of a refusal, or null.
 function refusal(key, value) {
   const start = PAGE.start[key], name = key.split(".").pop(), law = PAGE.laws[parseInt(key, 10)];
   if (start === undefined) return `${name}: no such setting`;
-  const all = [value].flat(), laws = key === "beside";
-  if (typeof start === "boolean") {
-    return typeof value === "boolean" ? null : `${name}: expected true or false`;
+  const all = [value].flat(), within = (low, high) => all.every((x) => x >= low && x <= high);
+  const expect = (fits, words) => (fits ? null : `${name}: expected ${words}`);
+  if (typeof start === "boolean") return expect(typeof value === "boolean", "true or false");
+  if (key !== "beside" && all.length !== [start].flat().length || !all.every(Number.isFinite)) {
+    return expect(false, Array.isArray(start) ? `${start.length} numbers` : "a number");
   }
-  if (!all.every(Number.isFinite) || (!laws && all.length !== [start].flat().length)) {
-    return `${name}: expected ${Array.isArray(start) ? `${start.length} numbers` : "a number"}`;
-  }
-  const beyond = (low, high) => all.some((x) => x < low || x > high);
-  if (laws || key === "controller") {
-    return all.every((k) => k in PAGE.laws) ? null : `${name}: there is no such controller`;
-  }
-  if (law?.orders.includes(name)) return beyond(0, 1) ? `${name}: expected 0 to 1` : null;
-  if (name === "m_x") return beyond(law.bound, NONE) ? `m_x: expected at least ${law.bound}` : null;
-  if (key === "step") {
-    return PAGE.steps.includes(value) ? null : `step: expected one of ${PAGE.steps.join(", ")} s`;
-  }
-  if (key === "delay" && (beyond(0, 63) || value % 1)) return "delay: expected 0 to 63 samples";
-  if (key === "effort_limit" && all.some((x) => x <= 0)) return "effort_limit: expected more than 0";
-  const negative = key === "q0" || [start].flat().some((x) => x < 0);
-  return !negative && beyond(0, Infinity) ? `${name}: expected 0 or more` : null;
+  const laws = all.every((k) => k in PAGE.laws);
+  if (key === "beside" || key === "controller") return laws ? null : `${name}: there is no such controller`;
+  if (law?.orders.includes(name)) return expect(within(0, 1), "0 to 1");
+  if (name === "m_x") return expect(within(law.bound, NONE), `at least ${law.bound}`);
+  if (key === "step") return expect(PAGE.steps.includes(value), `one of ${PAGE.steps.join(", ")} s`);
+  if (key === "delay") return expect(within(0, 63) && value % 1 === 0, "0 to 63 samples");
+  if (key === "effort_limit") return expect(all.every((x) => x > 0), "more than 0");
+  const signed = key === "q0" || [start].flat().some((x) => x < 0);
+  return expect(signed || within(0, Infinity), "0 or more");
 }
 
 // ------------------------------------------------------------------ the link
@@ -101,26 +93,23 @@ function tomlValue(value) {
 
 // The described configuration with what was moved in its place; of one law, see settingsOf.
 function toToml(S) {
-  const {arm, reference, plant, sensors, simulation, others, movable, controllers} = clone(PAGE.toml);
-  const law = controllers[S.controller], start = settingsOf(PAGE.start, S.controller);
-  const {fpid, groups} = PAGE.laws[S.controller], moved = (key) => !same(S[key], start[key]);
+  const {controllers, others, movable, ...tables} = clone(PAGE.toml);
+  const start = settingsOf(PAGE.start, S.controller), moved = (key) => !same(S[key], start[key]);
+  const law = tables.law = controllers[S.controller], {sensors, simulation, arm} = tables;
   const scaled = (x, factor) => (Array.isArray(x) ? x.map((y) => scaled(y, factor)) : x * factor);
-  // What a setting is in a configuration its slider says; those that say nothing follow one by one.
-  const tables = {law, plant, sensors, simulation};
-  for (const {key, toml} of [...groups, ...PAGE.groups].flatMap(({controls}) => controls)) {
-    if (toml && moved(key)) tables[toml][key] = S[key];
+  // Where a setting is in a configuration its slider says, and whether it is a factor of what is
+  // described or comes on top; those that say nothing follow one by one.
+  for (const {key, toml} of [...PAGE.laws[S.controller].groups, ...PAGE.groups].flatMap((x) => x.controls)) {
+    if (!toml || !moved(key)) continue;
+    const [path, how] = toml.split(" "), names = path.split("."), name = names.pop();
+    const table = names.reduce((inside, head) => inside[head] ??= {}, tables);
+    table[name] = how === "times" ? scaled(table[name], S[key])
+      : how === "more" ? (table[name] ?? 0) + S[key] : S[key];
   }
   if (moved("q0")) simulation.q0 = S.q0;
-  if (fpid) {
-    law.learning_rate = scaled(law.learning_rate, S.learning_rate);
-    if (moved("sigma") || moved("dead_zone")) {
-      law.safeguards = {...law.safeguards, sigma: S.sigma, dead_zone: S.dead_zone};
-    }
-  }
-  if (S.supervised) {
-    law.supervisor.m_x = S.m_x;
-    if (law.supervisor.lookahead) law.supervisor.lookahead = Math.max(law.supervisor.lookahead, S.step);
-  } else delete law.supervisor;
+  if (moved("differentiated")) sensors.velocity = S.differentiated ? "differentiated" : "measured";
+  if (!S.supervised) delete law.supervisor;
+  else if (law.supervisor.lookahead) law.supervisor.lookahead = Math.max(law.supervisor.lookahead, S.step);
   // An observer is not faster than its sampling.
   for (const one of [law, law.supervisor ?? {}]) {
     if (one.observer) one.observer = Math.min(one.observer, 1 / S.step);
@@ -128,27 +117,16 @@ function toToml(S) {
   if (S.knows_limit && (moved("effort_limit") || moved("knows_limit"))) {
     arm.changes = [...(arm.changes ?? []), {limits: {effort: S.effort_limit}}];
   }
-  if (S.payload > 0) plant.payload = {mass: S.payload};
-  if (moved("reference_size")) reference.amplitude = scaled(reference.amplitude, S.reference_size);
-  if (moved("reference_speed")) reference.frequency = scaled(reference.frequency, S.reference_speed);
-  if (moved("differentiated")) sensors.velocity = S.differentiated ? "differentiated" : "measured";
   if (movable || S.disturbance.some((x) => x > 0)) {
     others.unshift({kind: "cosine", amplitude: S.disturbance, frequency: S.disturbance_frequency,
       phase: ENGINE.disturbance.phase});
   }
-  const lines = ["# From a playground of fpid_pin. Run it:  fpid-pin run THIS_FILE.toml",
-    "format = 1", `title = ${tomlValue(PAGE.title)}`];
-  if (PAGE.toml.import.length) {
-    lines.push(`import = ${tomlValue(PAGE.toml.import)}  # put it beside this file, and --allow-import`);
-  }
-  const section = (head, table) => lines.push("", head,
-    ...Object.entries(table).map(([key, value]) => `${key} = ${tomlValue(value)}`));
-  section("[arm]", arm);
-  section("[reference]", reference);
-  others.forEach((one) => section("[[disturbance]]", one));
-  section("[plant]", plant);
-  section("[sensors]", sensors);
-  section("[simulation]", simulation);
-  section("[[controller]]", law);
-  return `${lines.join("\n")}\n`;
+  const files = tables.import, heads = [["[arm]", arm], ["[reference]", tables.reference],
+    ...others.map((one) => ["[[disturbance]]", one]), ["[plant]", tables.plant], ["[sensors]", sensors],
+    ["[simulation]", simulation], ["[[controller]]", law]];
+  return ["# From a playground of fpid_pin. Run it:  fpid-pin run THIS_FILE.toml",
+    "format = 1", `title = ${tomlValue(PAGE.title)}`,
+    ...(files.length ? [`import = ${tomlValue(files)}  # put it beside this file, and --allow-import`] : []),
+    ...heads.flatMap(([head, table]) => ["", head,
+      ...Object.entries(table).map(([key, value]) => `${key} = ${tomlValue(value)}`)]), ""].join("\n");
 }

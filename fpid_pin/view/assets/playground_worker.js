@@ -7,15 +7,12 @@ const known = new Map();
 // Each of so many spans of time gives the least and the largest sample in it, in their order; where
 // there are fewer samples than spans, the one that was held.
 function thin({rows, step}, values, j) {
-  const out = new Array(2 * SPANS).fill(null);
+  const out = new Array(2 * SPANS).fill(null), row = (k) => ((k / SPANS) * E.duration) / step;
   for (let k = 0; k < SPANS; k++) {
-    const from = Math.ceil((k / SPANS) * E.duration / step - 1e-9);
-    const to = Math.min(Math.ceil(((k + 1) / SPANS) * E.duration / step - 1e-9), rows);
+    const from = Math.ceil(row(k) - 1e-9), to = Math.min(Math.ceil(row(k + 1) - 1e-9), rows);
     let first = from, second = from;
-    if (to <= from) {
-      first = second = Math.floor((k / SPANS) * E.duration / step);
-      if (first >= rows) continue;
-    }
+    if (to <= from) first = second = Math.floor(row(k));
+    if (first >= rows) continue;
     for (let r = from + 1; r < to; r++) {
       if (values[r * N + j] < values[first * N + j]) first = r;
       if (values[r * N + j] > values[second * N + j]) second = r;
@@ -32,29 +29,28 @@ function thin({rows, step}, values, j) {
 function frames(run) {
   const end = Math.max(run.rows - 1, 0), count = Math.max(Math.ceil(end * run.step * 30), 1);
   const rows = Array.from({length: count + 1}, (_, k) => Math.round((k / count) * end));
-  const motion = (name) => Float32Array.from(rows.flatMap((row) =>
-    Array.from(run[name].subarray(row * N, (row + 1) * N))));
-  return {t: rows.map((row) => row * run.step), q: motion("q"), q_ref: motion("q_ref")};
+  const motion = (values) => Float32Array.from(rows.flatMap((r) => [...values.subarray(r * N, (r + 1) * N)]));
+  return {t: rows.map((row) => row * run.step), q: motion(run.q), q_ref: motion(run.q_ref)};
 }
 
 function answer(S, signal) {
-  const key = JSON.stringify([S, signal]), before = known.get(key);
-  known.delete(key);
-  const start = performance.now(), run = before ? null : simulate(S);
+  const start = performance.now(), run = simulate(S), {metrics, outcome, rows} = run;
   const curves = (values) => E.joints.map((_, j) => thin(run, values, j));
-  const found = before ?? {
-    metrics: run.metrics, outcome: run.outcome, rows: run.rows, controller: S.controller,
-    milliseconds: performance.now() - start, frames: frames(run),
+  return {metrics, outcome, rows, controller: S.controller, milliseconds: performance.now() - start,
+    frames: frames(run),
     plots: {error: curves(run.q_ref.map((x, i) => x - run.q[i])), torque: curves(run.torque),
       signal: signal in run ? curves(run[signal]) : null}};
-  known.set(key, found);
-  if (known.size > 12) known.delete(known.keys().next().value);
-  return found;
 }
 
 self.onmessage = ({data: {runs, signal}}) => {
   try {
-    self.postMessage({runs: runs.map((S) => answer(S, signal))});
+    self.postMessage({runs: runs.map((S) => {
+      const key = JSON.stringify([S, signal]), found = known.get(key) ?? answer(S, signal);
+      known.delete(key);
+      known.set(key, found);
+      if (known.size > 12) known.delete(known.keys().next().value);
+      return found;
+    })});
   } catch (error) {
     self.postMessage({fault: String(error)});
   }

@@ -1,5 +1,5 @@
 "use strict";
-// The scene, its clock and its panel. meshcat keeps the time; what is seen follows from it.
+// Arms, their clock and their panel. meshcat keeps the time; what is seen follows from it.
 function fail(text) {
   element("message").textContent = text;
   element("message").hidden = false;
@@ -15,118 +15,119 @@ try {
 const {viewer} = stage, {reach} = SCENE;
 
 function caption(text, parent, height) {
-  const canvas = document.createElement("canvas"), context = canvas.getContext("2d");
+  const canvas = make("canvas"), context = canvas.getContext("2d");
   const font = "600 56px system-ui, sans-serif";
   context.font = font;
   canvas.width = Math.ceil(context.measureText(text).width) + 40;
   canvas.height = 80;
-  context.font = font;
-  context.fillStyle = dark.matches ? "#e8eaed" : "#1b1f24";
-  context.textBaseline = "middle";
+  Object.assign(context, {font, fillStyle: dark.matches ? "#e8eaed" : "#1b1f24", textBaseline: "middle"});
   context.fillText(text, 20, 42);
-  const map = new THREE.CanvasTexture(canvas);
+  const map = new THREE.CanvasTexture(canvas), size = 0.13 * reach;
   const sprite = new THREE.Sprite(new THREE.SpriteMaterial({map, depthTest: false}));
-  const size = 0.13 * reach;
   sprite.scale.set((size * canvas.width) / canvas.height, size, 1);
-  sprite.position.set(0, 0, height);
+  sprite.position.z = height;
   parent.add(sprite);
   return sprite;
 }
 
+const HALF = 48;
+const [CALM, BUSY, FULL] = [[0.17, 0.48, 0.71], [0.94, 0.77, 0.1], [0.84, 0.1, 0.11]]
+  .map((colour) => new THREE.Color(...colour));
+const loadColour = (part) => (part < 0.5 ? CALM.clone().lerp(BUSY, 2 * part)
+  : BUSY.clone().lerp(FULL, Math.min(2 * part - 1, 1)));
+
+// A joint's torque as an arc about its axis: half a turn is the limit, the sense is the sign.
+// A force is a bar along the axis, of the arc's length.
+class TorqueArc {
+  constructor(frame, axis, radius, slides) {
+    const turn = new THREE.Group();
+    turn.quaternion.setFromUnitVectors(new THREE.Vector3(0, 0, 1), axis);
+    frame.add(turn);
+    const circle = (from, to, parts) => Array.from({length: parts + 1}, (_, i) => {
+      const angle = Math.PI * (from + ((to - from) * i) / parts);
+      return slides ? new THREE.Vector3(0, 0, radius * angle)
+        : new THREE.Vector3(radius * Math.cos(angle), radius * Math.sin(angle), 0);
+    });
+    // To both sides of the joint.
+    new Tube(turn, 0.018 * radius, 0x808080, 0.55).set(circle(-1, 1, 2 * HALF));
+    this.sense = new THREE.Group();
+    turn.add(this.sense);
+    this.arc = new Tube(this.sense, 0.075 * radius, 0x000000, 1).set(circle(0, 1, HALF));
+  }
+
+  show(part) {
+    // Half a turn about x makes a clockwise arc of a counter-clockwise one, and turns a bar round.
+    this.sense.rotation.x = part < 0 ? Math.PI : 0;
+    const size = Math.min(Math.abs(part), 1);
+    this.arc.upTo(Math.round(HALF * size));
+    this.arc.mesh.material.color.copy(loadColour(size));
+  }
+}
+
 // One run: the arm, its ghost, the tool's paths, the torque arcs, and its part of the panel.
-class RunView {
+class RunView extends ArmPair {
   constructor(table, number) {
+    super(stage, table, `${number + 1} ${table.caption}`);
     this.table = table;
     this.joints = SCENE.arms[table.arm].joints;
-    const node = (name) => {
-      const group = stage.node(`${number + 1} ${table.caption}`, name);
-      group.position.set(...table.offset);
-      return group;
-    };
-    this.arm = new ArmBody(table.arm, node("actual"), false);
-    this.ghost = new ArmBody(table.arm, node("desired"), true);
     // The arcs move with an arm of their own, of which nothing else is seen.
-    this.arcBody = new ArmBody(table.arm, node("torque"), true);
+    this.arcBody = new ArmBody(table.arm, this.node("torque"), true);
     this.arcBody.root.traverse((thing) => { if (thing.isMesh) thing.visible = false; });
     this.arcs = this.arcBody.turns.map(([, axis, slides], j) =>
       new TorqueArc(this.arcBody.frames[j], axis, 0.08 * reach, slides));
-    this.wanted = new Tube(node("path"), 0.003 * reach, new THREE.Color(...GHOST), 0.7);
-    this.trail = new Tube(node("path"), 0.005 * reach, new THREE.Color(table.colour), 1);
     this.label = SCENE.runs.length > 1
-      ? caption(table.caption, node("caption"), table.top + 0.16 * reach) : null;
+      ? caption(table.caption, this.node("caption"), table.top + 0.16 * reach) : null;
     this.peak = this.joints.map(() => 1e-9);
     this.points = [[], []];
-    if (!SCENE.live) {
-      this.rows = Object.fromEntries(["t", "q", "q_ref", "torque"].map((k) => [k, BUFFERS[table[k]]]));
-      const {points, rows} = this.arm.path(this.rows.q);
-      this.trail.set(points);
-      this.marks = rows.map((k) => this.rows.t[k]);
-      this.wanted.set(this.arm.path(this.rows.q_ref).points);
-      this.rows.torque.forEach((u, i) => this.seen(i % this.joints.length, u));
-    }
-    this.panel();
+    if (!SCENE.live) this.record();
+    const swatch = make("i", {class: "swatch", style: `background: ${table.colour}`});
+    this.bars = this.joints.map(() => [make("i"), make("td", {class: "value"})]);
+    element("runs").append(make("h2", {}, swatch, table.caption),
+      ...(table.outcome ? [make("div", {class: "bad"}, table.outcome)] : []),
+      make("table", {}, ...this.joints.map(({name}, j) => make("tr", {}, make("td", {}, name),
+        make("td", {class: "bar"}, make("div", {class: "track"}, this.bars[j][0])), this.bars[j][1]))));
+  }
+
+  // A replay: what is between its rows is interpolated, and the whole of the paths is there at once.
+  record() {
+    const {table} = this, n = this.joints.length, [t, q, wanted, torque] =
+      ["t", "q", "q_ref", "torque"].map((name) => BUFFERS[table[name]]);
+    this.tracks = [q, wanted].map((rows) => new THREE.LinearInterpolant(t, rows, n));
+    this.tracks.push(new THREE.DiscreteInterpolant(t, torque, n));
+    const {points, rows} = this.arm.path(q);
+    this.trail.set(points);
+    this.marks = rows.map((k) => t[k]);
+    this.wanted.set(this.arm.path(wanted).points);
+    torque.forEach((u, i) => this.seen(i % n, u));
   }
 
   seen(j, torque) {
     this.peak[j] = Math.max(this.peak[j], Math.abs(torque));
   }
 
-  row(name, k) {
-    const n = this.joints.length;
-    return this.rows[name].subarray(n * k, n * (k + 1));
-  }
-
-  panel() {
-    const swatch = make("i", {class: "swatch"}), table = make("table");
-    swatch.style.background = this.table.colour;
-    element("runs").append(make("h2", {}, swatch, this.table.caption));
-    if (this.table.outcome) element("runs").append(make("div", {class: "bad"}, this.table.outcome));
-    this.bars = this.joints.map(({name}) => {
-      const bar = make("i"), value = make("td", {class: "value"});
-      table.append(make("tr", {}, make("td", {}, name),
-        make("td", {class: "bar"}, make("div", {class: "track"}, bar)), value));
-      return [bar, value];
-    });
-    element("runs").append(table);
-  }
-
   at(t) {
-    const times = this.rows.t, last = times.length - 1;
-    // All frames but the last are as far apart as the first two.
-    const low = Math.max(Math.min(Math.floor(t / (times[1] || 1)), last - 1), 0);
-    const high = Math.min(low + 1, last), span = times[high] - times[low];
-    const part = span > 0 ? Math.min(Math.max((t - times[low]) / span, 0), 1) : 0;
-    const between = (name) => {
-      const a = this.row(name, low), b = this.row(name, high);
-      return Array.from(a, (x, j) => x + part * (b[j] - x));
-    };
-    this.show(between("q"), between("q_ref"), this.row("torque", part < 1 ? low : high));
-    let passed = 0;
-    while (passed < this.marks.length && this.marks[passed] <= t) passed++;
-    this.trail.upTo(Math.max(passed - 1, 0));
+    this.show(...this.tracks.map((track) => track.evaluate(t)));
+    this.trail.upTo(Math.max(this.marks.findLastIndex((mark) => mark <= t), 0));
   }
 
-  show(q, q_ref, torque) {
-    this.arm.pose(q);
-    this.ghost.pose(q_ref);
+  show(q, wanted, torque) {
+    this.pose(q, wanted);
     this.arcBody.pose(q);
     this.joints.forEach(({limit, slides}, j) => {
-      const part = torque[j] / (limit === null ? this.peak[j] : limit);
+      const part = torque[j] / (limit ?? this.peak[j]), half = 50 * Math.min(Math.abs(part), 1);
+      const [bar, value] = this.bars[j], left = `${part < 0 ? 50 - half : 50}%`;
       this.arcs[j].show(part);
-      const [bar, value] = this.bars[j], half = 50 * Math.min(Math.abs(part), 1);
-      bar.style.left = `${part < 0 ? 50 - half : 50}%`;
-      bar.style.width = `${half}%`;
-      bar.style.background = `#${loadColour(Math.abs(part)).getHexString()}`;
-      const full = limit === null ? "" : ` / ${limit}`;
-      const shown = Math.abs(torque[j]) < 0.05 ? 0 : torque[j];
+      Object.assign(bar.style,
+        {left, width: `${half}%`, background: `#${loadColour(Math.abs(part)).getHexString()}`});
+      const shown = Math.abs(torque[j]) < 0.05 ? 0 : torque[j], full = limit === null ? "" : ` / ${limit}`;
       value.textContent = `${shown.toFixed(1)}${full} ${slides ? "N" : "N m"}`;
     });
   }
 
   // Live: the paths are what has been seen, the last part of it.
-  grow(q, q_ref) {
-    [q, q_ref].forEach((angles, i) => {
-      const points = this.points[i], at = this.arm.tool(angles);
+  grow(...angles) {
+    this.points.forEach((points, i) => {
+      const at = this.arm.tool(angles[i]);
       if (points.length && at.distanceTo(points[points.length - 1]) < 3e-3 * reach) return;
       points.push(at);
       if (points.length > 500) points.shift();
@@ -135,27 +136,26 @@ class RunView {
   }
 
   drawPaths() {
-    if (!this.grown) return;
-    this.trail.set(this.points[0]);
-    this.wanted.set(this.points[1]);
+    if (this.grown) [this.trail, this.wanted].forEach((tube, i) => tube.set(this.points[i]));
     this.grown = false;
   }
 }
 
 const views = SCENE.runs.map((table, i) => new RunView(table, i));
-const limits = views.flatMap(({joints}) => joints.map(({limit}) => limit !== null));
-const full = [...new Set(limits)].map((known) => (known ? "at the limit" : "at the largest seen"));
+const limits = new Set(views.flatMap(({joints}) => joints.map(({limit}) => limit !== null)));
+const full = [...limits].map((known) => (known ? "at the limit" : "at the largest seen"));
 element("legend").textContent = "Green, translucent: where the arm should be, and its tool's path. "
   + `Arcs and bars: joint torque, full ${full.join(" or, where there is none, ")}.`;
+const panel = element("panel");
 if (window.innerWidth < 600 || window.innerHeight < 420) {
-  element("panel").open = false;
+  panel.open = false;
   viewer.gui.width = 130;
 }
 
 // The panel and the clock lie over the pane; a caption may be wider than the arm below it.
 stage.taken = () => {
   const {towards: [x, y], centre, extent} = SCENE.camera, level = Math.hypot(x, y) || 1;
-  const panel = element("panel"), open = panel.open && window.innerWidth > 700;
+  const open = panel.open && window.innerWidth > 700;
   const wide = Math.max(extent[0], ...views.filter(({label}) => label).map(({label, table}) =>
     Math.abs((y * (table.offset[0] - centre[0]) - x * (table.offset[1] - centre[1])) / level)
     + 0.5 * label.scale.x));
@@ -163,51 +163,50 @@ stage.taken = () => {
     high: extent[1] + (views.length > 1 ? 0.12 * reach : 0)};
 };
 stage.frame();
-element("panel").addEventListener("toggle", () => stage.frame());
+panel.addEventListener("toggle", () => stage.frame());
 
-const clock = {seek: element("seek"), play: element("play"), time: element("time")};
+const [seek, play, clock] = ["seek", "play", "time"].map(element);
 const draw = viewer.render.bind(viewer);
+window.fpidPin = {viewer, views};
+if (SCENE.live) live(); else replay();
+viewer.set_dirty();
 
-if (!SCENE.live) {
-  // One number that runs from 0 to the duration gives meshcat a clip to play, seek and loop;
-  // poses are computed from its time whenever it draws. Its keys are in frames: one a second.
-  const duration = SCENE.duration, animator = viewer.animator;
+// One number that runs from 0 to the duration gives meshcat a clip to play, seek and loop;
+// poses are computed from its time whenever it draws. Its keys are in frames: one a second.
+function replay() {
+  const {duration} = SCENE, {animator} = viewer;
   stage.node().clock = 0;
   viewer.set_animation([{path: ["fpid_pin"], clip: {name: "run", fps: 1, tracks: [
     {name: ".clock", type: "number", times: [0, Math.max(duration, 1e-3)], values: [0, duration]},
   ]}}], {play: false, repetitions: Infinity});
-  let shown = null;
   viewer.render = () => {
     const t = Math.min(animator.time, duration);
     views.forEach((view) => view.at(t));
-    if (document.activeElement !== clock.seek || animator.playing) clock.seek.value = t;
-    clock.time.textContent = `t = ${t.toFixed(2)} s of ${duration.toFixed(1)} s`;
-    if (shown !== animator.playing) clock.play.textContent = animator.playing ? "Pause" : "Play";
-    shown = animator.playing;
+    if (document.activeElement !== seek || animator.playing) seek.value = t;
+    clock.textContent = `t = ${t.toFixed(2)} s of ${duration.toFixed(1)} s`;
+    play.textContent = animator.playing ? "Pause" : "Play";
     draw();
   };
-  const seek = (t) => {
+  const go = (t) => {
     animator.pause();
     animator.display_progress(t);
     animator.seek(t);
   };
-  clock.seek.max = duration;
-  clock.seek.addEventListener("input", () => seek(Number(clock.seek.value)));
   const toggle = () => {
     if (animator.playing) animator.pause(); else animator.play();
     viewer.set_dirty();
   };
-  clock.play.addEventListener("click", toggle);
-  document.addEventListener("keydown", (event) => {
-    if (event.key === " " && event.target === document.body) { event.preventDefault(); toggle(); }
-  });
-  window.fpidPin = {seek, viewer, views};
+  seek.max = duration;
+  seek.addEventListener("input", () => go(Number(seek.value)));
+  play.addEventListener("click", toggle);
+  onSpace(toggle);
+  window.fpidPin.seek = go;
   const asked = new URLSearchParams(location.hash.slice(1)).get("t");
-  if (asked !== null) seek(Number(asked));
-  else if (reduced.matches) seek(0);
-  else animator.play();
-} else {
-  clock.seek.hidden = clock.play.hidden = true;
+  if (asked !== null || reduced.matches) go(Number(asked)); else animator.play();
+}
+
+function live() {
+  seek.hidden = play.hidden = true;
   // The page's own address ends with the token.
   const link = new WebSocket(`ws://${location.host}${location.pathname}frames`);
   link.binaryType = "arraybuffer";
@@ -227,14 +226,11 @@ if (!SCENE.live) {
   viewer.render = () => {
     if (news) view.show(...news);
     view.drawPaths();
-    clock.time.textContent = `t = ${time.toFixed(2)} s`;
+    clock.textContent = `t = ${time.toFixed(2)} s`;
     draw();
   };
-  document.addEventListener("keydown", (event) => {
-    if (event.key.length === 1 && !event.ctrlKey && !event.metaKey && link.readyState === 1) {
-      link.send(event.key);
-    }
+  document.addEventListener("keydown", ({key, ctrlKey, metaKey}) => {
+    if (key.length === 1 && !ctrlKey && !metaKey && link.readyState === 1) link.send(key);
   });
-  window.fpidPin = {viewer, views, frames: () => frames};
+  window.fpidPin.frames = () => frames;
 }
-viewer.set_dirty();
