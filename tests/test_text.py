@@ -48,7 +48,7 @@ def test_a_cut_text_is_short_and_says_how_long_it_was(text, most, less):
 
 def test_values_that_python_does_not_write_are_described():
     deep = []
-    for _ in range(5000):
+    for _ in range(100_000):
         deep = [deep]
     assert shown(deep) == "a list nested too deeply to be written"
     assert shown(10**5000) == "a int too long to be written"

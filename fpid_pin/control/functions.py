@@ -112,11 +112,11 @@ def _fault(function: Any, error: Exception) -> tuple[str, str]:
 
 def _place_of_attribute(function: Any, name: str) -> str | None:
     """Return line and file of the first use of an attribute, also in functions that are called."""
-    line = function.__code__.co_firstlineno
-    for instruction in dis.get_instructions(function.__code__):
-        line = instruction.starts_line or line
+    code = function.__code__
+    for instruction in dis.get_instructions(code):
         if instruction.argval == name and instruction.opname.endswith("_ATTR"):
-            return f"line {line} of {_short(function.__code__.co_filename)}"
+            line = instruction.positions.lineno if instruction.positions else code.co_firstlineno
+            return f"line {line} of {_short(code.co_filename)}"
     inner = [f for f in globals_of(function).values() if isinstance(f, FunctionType)]
     found = (_place_of_attribute(f, name) for f in inner if f is not function)
     return next((place for place in found if place is not None), None)

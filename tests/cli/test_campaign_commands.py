@@ -3,6 +3,7 @@
 import csv
 import json
 import sqlite3
+from contextlib import closing
 
 import pytest
 
@@ -135,7 +136,7 @@ def test_another_criterion_is_another_answer_of_the_same_runs(config, capsys):
     assert data.criterion.error == 10.0
     assert data.success.all()
     # A ledger of before has none: the default counts.
-    with sqlite3.connect("l.sqlite") as file:
+    with closing(sqlite3.connect("l.sqlite")) as file, file:
         ((text,),) = file.execute("SELECT value FROM meta WHERE key = 'study'")
         study = json.loads(text)
         del study["success"]
