@@ -20,8 +20,7 @@ import fpid_pin as fp
 from fpid_pin import checks, descriptions
 from fpid_pin.arms.arm import KINDS
 from fpid_pin.campaign import Distribution, Scenarios, Success
-from fpid_pin.campaign.study import CampaignTable
-from fpid_pin.campaign.uncertain import QUANTITIES
+from fpid_pin.campaign.study import QUANTITIES, CampaignTable
 from fpid_pin.cli.tune import TuneTable
 from fpid_pin.disturbances import Disturbance
 from fpid_pin.fractional.design import Design

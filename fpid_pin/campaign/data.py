@@ -66,14 +66,6 @@ class Success(Description):
             parts.append(f"torque at most {self.peak_torque:g} {unit_for('N m', angles)}")
         return ", ".join([*parts, *(() if self.at_limits else ("no torque at its limit",))])
 
-    def met(self, data: CampaignData) -> BoolArray:
-        """Return which runs of a campaign are successes, (runs, controllers)."""
-        most = np.inf if self.peak_torque is None else self.peak_torque
-        with np.errstate(invalid="ignore"):
-            met = data.ended & ~(data.metrics["rms_tail"] > self.error)
-            met &= ~(data.metrics["peak_torque"] > most)
-        return np.asarray(met & (self.at_limits | (data.outcome != "saturated")))
-
 
 #: What every run meets that has come to its end.
 ANY = Success(error=np.inf, at_limits=True)
@@ -170,7 +162,11 @@ class CampaignData(ReprMixin):
     @property
     def success(self) -> BoolArray:
         """Whether a run meets the criterion, (runs, controllers)."""
-        return self.criterion.met(self)
+        wanted, found = self.criterion, self.metrics
+        most = np.inf if wanted.peak_torque is None else wanted.peak_torque
+        with np.errstate(invalid="ignore"):
+            met = ~(found["rms_tail"] > wanted.error) & ~(found["peak_torque"] > most)
+        return np.asarray(self.ended & met & (wanted.at_limits | (self.outcome != "saturated")))
 
     @property
     def answer(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""What is done with a campaign: run, loaded, and one of its runs simulated again.
+"""What is done with a campaign: run, its worst plants searched, loaded, a run simulated again.
 
 What is missing in a ledger is simulated, chunk by chunk, and what comes back is recorded.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from itertools import groupby
 from pathlib import Path
 
@@ -15,15 +15,16 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.campaign.data import METRICS, CampaignData, Ended
-from fpid_pin.campaign.ledger import Ledger, Row
+from fpid_pin.campaign.ledger import COLUMNS, Ledger, Row
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray
+from fpid_pin.control import Controller
 from fpid_pin.exceptions import ArgumentError, FpidError, SimulationError, WorkersDied
 from fpid_pin.files import locked
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.simulation import Experiment, Run, simulate
 from fpid_pin.simulation.entry import measure, warm
-from fpid_pin.simulation.workers import distribute, executor_of
+from fpid_pin.simulation.workers import distribute, executor_of, workers_of
 
 #: Runs of a task.
 CHUNK = 64
@@ -104,30 +105,82 @@ def run(
 
 
 def run_chunk(study: Study, numbers: Sequence[int]) -> list[Row]:
-    """Simulate rising numbers of runs under every controller: a task, wherever it is done."""
+    """Simulate rising numbers of runs under every controller: a task, wherever it is done.
+
+    What fails under one controller leaves the others alone.
+    """
     samples = study.samples(numbers[0], numbers[-1] + 1)[np.subtract(numbers, numbers[0])]
-    return [
-        (number, column, end.outcome, end.cause, *end.figures, *sample.tolist())
-        for number, sample in zip(numbers, samples, strict=True)
-        for column, end in enumerate(_ends(study, number, sample))
-    ]
+    rows = []
+    for number, sample in zip(numbers, samples, strict=True):
+        experiment: Experiment | None = None
+        for column, law in enumerate(study.laws):
+            try:
+                experiment = experiment or study.experiment_of(number, sample)
+                ((outcome, metrics),) = measure([experiment], [law])
+                end = Ended.of(experiment.arm.joint_names, outcome, metrics)
+            except (MemoryError, ImportError, OSError):
+                raise  # faults of the machine, which no run is to blame for
+            except Exception as error:  # of a disturbance, reference or law of the user's own
+                kind = "" if isinstance(error, FpidError) else f"{type(error).__name__}: "
+                end = Ended("failed", f"{kind}{error}")
+            rows.append((number, column, end.outcome, end.cause, *end.figures, *sample.tolist()))
+    return rows
 
 
-def _ends(study: Study, number: int, sample: FloatArray) -> list[Ended]:
-    """Simulate a run under every controller; what fails under one leaves the others alone."""
-    experiment: Experiment | None = None
-    ends = []
-    for law in study.laws:
-        try:
-            experiment = experiment or study.experiment_of(number, sample)
-            ((outcome, metrics),) = measure([experiment], [law])
-            ends.append(Ended.of(experiment.arm.joint_names, outcome, metrics))
-        except (MemoryError, ImportError, OSError):
-            raise  # faults of the machine, which no run is to blame for
-        except Exception as error:  # of a disturbance, reference or law of the user's own
-            kind = "" if isinstance(error, FpidError) else f"{type(error).__name__}: "
-            ends.append(Ended("failed", f"{kind}{error}"))
-    return ends
+def attack(
+    study: Study, ledger: str | Path, *, population: int = 32, generations: int = 40,
+    executor: Executor | None = None, workers: int | None = None,
+    progress: ProgressCallback | None = None,
+) -> CampaignData:  # fmt: skip
+    """Search each controller's worst plant, by SciPy's differential evolution, and record it.
+
+    A run that does not come to its end is worse than one that does, and else the larger RMS error.
+
+    Parameters
+    ----------
+    study
+        The campaign; its scenarios' seed is that of the search too.
+    ledger
+        A new file: run k is the worst plant of controller k, under every controller; it can be
+        replayed, as it is a campaign of those points.
+    population, generations
+        Plants tried at once for each controller, and how often.
+    executor, workers, progress
+        See `run`; each generation's plants are dealt out.
+    """
+    # Imported late: scipy is heavy.
+    from scipy.optimize import differential_evolution
+
+    checks.integer("population", population, low=5)
+    checks.integer("generations", generations, low=1)
+    size, seed, calls = len(study.parameters), study.scenarios.seed, 0
+    spread = replace(study.scenarios, sampling="sobol", points=None).cube(0, population, size)
+
+    with executor_of(executor, workers, [study.experiment], study.laws) as pool:
+
+        def cost(columns: FloatArray, law: Controller) -> FloatArray:
+            nonlocal calls
+            points, errors = np.atleast_2d(columns.T), np.empty(columns.size // size)
+            scenarios = replace(study.scenarios, points=points)
+            alone = replace(study, controllers={"searched": law}, scenarios=scenarios)
+            cuts = np.array_split(np.arange(len(errors)), min(workers_of(pool), len(errors)))
+            for k, rows in distribute(run_chunk, [(alone, cut.tolist()) for cut in cuts], pool):
+                errors[cuts[k]] = [row[COLUMNS.index("rms")] for row in rows]
+            calls += 1
+            if progress is not None:
+                progress(Progress(min(calls / len(study.laws) / (generations + 1), 1.0)))
+            return -np.where(np.isfinite(errors), errors, 1e6)  # no run that ends is as bad
+
+        worst = [
+            differential_evolution(
+                cost, [(0.0, 1.0)] * size, (law,), init=spread, maxiter=generations, tol=0.0,
+                rng=np.random.default_rng(seed), polish=False, updating="deferred", vectorized=True,
+            ).x.clip(0.0, 1.0)
+            for law in study.laws
+        ]  # fmt: skip
+        scenarios = replace(study.scenarios, points=np.array(worst))
+        found = replace(study, scenarios=scenarios, title=f"{study.title}: worst plants")
+        return run(found, ledger, len(worst), executor=pool)
 
 
 def load(ledger: str | Path) -> CampaignData:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fpid_pin.campaign.data import CampaignData
-from fpid_pin.campaign.statistics import quantile, scored, spearman, tornado
+from fpid_pin.campaign.statistics import DECIDES, quantile, scored, spearman, tornado
 from fpid_pin.checks import FloatArray
-from fpid_pin.view.style import DASHES, INK, PLAIN, colour, lettering, new_figure, styled, thinned
+from fpid_pin.view import style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,9 +26,9 @@ _LETTERS, _LINES = 34, 3  # of a controller's name above its panel
 _GREY, _LOST = "#808080", "#D20D48"
 
 
-def label(data: CampaignData, metric: str) -> str:
+def label(data: CampaignData, metric: str = DECIDES) -> str:
     """Return what an axis or a table calls a metric, with its unit."""
-    return f"{SHOWN.get(metric, metric)}, {data.unit(metric)}"
+    return f"{SHOWN[metric]}, {data.unit(metric)}"
 
 
 def _scale(panel: Axes, scores: FloatArray) -> bool:
@@ -79,41 +79,37 @@ def all_of(data: CampaignData) -> dict[str, Figure]:
     return figures
 
 
-@styled
+@style.styled
 def distributions(data: CampaignData) -> Figure:
     """Draw what share of the plants each controller keeps below any error, energy and torque.
 
     Of all plants: a curve ends at its controller's success rate.
     """
-    names = [lettering(name) for name in data.controllers]
-    figure, axes = new_figure(1, len(SHOWN), _WIDE, 3.3, share_x=False)
+    figure, axes = style.new_figure(1, len(SHOWN), _WIDE, 3.1, share_x=False)
     for panel, metric in zip(axes, SHOWN, strict=True):
         scores = scored(data, metric)
         for k, column in enumerate(scores.T):
             errors = np.sort(column[np.isfinite(column)])
             x = np.append(errors[:1], errors)
-            x, y = thinned(x, np.linspace(0.0, 100.0 * len(errors) / data.runs, len(x)))
-            dashes = DASHES[min(k // PLAIN, len(DASHES) - 1)]
-            panel.step(x, y, where="post", color=colour(k), linestyle=dashes)
+            x, y = style.thinned(x, np.linspace(0.0, 100.0 * len(errors) / data.runs, len(x)))
+            dashes = style.DASHES[min(k // style.PLAIN, len(style.DASHES) - 1)]
+            panel.step(x, y, where="post", color=style.colour(k), linestyle=dashes)
         panel.set(xlabel=label(data, metric), ylim=(-2.0, 102.0))
         _scale(panel, scores)
     axes[0].set_ylabel("share of all plants, %")
-    columns = max(int(_WIDE / (0.5 + 0.07 * max(map(len, names)))), 1)
-    figure.legend(
-        axes[0].get_lines(), names, loc="outside lower center", ncols=min(columns, len(names))
-    )
+    style.shared_legend(figure, data.controllers)
     return figure
 
 
-@styled
+@style.styled
 def violins(data: CampaignData) -> Figure:
     """Draw the distribution of error, energy and torque of the runs that ended well.
 
     Inside: the median and the quartiles.
     """
-    names = [textwrap.fill(lettering(name), 24) for name in data.controllers]
+    names = [textwrap.fill(style.lettering(name), 24) for name in data.controllers]
     height = 0.8 + 0.5 * len(names)
-    figure, axes = new_figure(1, len(SHOWN), _WIDE, height, share_x=False)
+    figure, axes = style.new_figure(1, len(SHOWN), _WIDE, height, share_x=False)
     for panel, metric in zip(axes, SHOWN, strict=True):
         scores = scored(data, metric)
         log = _scale(panel, scores)
@@ -138,13 +134,13 @@ def _violin(panel: Axes, values: FloatArray, k: int, log: bool) -> None:
         # A few thousand are as smooth as all.
         density = gaussian_kde(drawn[:: max(len(drawn) // 4000, 1)])(grid)
         width = 0.4 * density / density.max()
-        panel.fill_between(np.exp(grid) if log else grid, k - width, k + width, color=colour(k),
-                           alpha=0.45, linewidth=0.0)  # fmt: skip
-    panel.plot([first, third], [k, k], color=INK, linewidth=3.0, solid_capstyle="butt")
-    panel.plot([median], [k], "o", color="#f4f4f4", markeredgecolor=INK, markersize=4.5)
+        panel.fill_between(np.exp(grid) if log else grid, k - width, k + width, alpha=0.45,
+                           color=style.colour(k), linewidth=0.0)  # fmt: skip
+    panel.plot([first, third], [k, k], color=style.INK, linewidth=3.0, solid_capstyle="butt")
+    panel.plot([median], [k], "o", color="#f4f4f4", markeredgecolor=style.INK, markersize=4.5)
 
 
-@styled
+@style.styled
 def tornado_plot(data: CampaignData) -> Figure:
     """Draw each controller's median error where a parameter is small, and where it is large.
 
@@ -158,19 +154,19 @@ def tornado_plot(data: CampaignData) -> Figure:
     effect = effects(ends)
     order = np.argsort(-effect, kind="stable")[:_BARS]
     order = order[effect[order] >= 0.0]
-    figure, panels, columns = _panels(data, 0.75 + 0.26 * max(len(order), 2), 0.35)
+    figure, panels, columns = _panels(data, 0.75 + 0.26 * max(len(order), 2), 0.15)
     for k, (panel, middle) in enumerate(zip(panels, quantile(scored(data), 0.5), strict=True)):
         _bars(panel, ends[k, order], float(middle), k)
         left = k % columns == 0
-        labels = [lettering(data.parameters[j]) if left else "" for j in order]
+        labels = [style.lettering(data.parameters[j]) if left else "" for j in order]
         panel.set_yticks(range(len(order)), labels)
-        panel.set(xlabel=f"median {label(data, 'rms')}", ylim=(max(len(order), 1) - 0.4, -0.6))
+        panel.set(xlabel=f"median {label(data)}", ylim=(max(len(order), 1) - 0.4, -0.6))
     key = {
         "the parameter's lowest fifth": Patch(facecolor="none", edgecolor=_GREY),
         "its highest fifth": Patch(color=_GREY),
-        "all plants": Line2D([], [], color=INK, linewidth=1.0),
+        "all plants": Line2D([], [], color=style.INK, linewidth=1.0),
     }
-    figure.legend(list(key.values()), list(key), loc="outside lower center", ncols=3)
+    style.shared_legend(figure, list(key), list(key.values()))
     return figure
 
 
@@ -197,12 +193,12 @@ def _bars(panel: Axes, ends: FloatArray, middle: float, k: int) -> None:
         # The two ends lie beside each other: both may be on one side of the middle.
         rows, lost = np.arange(len(values)) + 0.19 * (2 * end - 1), np.isinf(values)
         length = np.nan_to_num(np.where(lost, beyond, values) - base)
-        panel.barh(rows, length, 0.36, base, edgecolor=colour(k),
-                   facecolor=colour(k) if end else "none")  # fmt: skip
+        panel.barh(rows, length, 0.36, base, edgecolor=style.colour(k),
+                   facecolor=style.colour(k) if end else "none")  # fmt: skip
         for row in rows[lost]:
-            panel.plot([beyond], [row], ">", color=colour(k), markersize=6, clip_on=False)
+            panel.plot([beyond], [row], ">", color=style.colour(k), markersize=6, clip_on=False)
     if np.isfinite(middle):
-        panel.axvline(middle, color=INK, linewidth=1.0)
+        panel.axvline(middle, color=style.INK, linewidth=1.0)
     panel.xaxis.set_major_locator(MaxNLocator(4))
     panel.set_xlim(known.min() - room, beyond if np.isinf(ends).any() else known.max() + room)
 
@@ -217,7 +213,7 @@ def two_that_matter(data: CampaignData) -> tuple[int, int] | None:
     return int(order.min()), int(order.max())
 
 
-@styled
+@style.styled
 def scatter(data: CampaignData, x: int, y: int) -> Figure:
     """Draw every plant by two of its parameters, by column; colour: its error, cross: lost."""
     from matplotlib.cm import ScalarMappable
@@ -231,7 +227,7 @@ def scatter(data: CampaignData, x: int, y: int) -> Figure:
     norm = LogNorm(low, max(high, 1.01 * low))
     size = float(np.clip(8000.0 / max(data.runs, 1), 2.0, 25.0))
     units = [data.units[j] and f", {data.units[j]}" for j in (x, y)]
-    heads = [lettering(data.parameters[j] + u) for j, u in zip((x, y), units, strict=True)]
+    heads = [style.lettering(data.parameters[j] + u) for j, u in zip((x, y), units, strict=True)]
     for k, (panel, error) in enumerate(zip(panels, scores.T, strict=True)):
         order = np.argsort(error, kind="stable")  # the worst on top
         kept, lost = order[np.isfinite(error[order])], order[~np.isfinite(error[order])]
@@ -243,7 +239,7 @@ def scatter(data: CampaignData, x: int, y: int) -> Figure:
                       rasterized=True)  # fmt: skip
         panel.set(xlabel=heads[0], ylabel="" if k % columns else heads[1])
         panel.tick_params(labelbottom=True)
-    bar = figure.colorbar(ScalarMappable(norm), ax=panels, label=label(data, "rms"), extend="both",
+    bar = figure.colorbar(ScalarMappable(norm), ax=panels, label=label(data), extend="both",
                           fraction=0.04)  # fmt: skip
     _write_out(bar.ax.yaxis, np.array([norm.vmin, norm.vmax]))
     return figure
@@ -256,9 +252,9 @@ def _panels(data: CampaignData, row: float, below: float) -> tuple[Figure, list[
     columns = 2 if count in (2, 4) else min(count, 3)
     rows = -(-count // columns)
     size = _WIDE, row * rows + below
-    figure, panels = new_figure(rows, columns, *size, count=count, share_x=False)
+    figure, panels = style.new_figure(rows, columns, *size, count=count, share_x=False)
     for k, (panel, name) in enumerate(zip(panels, data.controllers, strict=True)):
         # Long names would push their neighbour's panel aside.
-        lines = textwrap.wrap(lettering(name), _LETTERS)[:_LINES]
-        panel.set_title("\n".join(lines), color=colour(k))
+        lines = textwrap.wrap(style.lettering(name), _LETTERS)[:_LINES]
+        panel.set_title("\n".join(lines), color=style.colour(k))
     return figure, panels, columns

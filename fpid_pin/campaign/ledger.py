@@ -21,11 +21,10 @@ import numpy as np
 from fpid_pin import descriptions, own_code
 from fpid_pin.arms import Arm
 from fpid_pin.campaign.data import METRICS, CampaignData, Ended, Success
-from fpid_pin.campaign.study import Study
-from fpid_pin.campaign.uncertain import units_of
+from fpid_pin.campaign.study import QUANTITIES, Study
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.files import kind_of, replacing
-from fpid_pin.text import differences
+from fpid_pin.text import differences, unit_for
 
 #: What SQLite files of ours say of themselves, and the layout of their tables.
 APPLICATION, LAYOUT = 0x46504944, 3
@@ -36,17 +35,9 @@ Row = tuple[Any, ...]
 
 
 class Ledger:
-    """An open ledger.
+    """An open ledger of at least so many runs; without a study to be read only.
 
-    Parameters
-    ----------
-    path
-        The file.
-    study
-        Whose campaign it is to be; a file that is not there, or empty, is made, another campaign's
-        is refused with the difference. None: read only.
-    runs
-        How many are asked for; at least as many as were before.
+    A file that is not there, or empty, is made; another study's is refused with the difference.
     """
 
     def __init__(self, path: str | Path, study: Study | None = None, runs: int = 0) -> None:
@@ -139,7 +130,7 @@ class Ledger:
             seed=int(self._study["scenarios"]["seed"]),
             controllers=self.controllers,
             parameters=parameters,
-            units=units_of(parameters, angles),
+            units=tuple(_unit_of(label, angles) for label in parameters),
             samples=table[:, 0, len(METRICS) :].copy(),
             outcome=np.array([row[2] for row in rows], dtype=np.str_).reshape(shape),
             cause=np.array([row[3] for row in rows], dtype=np.str_).reshape(shape),
@@ -169,9 +160,18 @@ class Ledger:
             self._file.executemany(f"INSERT OR IGNORE INTO results VALUES ({marks})", rows)
 
 
+def _unit_of(label: str, angles: Sequence[str]) -> str:
+    """Return the unit of ``"payload"`` or ``"mass.0"``; `angles` are the joints' own, (n,)."""
+    key, _, joint = label.partition(".")
+    unit = QUANTITIES[key].unit
+    its = [angles[int(joint)]] if joint else angles
+    # Those of an oscillation are no joint's.
+    return unit if key.endswith(("frequency", "phase")) else unit_for(unit, its)
+
+
 def _make(path: Path, study: Study) -> None:
     """Write a ledger without runs, whole or not at all."""
-    numbers = ", ".join(f"{column} REAL" for column in (*METRICS, *map(_quoted, study.parameters)))
+    numbers = ", ".join(f'"{column}" REAL' for column in (*METRICS, *study.parameters))
     own = [os.path.relpath(file, path.absolute().parent) for file in own_code.loaded()]
     values = {"study": study.text, "runs": "0", "import": json.dumps(own)}
     with replacing(path) as temporary, closing(sqlite3.connect(temporary)) as file:
@@ -186,11 +186,6 @@ def _make(path: Path, study: Study) -> None:
             file.executemany("INSERT INTO meta VALUES (?, ?)", values.items())
             file.execute(f"PRAGMA application_id = {APPLICATION}")
             file.execute(f"PRAGMA user_version = {LAYOUT}")
-
-
-def _quoted(label: str) -> str:
-    """Return a column's name as SQL has it."""
-    return '"' + label.replace('"', '""') + '"'
 
 
 @contextmanager

@@ -8,20 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fpid_pin.campaign import figures
+from fpid_pin.campaign import figures, statistics
 from fpid_pin.campaign.data import OUTCOMES, CampaignData
-from fpid_pin.campaign.statistics import (
-    Difference,
-    best_shares,
-    comparisons,
-    leader,
-    quantile,
-    scored,
-    spearman,
-    success_rates,
-    tornado,
-    worst_runs,
-)
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import put_text
@@ -90,7 +78,7 @@ def report_html(
         raise ArgumentError("data", "at least one run", "none")
     several = range(len(data.controllers))
     marks = {name: colour(k) for k, name in enumerate(data.controllers)}
-    differences = {name: comparisons(data, name) for name in figures.SHOWN}
+    differences = {name: statistics.comparisons(data, name) for name in figures.SHOWN}
     parts = [answer_html([*data.answer, f"Dynamics: {data.dynamics}."])]
 
     def add(heading: str, content: str) -> None:
@@ -108,9 +96,9 @@ def report_html(
         f'<i class="swatch" style="background: {colour(k)}"></i>{as_text(data.controllers[k])}'
         for k in several
     ]
-    first, lost = leader(data), data.runs - data.ended.sum(axis=0)
+    first, lost = statistics.leader(data), data.runs - data.ended.sum(axis=0)
     if data.parameters:
-        found = zip(spearman(data), tornado(data), strict=True)
+        found = zip(statistics.spearman(data), statistics.tornado(data), strict=True)
         add("Sensitivity", _folded(names, [_sensitivity(data, *both) for both in found], first))
     heads = [f"{names[k]}: {lost[k]} lost" if lost[k] else names[k] for k in several]
     tables = [_worst(data, k, replay_link) for k in several]
@@ -126,7 +114,7 @@ def _interval(head: str, found: Sequence[float], unit: str = "") -> dict[str, ob
 
 
 def _success(data: CampaignData) -> Table:
-    best, rates = best_shares(data), success_rates(data)
+    best, rates = statistics.best_shares(data), statistics.success_rates(data)
     return [
         {"controller": name}
         | _interval("success", rates[k], _PERCENT)
@@ -142,7 +130,7 @@ def _metrics(data: CampaignData) -> Table:
         {"controller": name}
         | {
             f"{metric.replace('_', ' ')}, {what}, {data.unit(metric)}":
-                float(quantile(scored(data, metric), share)[k])
+                float(statistics.quantile(statistics.scored(data, metric), share)[k])
             for metric in data.metrics
             for what, share in shares.items()
         }
@@ -150,7 +138,7 @@ def _metrics(data: CampaignData) -> Table:
     ]  # fmt: skip
 
 
-def _pairs(data: CampaignData, several: list[Difference]) -> Table:
+def _pairs(data: CampaignData, several: list[statistics.Difference]) -> Table:
     return [
         {"first": data.controllers[found.first], "second": data.controllers[found.second]}
         | _interval("median", found.median)
@@ -173,12 +161,12 @@ def _sensitivity(data: CampaignData, rho: FloatArray, ends: FloatArray) -> Table
 
 
 def _worst(data: CampaignData, controller: int, replay_link: ReplayLink | None) -> Table:
-    errors, name = scored(data)[:, controller], data.controllers[controller]
+    errors, name = statistics.scored(data)[:, controller], data.controllers[controller]
     heads = [
         f"{x}, {unit}" if unit else x for x, unit in zip(data.parameters, data.units, strict=True)
     ]
     rows: list[dict[str, object]] = []
-    for run in worst_runs(data, controller):
+    for run in statistics.worst_runs(data, controller):
         href = None if replay_link is None else replay_link(run, name)
         row: dict[str, object] = {"run": run}
         row |= {} if replay_link is None else {"replay": href and Link("replay", href)}

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.simulation.comparison import MEASURES, TIE, change, standing
 from fpid_pin.text import enumerated, head_for
@@ -58,7 +57,6 @@ def success_rates(data: CampaignData) -> list[Interval]:
 
 def scored(data: CampaignData, metric: str = DECIDES) -> FloatArray:
     """Return a metric with infinity where a run was lost, (runs, controllers)."""
-    checks.choice("metric", metric, data.metrics)
     values = data.metrics[metric]
     return np.where(data.ended & ~np.isnan(values), values, np.inf)
 
@@ -112,10 +110,7 @@ def comparisons(data: CampaignData, metric: str = DECIDES) -> list[Difference]:
 
 
 def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
-    """Return a median with its bootstrap interval; the same seed, the same ends.
-
-    Source: B. Efron and R. Tibshirani, An Introduction to the Bootstrap (1993), section 13.3.
-    """
+    """Return a median with its bootstrap interval; the same seed, the same ends."""
     from scipy.stats import bootstrap
 
     nan = float("nan")
@@ -131,18 +126,10 @@ def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
 
 
 def spearman(data: CampaignData, metric: str = DECIDES) -> FloatArray:
-    """Return how a metric goes with each uncertain number: rank correlations and their intervals.
+    """Return Spearman's rho of a metric and each uncertain number, (controllers, parameters, 3).
 
-    Returns
-    -------
-    FloatArray
-        (controllers, parameters, 3): rho of Spearman, and the ends of its interval by Fisher's z
-        with the variance (1 + rho^2/2)/(n - 3). Runs that were lost share the last rank. NaN where
-        a parameter or the metric is the same in all runs, or there are fewer than four.
-
-    Notes
-    -----
-    Source: D. G. Bonett and T. A. Wright, Psychometrika 65 (2000) 23.
+    Behind it the ends of its interval, by Fisher's z with the variance (1 + rho^2/2)/(n - 3) of
+    Bonett and Wright (2000). Lost runs share the last rank; NaN where there is nothing to rank.
     """
     from scipy.special import ndtri
     from scipy.stats import rankdata
@@ -161,14 +148,10 @@ def spearman(data: CampaignData, metric: str = DECIDES) -> FloatArray:
 
 
 def tornado(data: CampaignData, metric: str = DECIDES) -> FloatArray:
-    """Return the median of a metric where each uncertain number is small and where it is large.
+    """Return medians over the runs in each uncertain number's lowest and highest quintile.
 
-    Returns
-    -------
-    FloatArray
-        (controllers, parameters, 2): medians over the runs in the number's lowest and highest
-        quintile, ties included; infinity where most of them were lost, NaN where the number is the
-        same in all runs. They take all else as it comes, other than a change of one number alone.
+    (controllers, parameters, 2), ties included; infinity where most of them were lost, NaN where
+    the number is the same in all runs.
     """
     scores = scored(data, metric)
     found = np.full((len(data.controllers), len(data.parameters), 2), np.nan)

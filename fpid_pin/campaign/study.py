@@ -5,27 +5,177 @@ Run k's plants depend on the seed and on k, on nothing else.
 
 from __future__ import annotations
 
+import dataclasses
 import json
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fpid_pin import descriptions
+from fpid_pin import checks, descriptions
 from fpid_pin.campaign.data import Success
-from fpid_pin.campaign.uncertain import QUANTITIES, Distribution, labels_of, require_values, varied
-from fpid_pin.checks import Array, Check, FloatArray, OneOf, Plain, Text, Whole
+from fpid_pin.checks import Array, Check, Flag, FloatArray, OneOf, PerJoint, Plain, Text, Whole
 from fpid_pin.control import Controller
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
-from fpid_pin.simulation import Experiment
+from fpid_pin.simulation import Experiment, Plant, Sensors
 from fpid_pin.simulation.experiment import DYNAMICS
 
 #: Points that are made at once, from run 0 on: a hypercube of so many runs, whatever is asked for.
 BLOCK = 256
+#: Half a cell of the grid that Sobol points lie on: a normal quantile of 0 is -inf.
+_EDGE = 2.0**-31
+
+
+@dataclass(frozen=True, eq=False)
+class Distribution(Description, ABC):
+    """The distribution of one quantity; its numbers are those of all joints, or (n,), one a joint.
+
+    Parameters
+    ----------
+    shared
+        Whether all joints have the same number; else each has its own, independently.
+    """
+
+    _possible: ClassVar[tuple[str, ...]] = ("low", "high")
+
+    shared: Annotated[bool, Flag] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        ends = self.numbers()
+        if "low" in ends and not (ends["low"] < ends["high"]).all():
+            expected = f"more than low ({ends['low'].tolist()})"
+            raise ArgumentError("high", expected, ends["high"].tolist())
+
+    @abstractmethod
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """Return the values at `u` in [0, 1], (runs, numbers), none beyond [`low`, `high`]."""
+
+    def numbers(self) -> dict[str, FloatArray]:
+        """Return by field the numbers that have to be possible values themselves."""
+        return {name: np.asarray(getattr(self, name)) for name in self._possible}
+
+
+@described("uniform")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Uniform(Distribution):
+    """Equally likely from `low` to `high`."""
+
+    low: Annotated[ArrayLike, PerJoint()]
+    high: Annotated[ArrayLike, PerJoint()]
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        a, b = np.asarray(self.low), np.asarray(self.high)
+        return np.asarray(a + (b - a) * u)
+
+
+@described("log_uniform")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LogUniform(Distribution):
+    """Its logarithm is equally likely from that of `low` to that of `high`, both positive."""
+
+    low: Annotated[ArrayLike, PerJoint(above=0.0)]
+    high: Annotated[ArrayLike, PerJoint(above=0.0)]
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        a, b = np.asarray(self.low), np.asarray(self.high)
+        return np.asarray(np.clip(a * (b / a) ** u, a, b))
+
+
+@described("normal")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Normal(Distribution):
+    """A normal distribution; where the quantity has limits it is cut there, and what is left is 1.
+
+    Parameters
+    ----------
+    mean, std
+        Of the distribution before it is cut.
+    """
+
+    _possible = ("mean",)
+
+    mean: Annotated[ArrayLike, PerJoint()]
+    std: Annotated[ArrayLike, PerJoint(above=0.0)]
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        # Imported late: scipy is heavy.
+        from scipy.special import ndtr, ndtri
+
+        mean, std = np.asarray(self.mean), np.asarray(self.std)
+        first, last = ndtr((low - mean) / std), ndtr((high - mean) / std)
+        part = first + np.clip(u, _EDGE, 1.0 - _EDGE) * (last - first)
+        return np.asarray(np.clip(mean + std * ndtri(part), low, high))
+
+
+@described("choices")
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Choices(Distribution):
+    """One of several `values`, equally likely; the same list for every joint."""
+
+    _possible = ("values",)
+
+    values: Annotated[ArrayLike, PerJoint()]
+
+    def quantile(self, u: FloatArray, low: float, high: float) -> FloatArray:
+        """See `Distribution.quantile`."""
+        values = np.atleast_1d(np.asarray(self.values))
+        place = np.minimum((u * len(values)).astype(np.int64), len(values) - 1)
+        return np.asarray(values[place])
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A key of ``[campaign.uncertain]``: the field of that name of its part, or ``part_name``."""
+
+    unit: str
+    part: str  # of the experiment that has it
+    single: bool = False  # whether there is one number; else one for each joint, or link
+    low: float = -np.inf  # least value
+    above: bool = False  # whether values have to be more than that
+    whole: bool = False  # whether values are rounded to whole numbers
+
+
+#: By key. Masses and inertias are factors of the nominal ones, all else takes the nominal's place.
+QUANTITIES = {
+    "mass": Quantity("1", "links", low=0.0, above=True),
+    "inertia": Quantity("1", "links", low=0.0, above=True),
+    "payload": Quantity("kg", "tool", single=True, low=0.0),
+    "viscous_friction": Quantity("N m s/rad", "plant", low=0.0),
+    "dry_friction": Quantity("N m", "plant", low=0.0),
+    "disturbance_amplitude": Quantity("N m", "disturbance"),
+    "disturbance_frequency": Quantity("rad/s", "disturbance", low=0.0),
+    "disturbance_phase": Quantity("rad", "disturbance"),
+    "position_noise": Quantity("rad", "sensors", low=0.0),
+    "velocity_noise": Quantity("rad/s", "sensors", low=0.0),
+    "delay": Quantity("samples", "sensors", single=True, low=0.0, whole=True),
+    "q0": Quantity("rad", "start"),
+    "v0": Quantity("rad/s", "start"),
+    "reference_amplitude": Quantity("rad", "reference"),
+    "reference_frequency": Quantity("rad/s", "reference", low=0.0),
+    "reference_phase": Quantity("rad", "reference"),
+}
+
+
+def _require_values(path: str, distribution: Distribution) -> Distribution:
+    """Refuse a distribution with values that its quantity cannot have: ``uncertain.mass``."""
+    quantity = QUANTITIES[checks.choice(path, path.partition("uncertain.")[2], QUANTITIES)]
+    for name, numbers in distribution.numbers().items():
+        bounds: dict[str, Any] = {"above" if quantity.above else "low": quantity.low}
+        checks.floats(f"{path}.{name}", numbers, **bounds)
+        if quantity.whole and name == "values" and (numbers != np.round(numbers)).any():
+            raise ArgumentError(f"{path}.{name}", "whole numbers", numbers.tolist())
+        if (quantity.single or distribution.shared) and name != "values" and numbers.ndim:
+            raise ArgumentError(f"{path}.{name}", "one number", f"shape {numbers.shape}")
+    return distribution
 
 
 @described("scenarios")
@@ -37,7 +187,7 @@ class Scenarios(Description):
     ----------
     uncertain
         Distributions by quantity: masses and inertias of the links, payload, friction, ... (see
-        `uncertain.QUANTITIES`). One of joints is drawn for each by itself, or ``shared``.
+        `study.QUANTITIES`). One of joints is drawn for each by itself, or ``shared``.
     sampling
         ``"sobol"``: one scrambled Sobol sequence (Owen, 1998); ``"latin_hypercube"``: one of every
         256 runs. Both by ``scipy.stats.qmc``.
@@ -58,7 +208,7 @@ class Scenarios(Description):
         An unknown quantity, an impossible value (a negative mass), naming the key.
     """
 
-    uncertain: Annotated[Mapping[str, Distribution], Check(require_values)]
+    uncertain: Annotated[Mapping[str, Distribution], Check(_require_values)]
     sampling: Annotated[str, OneOf("sobol", "latin_hypercube")] = "sobol"
     seed: Annotated[int, Whole(low=0)] = 0
     points: Annotated[ArrayLike | None, Array(low=0.0, high=1.0, shape=(None, None))] = None
@@ -77,17 +227,10 @@ class Scenarios(Description):
         skipped = blocks.start * BLOCK
         return np.asarray(points[first - skipped : last - skipped])
 
-    def noise_seed(self, run: int) -> int:
-        """Return the seed of a run's noise."""
-        # Points are compared, and found again under another number.
-        index = run if self.points is None else 0
-        return int(np.random.SeedSequence([self.seed, index]).generate_state(1, np.uint64)[0])
-
 
 @lru_cache(4)
 def _block(sampling: str, seed: int, size: int, k: int) -> FloatArray:
     """Return the points of block `k`, (BLOCK, size); a few are kept, as chunks come in order."""
-    # Imported late: scipy is heavy.
     from scipy.stats import qmc
 
     if sampling == "sobol":
@@ -142,11 +285,25 @@ class Study(Description):
 
     @cached_property
     def _labels(self) -> dict[str, list[str]]:
-        """Labels of the numbers of each uncertain quantity."""
-        uncertain = self.scenarios.uncertain.items()
-        return {
-            key: labels_of(self.experiment, key, distribution) for key, distribution in uncertain
-        }
+        """Labels of the numbers of each uncertain quantity, which the experiment must have."""
+        found = {}
+        plant, n = self.experiment.plant or Plant(), self.experiment.arm.n
+        for key, distribution in self.scenarios.uncertain.items():
+            quantity, path = QUANTITIES[key], f"uncertain.{key}"
+            part, name = quantity.part, key.removeprefix(f"{quantity.part}_")
+            if part in ("reference", "disturbance"):
+                thing = self.experiment.reference if part == "reference" else plant.disturbance
+                if name not in getattr(thing, "__dataclass_fields__", {}):
+                    kind = getattr(type(thing), "_kind", type(thing).__name__)
+                    like = {"reference": "a sinusoid", "disturbance": "one of kind cosine"}[part]
+                    expected = f"a {part} with {name} ({like})"
+                    raise ArgumentError(path, expected, "none" if thing is None else kind)
+            single = quantity.single or distribution.shared
+            found[key] = [key] if single else [f"{key}.{joint}" for joint in range(n)]
+            for end, numbers in distribution.numbers().items():
+                if end != "values" and not single:
+                    checks.per_joint(f"{path}.{end}", numbers, n)
+        return found
 
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -159,11 +316,6 @@ class Study(Description):
         arm, step = self.experiment.arm, self.experiment.step
         return tuple(law.on(arm, step=step) for law in self.controllers.values())
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the controllers, in order."""
-        return tuple(self.controllers)
-
     def _split(self, numbers: FloatArray) -> dict[str, FloatArray]:
         """Return the columns of each quantity, of numbers (..., parameters)."""
         ends = np.cumsum([len(labels) for labels in self._labels.values()])[:-1]
@@ -171,14 +323,46 @@ class Study(Description):
 
     def samples(self, first: int, last: int) -> FloatArray:
         """Return the values of runs `first` to `last` - 1, (runs, parameters)."""
+        parts = []
         points = self.scenarios.cube(first, last, len(self.parameters))
-        uncertain = self.scenarios.uncertain
-        parts = [QUANTITIES[key].at(uncertain[key], u) for key, u in self._split(points).items()]
+        for key, u in self._split(points).items():
+            quantity = QUANTITIES[key]
+            found = self.scenarios.uncertain[key].quantile(u, quantity.low, np.inf)
+            parts.append(np.round(found) if quantity.whole else found)
         return np.concatenate(parts, axis=1)
 
     def experiment_of(self, run: int, sample: FloatArray) -> Experiment:
-        """Return the experiment of a run from its sample, (parameters,)."""
-        return varied(self.experiment, self._split(sample), self.scenarios.noise_seed(run))
+        """Return the experiment of a run with the true values of its sample, (parameters,).
+
+        What the controller believes in stays.
+        """
+        of: dict[str, dict[str, Any]] = {q.part: {} for q in QUANTITIES.values()}
+        for key, values in self._split(sample).items():
+            part = QUANTITIES[key].part
+            value = values if len(values) > 1 else values[0]
+            of[part][key.removeprefix(f"{part}_")] = value
+        nominal: Any = self.experiment
+        plant: Any = nominal.plant or Plant()
+        carried = [{"scaled_links": of["links"]}] if of["links"] else []
+        if of["tool"]:
+            carried.append({"payload": {"mass": float(of["tool"]["payload"])}})
+        if carried:
+            arm = plant.resolve(nominal.arm).arm.with_changes(*carried)
+            of["plant"] |= {"arm": arm, "payload": None}
+        if of["disturbance"]:
+            pushed = dataclasses.replace(plant.disturbance, **of["disturbance"])
+            of["plant"]["disturbance"] = pushed
+        changed = {"plant": dataclasses.replace(plant, **of["plant"]), **of["start"]}
+        if "delay" in of["sensors"]:
+            of["sensors"]["delay"] = int(of["sensors"]["delay"])
+        if of["sensors"]:
+            changed["sensors"] = dataclasses.replace(nominal.sensors or Sensors(), **of["sensors"])
+        if of["reference"]:
+            changed["reference"] = dataclasses.replace(nominal.reference, **of["reference"])
+        # Of its noise. Points are compared, and found again under another number.
+        drawn = [self.scenarios.seed, run if self.scenarios.points is None else 0]
+        seed = int(np.random.SeedSequence(drawn).generate_state(1, np.uint64)[0])
+        return dataclasses.replace(nominal, **changed, seed=seed)  # type: ignore[no-any-return]
 
     @property
     def text(self) -> str:

@@ -79,7 +79,7 @@ def _carry_out(
 ) -> None:  # fmt: skip
     from fpid_pin import campaign
 
-    many = f"{runs} plants, {len(study.names)} controllers"
+    many = f"{runs} plants, {len(study.controllers)} controllers"
     say(f"{many}, dynamics {study.experiment.dynamics}, ledger {ledger}", error=True)
     try:
         with executor as pool, progress_bar("campaign") as bar:

@@ -2,9 +2,9 @@
 
 from fpid_pin.simulation.workers import WorkerPool
 from fpid_pin.tuning.entry import cost_map, pareto, profile, tune
-from fpid_pin.tuning.problem import RobustCost, scenarios
+from fpid_pin.tuning.problem import RobustCost, SearchSettings, scenarios
 from fpid_pin.tuning.results import CostMap, History, ParetoResult, Profile, TuningResult
-from fpid_pin.tuning.settings import SearchProgress, SearchSettings
+from fpid_pin.tuning.search import SearchProgress
 from fpid_pin.tuning.space import Gene, Space
 
 __all__ = [

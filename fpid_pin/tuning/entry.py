@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from typing import Any
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,12 +12,12 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment
-from fpid_pin.tuning.problem import Problem
-from fpid_pin.tuning.results import CostMap, ParetoResult, Profile, TuningResult
-from fpid_pin.tuning.search import Search
-from fpid_pin.tuning.settings import SearchCallback, SearchSettings
+from fpid_pin.tuning.problem import Problem, SearchSettings
+from fpid_pin.tuning.results import CostMap, History, ParetoResult, Profile, TuningResult
+from fpid_pin.tuning.search import Search, SearchCallback
 from fpid_pin.tuning.space import Space
 
 #: Part of a parameter's range by which it is moved to see whether it matters.
@@ -75,23 +74,23 @@ def tune(
     search = Search(problem, settings)
     problem.warn_of_one_sided()
     search.run(progress)
-    bound, bests = search.space, [int(np.argmin(e.costs[:, 0])) for e in search.evolutions]
-    points = [e.points[k] for e, k in zip(search.evolutions, bests, strict=True)]
-    costs = [float(e.costs[k, 0]) for e, k in zip(search.evolutions, bests, strict=True)]
+    bound, found = search.space, search.summary()
+    history: History = found["history"]
+    costs, values = history.best[-1], history.best_parameters[-1]
     winner = int(np.argmin(costs))
     # The start lies outside of the space, or the whole of it is worse.
     kept = search.start_cost < costs[winner]
     return TuningResult(
-        controller=bound.controller(None if kept else points[winner], "tuned"),
-        cost=search.start_cost if kept else costs[winner],
+        controller=bound.controller(None if kept else values[winner], "tuned"),
+        cost=search.start_cost if kept else float(costs[winner]),
         start_cost=search.start_cost,
         space=bound,
         controllers=tuple(
-            bound.controller(point, f"tuned, seed {seed}")
-            for point, seed in zip(points, search.settings.seeds, strict=True)
+            bound.controller(each, f"tuned, seed {seed}")
+            for each, seed in zip(values, history.seeds, strict=True)
         ),
         costs=checks.read_only(costs),
-        **search.summary(),
+        **found,
     )
 
 
@@ -123,7 +122,10 @@ def pareto(
     ArgumentError, TuningError, FileFormatError
         See `tune`.
     """
-    search = Search(Problem(experiment, controller, space, costs, several=True), settings)
+    several = checks.several("costs", costs, Cost, "a Cost")  # type: ignore[type-abstract]
+    if len(several) < 2:
+        raise ArgumentError("costs", "at least two costs (one: use tune)", "one")
+    search = Search(Problem(experiment, controller, space, *several), settings)
     search.run(progress)
     points = np.concatenate([evolution.points for evolution in search.evolutions])
     table = np.concatenate([evolution.costs for evolution in search.evolutions])
@@ -132,13 +134,11 @@ def pareto(
         beaten = any((table[other] <= table[k]).all() for other in front)
         if np.isfinite(table[k]).all() and not beaten:
             front.append(k)
+    bound, values = search.space, search.space.values(points[front])
     return ParetoResult(
-        controllers=tuple(
-            search.space.controller(point, f"front {k + 1}")
-            for k, point in enumerate(points[front])
-        ),
+        controllers=tuple(bound.controller(x, f"front {k}") for k, x in enumerate(values, 1)),
         costs=checks.read_only(table[front]),
-        parameters=checks.read_only(search.space.values(points[front])),
+        parameters=checks.read_only(values),
         **search.summary(),
     )
 
@@ -183,12 +183,13 @@ def profile(
     for k in range(bound.size):
         nudged = max(own[k] - NUDGE, 0.0), min(own[k] + NUDGE, 1.0)
         candidates[k, :, k] = np.append(np.linspace(0.0, 1.0, count), nudged)
-    laws = [bound.controller(point) for point in candidates.reshape(-1, bound.size)]
+    values = bound.values(candidates)
+    laws = [bound.controller(each) for each in values.reshape(-1, bound.size)]
     with problem.using(executor, workers):
         found = problem.costs_of([*laws, controller], progress)[:, 0]
     table = found[:-1].reshape(bound.size, count + 2)
-    values = np.diagonal(bound.values(candidates), axis1=0, axis2=2).T[:, :count]
-    return Profile(bound.labels, values, table[:, :count], table[:, count:], float(found[-1]))
+    along = np.diagonal(values, axis1=0, axis2=2).T[:, :count]
+    return Profile(bound.labels, along, table[:, :count], table[:, count:], float(found[-1]))
 
 
 def cost_map(
@@ -230,12 +231,7 @@ def cost_map(
     )  # fmt: skip
     space = Space(integral_order=(0, 1, "shared"), derivative_order=(0, 1, "shared"))
     problem = Problem(experiment, controller, space, cost)
-    base: Any = controller
-    candidates: list[Controller] = [
-        dataclasses.replace(base, integral_order=a, derivative_order=b)
-        for a in rows.tolist()
-        for b in columns.tolist()
-    ]
+    laws = [problem.space.controller(np.array(pair)) for pair in product(rows, columns)]
     with problem.using(executor, workers):
-        table = problem.costs_of(candidates, progress)
+        table = problem.costs_of(laws, progress)
     return CostMap(rows, columns, table.reshape(len(rows), len(columns)))

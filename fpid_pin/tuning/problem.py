@@ -1,4 +1,4 @@
-"""What a search makes small: costs of candidates, over several plants and payloads at once."""
+"""What a search is asked: to make which cost small, over which plants and payloads, and how."""
 
 from __future__ import annotations
 
@@ -9,25 +9,96 @@ from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 
 from fpid_pin import checks, descriptions
-from fpid_pin.checks import FloatArray, OneOf
+from fpid_pin.checks import Flag, FloatArray, Number, OneOf, Whole
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, MetricCost, Metrics, QuadraticCost, RowCost, TrackingCost
-from fpid_pin.descriptions import described
+from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError, FpidWarning, WorkersDied
 from fpid_pin.progress import ProgressCallback
 from fpid_pin.simulation import Experiment, Plant, evaluate
 from fpid_pin.simulation.experiment import default_cost
-from fpid_pin.simulation.workers import executor_of
+from fpid_pin.simulation.workers import check_workers, executor_of, workers_of
 from fpid_pin.tuning.space import Space
 
 REDUCTIONS = ("mean", "worst")
 #: Of a cost's two terms, the most that one may be at the start without a warning.
 MOST_SHARE = 0.9
+
+
+@dataclass(frozen=True)
+class SearchSettings(Description):
+    """How to search; the defaults are the paper's (section 5.1), in this process.
+
+    Parameters
+    ----------
+    population, generations
+        Candidates in a generation (at least 4), and generations, the first one included.
+    crossover, mutation
+        Probability that two parents are crossed, and that a parameter is mutated.
+    seeds
+        A search of its own for each; all run together as one larger population. A seed's result
+        does not depend on the others.
+    initial
+        Controllers that take part in the first generation of every seed.
+    workers
+        Number of workers: threads for compiled laws and dynamics, else processes; None: one run
+        after another. The result is the same to the last bit whichever is chosen.
+    executor
+        Any `concurrent.futures.Executor`, in place of `workers`; it stays open.
+    checkpoint
+        File that is replaced, atomically, after every generation.
+    resume
+        Go on from `checkpoint` where there is one: the result is that of a search never stopped.
+        `generations` may have grown since.
+
+    Raises
+    ------
+    ArgumentError
+        What is out of range, or does not go together.
+    """
+
+    population: Annotated[int, Whole(low=4)] = 60
+    generations: Annotated[int, Whole(low=1)] = 80
+    crossover: Annotated[float, Number(low=0.0, high=1.0)] = 0.75
+    mutation: Annotated[float, Number(low=0.0, high=1.0)] = 0.03
+    seeds: Sequence[int] = (0,)
+    initial: Sequence[Controller] = ()
+    workers: int | None = None
+    executor: Executor | None = None
+    checkpoint: str | Path | None = None
+    resume: Annotated[bool, Flag] = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        seeds = self.seeds if isinstance(self.seeds, Iterable) else (self.seeds,)
+        seeds = tuple(checks.integer(f"seeds.{k}", seed, low=0) for k, seed in enumerate(seeds))
+        if not seeds or len(set(seeds)) < len(seeds):
+            raise ArgumentError("seeds", "at least one, each once", list(seeds) or "none")
+        if len(self.initial) > self.population:
+            most = f"at most {self.population} (population)"
+            raise ArgumentError("initial", most, len(self.initial))
+        check_workers(self.executor, self.workers)
+        if self.checkpoint is not None:
+            checks.instance("checkpoint", self.checkpoint, (str, Path), "a path")
+        elif self.resume:
+            raise ArgumentError("resume", "a checkpoint to resume from", "none")
+        self._set(seeds=seeds)
+
+    @property
+    def candidates(self) -> int:
+        """Candidates in a generation of all seeds."""
+        return self.population * len(self.seeds)
+
+    @property
+    def at_once(self) -> int:
+        """How many are simulated at once, where an executor tells."""
+        return self.workers or workers_of(self.executor)
 
 
 @described("robust_cost")
@@ -83,14 +154,8 @@ def over_scenarios(cost: Cost, table: FloatArray) -> FloatArray:
 class Problem:
     """What is made small, and what may be changed for it: checked, and the space on its law.
 
-    Attributes
-    ----------
-    experiments
-        All that every candidate goes through; where they do not say their dynamics, compiled.
-    space
-        On the controller. A law that depends on the arm (`SuggestedFpid`) is first made what it is
-        there, unless the space has parameters of its own, so that a candidate costs no new search
-        for gains.
+    A law that depends on the arm (`SuggestedFpid`) is first made what it is there, unless the space
+    has parameters of its own, so that a candidate costs no new search for gains.
     """
 
     def __init__(
@@ -98,10 +163,11 @@ class Problem:
         experiment: Experiment | Sequence[Experiment],
         controller: Controller,
         space: Space,
-        cost: Cost | Sequence[Cost] | None,
-        *,
-        several: bool = False,
+        *costs: Cost | None,
     ) -> None:
+        # Imported late: it loads numba.
+        from fpid_pin.simulation.engine import horizon_of
+
         experiments = checks.several("experiment", experiment, Experiment, "an Experiment")
         if not experiments:
             raise ArgumentError("experiment", "at least one", "none")
@@ -110,16 +176,15 @@ class Problem:
             raise ArgumentError("experiment", "arms with one number of joints", sizes)
         checks.instance("controller", controller, Controller, "a Controller")
         checks.instance("space", space, Space, "a Space")
-        if isinstance(cost, Sequence) and not several:
-            raise ArgumentError("cost", "one cost (several: use pareto)", f"{len(cost)}")
-        if several and (not isinstance(cost, Sequence) or len(cost) < 2):
-            raise ArgumentError("costs", "at least two costs (one: use tune)", "one")
-        self._given = list(cost) if isinstance(cost, Sequence) else [cost]
-        for k, one in enumerate(self._given):
-            if one is not None or several:
-                checks.instance(f"costs.{k}" if several else "cost", one, Cost, "a Cost")
+        for cost in costs:
+            if cost is not None:
+                checks.instance("cost", cost, Cost, "one cost (several: use pareto)")
+        self._given = costs
         self.experiments = [each.with_dynamics("compiled") for each in experiments]
-        self.space = space.bind(resolved(controller, self.experiments[0], space), sizes[0])
+        first = self.experiments[0]
+        law = controller.on(first.arm, step=first.step, horizon=horizon_of(first.duration))
+        has_all = set(space.genes) <= set(descriptions.keys(type(law)))
+        self.space = space.bind(law if has_all else controller, sizes[0])
         self._executor: Executor | None = None
 
     @cached_property
@@ -205,17 +270,6 @@ class Problem:
         cube = table.reshape(len(self.experiments), count, len(self.costs))
         columns = [over_scenarios(cost, cube[:, :, k]) for k, cost in enumerate(self.costs)]
         return np.stack(columns, axis=1)
-
-
-def resolved(controller: Controller, experiment: Experiment, space: Space) -> Controller:
-    """Return what a law is on an arm, where that has all parameters of a space."""
-    # Imported late: it loads numba.
-    from fpid_pin.simulation.engine import horizon_of
-
-    law = controller.on(
-        experiment.arm, step=experiment.step, horizon=horizon_of(experiment.duration)
-    )
-    return law if set(space.genes) <= set(descriptions.keys(type(law))) else controller
 
 
 def scenarios(

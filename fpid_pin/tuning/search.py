@@ -7,8 +7,9 @@ import math
 import re
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext
+from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -20,20 +21,54 @@ from fpid_pin._version import __version__
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.exceptions import FpidWarning, TuningError
 from fpid_pin.files import kind_of, locked, require_file
-from fpid_pin.progress import ProgressCallback
+from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.resources import require_memory, require_time
 from fpid_pin.simulation import evaluate, simulate
 from fpid_pin.simulation.entry import warm
 from fpid_pin.text import differences, listed
-from fpid_pin.tuning.problem import Problem
+from fpid_pin.tuning.problem import Problem, SearchSettings
 from fpid_pin.tuning.results import History
-from fpid_pin.tuning.settings import SearchCallback, SearchProgress, SearchSettings
 
 # In place of +inf, with which crowding distances would be NaN.
 _HUGE = 1e300
 # What a candidate takes in its generation, measured for two joints [bytes].
 _RUN_BYTES = 6e3
 _RECORDS = ("best", "mean", "best_parameters", "diverged", "simulated")
+
+
+@dataclass(frozen=True)
+class SearchProgress(Progress):
+    """Where a search stands.
+
+    Attributes
+    ----------
+    part
+        Of the whole search, 0 to 1.
+    generation, generations
+        The one at work, from 1; and how many there will be.
+    complete
+        Whether that generation is done, and its checkpoint written.
+    best
+        Lowest cost so far (the first of several), inf before the first generation is done.
+    evaluations
+        Candidates evaluated so far, all seeds together.
+    rate
+        Evaluations a second in this process [1/s], 0 before any is done.
+    seconds_left
+        At that rate [s]; NaN before any is done.
+    """
+
+    generation: int
+    generations: int
+    complete: bool
+    best: float
+    evaluations: int
+    rate: float
+    seconds_left: float
+
+
+#: What ``progress=`` of a search takes; a `fpid_pin.progress.ProgressCallback` will do as well.
+SearchCallback = Callable[[SearchProgress], None]
 
 
 class Evolution:
@@ -101,7 +136,6 @@ class Evolution:
         """Return all that the next generation depends on: arrays, and a text."""
         algorithm = self._algorithm
         state = {name: np.array(algorithm.pop.get(own)) for name, own in self._kept.items()}
-        state["costs"] = self.costs
         state["random"] = np.array(json.dumps(algorithm.random_state.bit_generator.state))
         state["generation"] = np.array(algorithm.n_iter)
         return state
@@ -111,10 +145,7 @@ class Evolution:
         from pymoo.core.population import Population
 
         algorithm = self._algorithm
-        algorithm.pop = Population.new("X", state["points"])
-        algorithm.pop.set("F", np.minimum(state["costs"], _HUGE))
-        for name in ("rank", "crowding") if "rank" in self._kept else ():
-            algorithm.pop.set(name, state[name].tolist())
+        algorithm.pop = Population.new(**{own: state[name] for name, own in self._kept.items()})
         algorithm.is_initialized = True
         algorithm.n_iter = int(state["generation"])
         algorithm.start_time = 0.0
@@ -263,7 +294,7 @@ class Search:
         }
         fresh = {key: point for point in points if (key := point.tobytes()) not in known}
         if fresh:
-            controllers = [self.space.controller(point) for point in fresh.values()]
+            controllers = [self.space.controller(self.space.values(p)) for p in fresh.values()]
             known |= zip(fresh, self.problem.costs_of(controllers, progress), strict=True)
         return np.array([known[point.tobytes()] for point in points]), len(fresh)
 
@@ -291,7 +322,7 @@ class Search:
 
     def _cause(self, point: FloatArray) -> str:
         """Simulate one candidate that diverged and say how."""
-        law = self.space.controller(point)
+        law = self.space.controller(self.space.values(point))
         outcomes = (simulate(e, law).outcome for e in self.problem.experiments)
         return next((str(o) for o in outcomes if not o.completed), "with a cost that is not finite")
 

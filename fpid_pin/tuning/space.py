@@ -120,15 +120,7 @@ def _brief(bound: ArrayLike) -> str:
 class BoundSpace:
     """A space on one controller: the unit cube [0, 1]^size, a coordinate for each number sought.
 
-    Attributes
-    ----------
-    base, n
-        The controller, and the number of joints.
-    size, labels
-        Number of coordinates, and their names: ``kp.0`` for joint 0 (first), ``kp`` for a shared
-        one.
-    low, high
-        Their bounds, (size,).
+    Their names are ``kp.0`` for joint 0 (first), ``kp`` for a shared one; bounds are (size,).
     """
 
     def __init__(self, space: Space, controller: Controller, n: int) -> None:
@@ -177,12 +169,8 @@ class BoundSpace:
             values[..., k] = np.reshape(each, x.shape[:-1])
         return np.where(x >= 1.0, self.high, np.clip(values, self.low, self.high))
 
-    def controller(self, point: FloatArray | None, name: str | None = None) -> Controller:
-        """Return the controller with the parameters at a point, (size,), under a name.
-
-        None: with its own parameters.
-        """
-        values = None if point is None else self.values(point)
+    def controller(self, values: FloatArray | None, name: str | None = None) -> Controller:
+        """Return the controller with these values, (size,), or None: its own, under a name."""
         members = {} if values is None else {key: self._member(key, values) for key in self.genes}
         named = {"name": name} if name is not None and hasattr(self.base, "name") else {}
         return self._replace({**members, **named})

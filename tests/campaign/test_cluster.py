@@ -12,7 +12,8 @@ import pytest
 from bounded import PATIENCE, finished, started
 from studies import bits, study
 
-from fpid_pin.campaign import cluster, dask_executor, load, local_cluster, run
+import fpid_pin as fp
+from fpid_pin.campaign import dask_executor, load, local_cluster, run
 from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError, FpidError
@@ -141,8 +142,8 @@ def test_it_listens_on_loopback_only(scheduler):
 
 
 def test_workers_of_another_version_are_refused_by_name(scheduler, monkeypatch):
-    here = cluster.__version__
-    monkeypatch.setattr(cluster, "__version__", "99.1")
+    here = fp.__version__
+    monkeypatch.setattr("fpid_pin.simulation.workers.__version__", "99.1")
     words = rf"dask worker tcp://127\.0\.0\.1:\d+: expected fpid_pin 99\.1, as here, got {here}"
     with pytest.raises(FpidError, match=words), dask_executor(scheduler.scheduler_address):
         pass

@@ -1,5 +1,9 @@
+"""What is uncertain and how it is drawn, and that docs/campaigns.md shows what works."""
+
 import itertools
 import json
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,7 +13,10 @@ from studies import UNCERTAIN, study
 import fpid_pin as fp
 from fpid_pin import descriptions
 from fpid_pin.campaign import Choices, LogUniform, Normal, Scenarios, Study, Uniform
-from fpid_pin.campaign.uncertain import QUANTITIES
+from fpid_pin.campaign.study import QUANTITIES
+from fpid_pin.cli.campaign import read_campaign
+from fpid_pin.cli.commands import app
+from fpid_pin.cli.configuration import demo_config, parse
 from fpid_pin.exceptions import ArgumentError
 
 SAMPLINGS = ("sobol", "latin_hypercube")
@@ -147,7 +154,7 @@ def test_an_experiment_without_the_quantity_is_refused():
     hold = fp.Experiment(fp.Arm.two_link(), fp.references.Hold((0.1, 0.2)), duration=1.0)
     for key, words in (
         ("reference_amplitude", "a reference with amplitude .*hold"),
-        ("disturbance_amplitude", "kind cosine, got none"),
+        ("disturbance_amplitude", r"kind cosine\), got none"),
     ):
         with pytest.raises(ArgumentError, match=rf"uncertain\.{key}: .*{words}"):
             Study(hold, LAWS, Scenarios({key: Uniform(low=0.1, high=1.0)}))
@@ -167,3 +174,38 @@ def test_scenarios_go_through_a_table(points):
     assert again.text == first.text
     assert again.samples(0, 1).tobytes() == first.samples(0, 1).tobytes()
     assert study(seed=4, points=points).text != first.text
+
+
+# ---------------------------------------------------------------------- docs/campaigns.md
+
+PAGE = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text(encoding="utf-8")
+
+
+def test_the_pages_configuration_is_one(tmp_path):
+    (table,) = re.findall(r"^```toml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    study, runs = read_campaign(parse(demo_config().text + table, "page.toml", tmp_path))
+    assert runs == 10_000
+    assert study.experiment.dynamics == "compiled"
+    assert "viscous_friction.1" in study.parameters
+
+
+def test_the_pages_table_has_every_quantity():
+    rows = PAGE[PAGE.index("| key |") :].split("\n\n")[0]
+    named = set()
+    for cell in re.findall(r"^\| (`.*?) \|", rows, re.MULTILINE):
+        first, *others = re.findall(r"`(\w+)`", cell)
+        named.add(first)
+        prefix = first.partition("_")[0]
+        named |= {f"{prefix}{name}" if name.startswith("_") else name for name in others}
+    assert named == set(QUANTITIES)
+
+
+def test_the_pages_commands_are_there():
+    import typer.main
+
+    group = typer.main.get_command(app).commands["campaign"]
+    told = set(re.findall(r"fpid-pin campaign (\w+)", PAGE))
+    assert told == set(group.commands)
+    for line in re.findall(r"^    fpid-pin campaign .*$", PAGE, re.MULTILINE):
+        options = {o for p in group.commands[line.split()[2]].params for o in p.opts}
+        assert set(re.findall(r"(?<=\s)--[a-z-]+", line.partition("#")[0])) <= options, line

@@ -6,7 +6,6 @@ import scipy.stats
 from studies import campaign
 
 from fpid_pin.campaign import statistics
-from fpid_pin.exceptions import ArgumentError
 
 CAMPAIGNS = 2000
 
@@ -142,8 +141,3 @@ def test_the_worst_runs_are_the_lost_ones_then_the_largest_errors():
     data = campaign([[5.0], [np.nan], [9.0], [1.0], [np.nan]])
     assert statistics.worst_runs(data, 0) == [1, 4, 2, 0, 3]
     assert statistics.worst_runs(data, 0, 3) == [1, 4, 2]
-
-
-def test_an_unknown_metric_is_named():
-    with pytest.raises(ArgumentError, match=r"metric: .*rms_tail, .*did you mean rms"):
-        statistics.scored(campaign([[1.0]]), "rmse")

@@ -87,7 +87,7 @@ def test_the_table_is_the_study(tmp_path):
         table = CAMPAIGN if runs == 8 else CAMPAIGN.replace("runs = 8", 'dynamics = "pinocchio"')
         study, planned = read_campaign(parse(SHORT + table, "x", tmp_path))
         assert (study.experiment.dynamics, planned) == (dynamics, runs)
-        assert study.names == ("FPID, published orders", "integer PID")
+        assert tuple(study.controllers) == ("FPID, published orders", "integer PID")
         assert study.scenarios.seed == 4
 
 

@@ -157,13 +157,10 @@ def test_one_divergence_is_enough():
     assert np.array_equal(over_scenarios(RobustCost(), table), [np.inf, np.inf])
 
 
-def test_it_has_a_table():
+def test_a_robust_cost_is_of_the_cost_of_one_run_and_has_a_table():
     cost = RobustCost(MetricCost("itae", joint_weights=(1, 2)), "mean")
     again = descriptions.from_dict(descriptions.to_dict(cost), Cost)
     assert descriptions.to_dict(again) == descriptions.to_dict(cost)
-
-
-def test_a_robust_cost_is_of_the_cost_of_one_run():
     for wrong, said in ((1, "a Cost"), (RobustCost(), "the cost of one run")):
         with pytest.raises(ArgumentError, match=f"robust_cost.cost: expected {said}"):
             RobustCost(wrong)

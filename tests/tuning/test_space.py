@@ -33,7 +33,7 @@ def test_every_point_gives_a_controller_within_the_bounds(point):
     values = bound.values(np.array(point))
     assert (bound.low <= values).all()
     assert (values <= bound.high).all()
-    law = bound.controller(np.array(point))
+    law = bound.controller(values)
     assert np.array_equal(law.kp, values[3:5])
     assert float(law.learning_rate) == values[7]
     assert np.array_equal(law.kd, CONTROLLER.kd)

@@ -1,4 +1,8 @@
+"""Searches: what they find, that nothing but their seeds decides its bits, and what stops them."""
+
 import dataclasses
+import os
+import signal
 import time
 import warnings
 from concurrent.futures import ThreadPoolExecutor
@@ -9,9 +13,8 @@ import pytest
 from own_laws import PythonPd
 
 import fpid_pin as fp
-from fpid_pin.control import gains
 from fpid_pin.costs import Cost, MetricCost, QuadraticCost
-from fpid_pin.exceptions import ArgumentError, TuningError
+from fpid_pin.exceptions import ArgumentError, FileFormatError, TuningError
 from fpid_pin.references import Hold
 from fpid_pin.tuning import SearchSettings, Space, WorkerPool, cost_map, pareto, search, tune
 from fpid_pin.tuning.search import Evolution
@@ -29,8 +32,15 @@ def small(**changes):
 
 def bits(result):
     h = result.history
-    arrays = (h.best, h.mean, h.best_parameters, h.diverged, result.costs)
-    return [array.tobytes() for array in arrays]
+    arrays = (h.best, h.mean, h.best_parameters, h.diverged, h.simulated, result.costs)
+    return [np.asarray(array).tobytes() for array in arrays]
+
+
+def asked(**changes):
+    """Search with these settings and other arguments, by their names."""
+    given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS}
+    own = {k: changes.pop(k) for k in list(changes) if hasattr(SearchSettings, k)}
+    return tune(**given | ({"settings": small(**own)} if own else {}) | changes)
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +72,9 @@ def test_by_default_the_better_tracker_costs_less_but_on_the_paper_s_arm_it_is_e
 
 def test_gains_are_suggested_once_for_a_search_over_what_they_have(monkeypatch):
     calls = []
-    suggest = gains.explain_gains
+    suggest = fp.SuggestedFpid.on
     monkeypatch.setattr(
-        gains, "explain_gains", lambda *args, **more: calls.append(1) or suggest(*args, **more)
+        fp.SuggestedFpid, "on", lambda *args, **more: calls.append(1) or suggest(*args, **more)
     )
     space = Space(integral_order=(0, 1, "shared"), kp=(20, 200, "log", "shared"))
     found = tune(EXPERIMENT, fp.SuggestedFpid(), space, TRACKING, small(generations=2))
@@ -105,14 +115,21 @@ def test_the_same_seed_gives_the_same_bits_alone_and_in_company(found):
     assert np.array_equal(alone.history.best_parameters[:, 0], found.history.best_parameters[:, 1])
 
 
-def test_workers_do_not_change_a_bit(found):
+def test_workers_do_not_change_a_bit_also_where_one_is_killed(found):
+    killed = []
+
+    def kill(progress):
+        if progress.generation == 2 and not killed:
+            killed.append(pool.processes[-1])
+            os.kill(killed[0], signal.SIGKILL)
+
     with WorkerPool(2) as pool:
         settings = small(seeds=(0, 3), executor=pool)
-        assert bits(tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, settings)) == bits(found)
-        heavy = dataclasses.replace(
-            EXPERIMENT, plant=fp.Plant(arm=EXPERIMENT.arm.with_payload(0.7), disturbance=None)
-        )
-        several = [EXPERIMENT, heavy]
+        shared = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, settings, progress=kill)
+        assert killed
+        assert bits(shared) == bits(found)
+        heavy = fp.Plant(arm=EXPERIMENT.arm.with_payload(0.7), disturbance=None)
+        several = [EXPERIMENT, dataclasses.replace(EXPERIMENT, plant=heavy)]
         one = tune(several, CONTROLLER, ORDERS, settings=small())
         two = tune(several, CONTROLLER, ORDERS, settings=small(executor=pool))
         assert bits(one) == bits(two)
@@ -132,27 +149,19 @@ def test_progress_rises_to_the_end():
     assert np.isfinite(last.best)
 
 
+INTEGER = fp.paper_controller("integer", supervised=False)
+
+
 def test_individuals_that_diverge_cost_infinity_and_the_search_goes_on():
     # Derivative gains beyond 2/(h max eig M^-1) make the sampled loop unstable.
     wild = Space(kd=(1, 4000, "log", "shared"))
-    result = tune(
-        EXPERIMENT, fp.paper_controller("integer", supervised=False), wild, settings=small()
-    )
+    result = tune(EXPERIMENT, INTEGER, wild, settings=small())
     assert result.history.diverged[0, 0] > 0
     assert np.isfinite(result.cost)
     assert np.isfinite(result.history.mean).all()
-
-
-def test_a_generation_in_which_all_diverge_ends_with_a_message():
-    wild = Space(kd=(3000, 4000, "shared"))
-    with pytest.raises(TuningError) as error:
-        tune(EXPERIMENT, fp.paper_controller("integer", supervised=False), wild, settings=small())
-    said = str(error.value)
-    assert said.startswith(
-        "generation 1, seed 0: all 8 candidates diverged, the first one diverged"
-    )
-    assert "joint" in said
-    assert "\n" not in said
+    said = r"^generation 1, seed 0: all 8 candidates diverged, the first one diverged.*joint[^\n]*$"
+    with pytest.raises(TuningError, match=said):
+        tune(EXPERIMENT, INTEGER, Space(kd=(3000, 4000, "shared")), settings=small())
 
 
 def test_a_cost_that_is_not_a_number_never_wins():
@@ -213,14 +222,107 @@ def test_a_cost_map_is_the_cost_at_every_pair_of_orders():
     ],
 )  # fmt: skip
 def test_bad_input_is_named_before_anything_is_simulated(changes, said):
-    def ask():
-        of_search = {k: v for k, v in changes.items() if hasattr(SearchSettings, k)}
-        given = {"experiment": EXPERIMENT, "controller": CONTROLLER, "space": ORDERS}
-        return tune(**given | (changes if not of_search else {"settings": small(**of_search)}))
-
     with pytest.raises(ArgumentError) as error:
-        ask()
+        asked(**changes)
     assert said in str(error.value)
+
+
+# ---------------------------------------------------------------------- checkpoints
+
+TWO = (MetricCost("ise"), MetricCost("energy"))
+
+
+@pytest.mark.parametrize("search", [tune, lambda e, c, s, **o: pareto(e, c, s, TWO, **o)])
+def test_a_search_can_be_made_longer_to_the_same_bits(tmp_path, search):
+    def to(generations, **more):
+        given = small(generations=generations, seeds=(0, 7), **more)
+        return search(EXPERIMENT, CONTROLLER, ORDERS, settings=given)
+
+    path = tmp_path / "search.npz"
+    to(2, checkpoint=path)
+    longer = to(5, checkpoint=path, resume=True)
+    assert bits(longer) == bits(to(5))
+    with pytest.raises(TuningError, match="generations is 4 here, and 5 are done"):
+        to(4, checkpoint=path, resume=True)
+
+
+@pytest.fixture
+def checkpoint(tmp_path):
+    asked(generations=2, checkpoint=tmp_path / "search.npz", cost=QuadraticCost())
+    return tmp_path / "search.npz"
+
+
+def resume(path, **changes):
+    given = {"generations": 3, "checkpoint": path, "resume": True, "cost": QuadraticCost()}
+    return asked(**given | changes)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"seeds": (8,)}, "seeds.0 is 0 there and 8 here"),
+        ({"cost": QuadraticCost(1, 0)}, "cost.0.w2 is 0.0001 there and 0.0 here"),
+        ({"space": Space(integral_order=(0, 1), derivative_order=(0.5, 1))},
+         "space.derivative_order.low is 0.0 there and 0.5 here"),
+        ({"controller": dataclasses.replace(CONTROLLER, kp=(10, 13))},
+         "controller.kp.1 is 12.0 there and 13.0 here"),
+        ({"experiment": dataclasses.replace(EXPERIMENT, arm=EXPERIMENT.arm.with_payload(1.0))},
+         "experiment.0.arm."),
+    ],
+)  # fmt: skip
+def test_a_checkpoint_of_another_search_is_refused_with_the_difference(checkpoint, changes, said):
+    before = checkpoint.read_bytes()
+    with pytest.raises(TuningError) as error:
+        resume(checkpoint, **changes)
+    assert "a checkpoint of another search" in str(error.value)
+    assert said in str(error.value)
+    assert "\n" not in str(error.value)
+    assert checkpoint.read_bytes() == before
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_search(tmp_path):
+    (tmp_path / "file").write_text("")
+    told = []
+    with pytest.raises(FileFormatError, match="cannot be written"):
+        asked(checkpoint=tmp_path / "file" / "search.npz", progress=told.append)
+    assert told == []
+
+
+def test_a_cost_of_ones_own_resumes_in_another_process(tmp_path):
+    class Own(Cost):
+        def of(self, metrics):
+            return float(metrics.iae.sum())
+
+    path = tmp_path / "search.npz"
+    asked(generations=1, checkpoint=path, cost=Own())
+    # Another object, at another address, as it would be in another process.
+    assert resume(path, cost=Own()).history.best.shape == (3, 1)
+
+
+def test_a_checkpoint_appears_with_its_first_generation(tmp_path):
+    path = tmp_path / "search.npz"
+
+    def stop(progress):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        asked(generations=1, checkpoint=path, progress=stop)
+    lost = dataclasses.replace(CONTROLLER, kp=1e300, kd=1e300)
+    with pytest.raises(TuningError, match="diverged"):
+        asked(generations=1, checkpoint=path, controller=lost)
+    # Nothing stands in the way of a search whose configuration was corrected since.
+    assert list(tmp_path.iterdir()) == []
+    asked(generations=1, checkpoint=path)
+    before = path.read_bytes()
+    with pytest.raises(TuningError, match="resume it, or remove it"):
+        asked(generations=1, checkpoint=path)
+    assert path.read_bytes() == before
+
+
+def test_other_versions_are_told(checkpoint, monkeypatch):
+    monkeypatch.setattr("fpid_pin.tuning.search.__version__", "9.9")
+    with pytest.warns(fp.FpidWarning, match=r"fpid_pin is '.*' there and '9\.9' here"):
+        resume(checkpoint)
 
 
 # ---------------------------------------------------------------------- the genetic algorithm

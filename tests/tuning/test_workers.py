@@ -46,24 +46,6 @@ def pool():
         yield made
 
 
-def test_a_search_whose_worker_is_killed_gives_the_same_bits(pool):
-    settings = SearchSettings(population=6, generations=4, seeds=1)
-    killed = []
-
-    def kill(progress):
-        if progress.generation == 2 and not killed:
-            killed.append(progress.generation)
-            os.kill(pool.processes[-1], signal.SIGKILL)
-
-    shared = tune(
-        EXPERIMENT, CONTROLLER, ORDERS, settings=replace(settings, executor=pool), progress=kill
-    )
-    alone = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
-    assert killed == [2]
-    assert shared.history.best.tobytes() == alone.history.best.tobytes()
-    assert shared.history.best_parameters.tobytes() == alone.history.best_parameters.tobytes()
-
-
 def test_where_workers_die_again_evaluate_says_so_and_a_search_goes_on_in_this_process(pool):
     deadly = replace(EXPERIMENT, plant=fp.Plant(disturbance=Deadly(amplitude=(0.4, 0.6))))
     with pytest.raises(WorkersDied, match="died twice over the same task: out of memory, "):
