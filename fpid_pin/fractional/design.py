@@ -10,16 +10,11 @@ of a signal sampled every `step` seconds: equation (4) of the paper (with Gamma(
 
 For lags of one step and more the kernel is ``sum_i weights_i exp(-poles_i t)``; the newest step has
 weights of its own (the same split is in Jiang, Zhang, Zhang and Zhang, Commun. Comput. Phys. 21,
-2017, for a rate that is not known). Each mode obeys x' = -p x + f'. Over a step h, with q = p h and
-theta running back from the newest sample, the rate is the quadratic through both measured rates
-whose mean is the measured change:
+2017, for a rate that is not known). `kernels.operator` has the modes' recursion, and runs it on the
+records that `Modes.records` makes; `Modes.recursion` is the same in matrices, for whoever asks what
+it does in a loop. With q = p h and theta running back from the newest sample its coefficients are
 
-    x_k = E x_(k-1) + b1 f'_k + b0 f'_(k-1) + b2 m_k,   E = exp(-q)
     b1, b0, b2 = h int_0^1 exp(-q theta) {1 - theta, theta, 6 theta (1 - theta)} dtheta
-    m_k = (f_k - f_(k-1))/h - (f'_k + f'_(k-1))/2
-
-`kernels.operator` runs the recursion on the records that `Modes.records` makes; `Modes.recursion`
-is the same in matrices, for whoever asks what it does to a sinusoid, to noise, or in a loop.
 """
 
 from __future__ import annotations
@@ -51,13 +46,7 @@ _SERIES_TERMS = 20
 
 
 def integrate_step(poles: FloatArray, step: float) -> Any:
-    """Integrate modes of decay rates `poles` [1/s] over `step` [s], to rounding error.
-
-    Returns
-    -------
-    ndarray
-        E, b1, b0, b2 as records `POLE`, of the poles' shape.
-    """
+    """Return E, b1, b0, b2 of decay rates [1/s], records `POLE` of their shape, to rounding."""
     q = np.asarray(poles, dtype=np.float64) * step
     small = q < _SERIES_BELOW
     near = np.where(small, q, 0.0)
@@ -191,12 +180,13 @@ class Modes:
         """Return c1, c0, c2 and the modes' weights of each order, (3 + modes, orders)."""
         return np.vstack([self.now, self.before, self.mean, self.weights])
 
-    def recursion(self) -> Recursion:
-        """Return the difference equation of a single order."""
-        h, one = self.step, integrate_step(self.poles, self.step)
-        order, c1, c0, c2 = float(self.order), self.now, self.before, self.mean
-        decay, b1, b0, b2 = (one[name] for name in ("decay", "b1", "b0", "b2"))
-        weights = self.weights * decay
+    def recursion(self, index: tuple[int, ...] = ()) -> Recursion:
+        """Return the difference equation of one of the orders."""
+        column = (slice(None), *index)
+        h, poles = self.step, self.poles if self.shared_poles else self.poles[column]
+        order, c1, c0, c2 = (x[index] for x in (self.order, self.now, self.before, self.mean))
+        decay, b1, b0, b2 = (integrate_step(poles, h)[name] for name in ("decay", "b1", "b0", "b2"))
+        weights = self.weights[column] * decay
         # m = (f - f_)/h - (f' + f'_)/2, so what multiplies m is divided among the inputs.
         now = np.array([c2 / h, c1 - 0.5 * c2])
         before = np.array([weights[0] - c2 / h, c0 - 0.5 * c2])
@@ -209,6 +199,49 @@ class Modes:
             now, before, weights[kept], decay[kept], drive_now[kept], drive_before[kept]
         )
 
+    def response(self, omega: FloatArray) -> ComplexArray:
+        """Return the answer to exp(j omega t), once its start has died away, (k, ...).
+
+        The exact operator's is ``(j omega)^alpha``. Frequencies are (k,) [rad/s].
+        """
+        # One sample later is a factor exp(j omega h); of f = exp(j omega t) the rate is j omega f.
+        back = np.exp(-1j * omega * self.step)
+        inputs = np.stack([np.ones_like(back), 1j * omega])
+        out = np.empty((omega.size, *self.order.shape), dtype=np.complex128)
+        for k in np.ndindex(self.order.shape):
+            out[:, *k] = (self.recursion(k).response(back).T * inputs).sum(axis=0)
+        return out
+
+    def kernel_error(self, lag: FloatArray) -> FloatArray:
+        """Return the relative error of the kernel, which answers a unit step, at lags (k,) [s].
+
+        It stands for ``t^-alpha/Gamma(1 - alpha)``. Orders 0 and 1 are exact. Results are (k, ...).
+        """
+        inner, t = (self.order > 0.0) & (self.order < 1.0), lag.reshape(-1, *[1] * self.order.ndim)
+        a = np.where(inner, self.order, 0.5)
+        found = sum(w * np.exp(-t * p) for w, p in zip(self.weights, self.poles, strict=True))
+        return np.where(inner, found * t**a * scipy.special.gamma(1.0 - a) - 1.0, 0.0)
+
+    def noise_gains(self, horizon: float) -> FloatArray:
+        """Return the output's standard deviation for white noise of standard deviation one.
+
+        The noise is on the value [s^-alpha] or on the rate [s^(1-alpha)] alone, independent from
+        sample to sample, for one horizon [s]: (2, ...).
+        """
+        gains = np.zeros((2, *self.order.shape))
+        for k in np.ndindex(self.order.shape):
+            r = self.recursion(k)
+            second = r.before + r.weights @ r.drive_now
+            # From then on each mode decays by exp(-p h) a sample: sum of (sum_i c_i E_i^n)^2.
+            later = r.weights[:, None] * (r.decay[:, None] * r.drive_now + r.drive_before)
+            poles = self.poles if self.shared_poles else self.poles[:, *k]
+            p = poles[1 : 1 + r.decay.size] * self.step
+            both = p[:, None] + p
+            series = np.expm1(-(round(horizon / self.step) - 1) * both) / np.expm1(-both)
+            tail = np.maximum((later * (series @ later)).sum(axis=0), 0.0)
+            gains[:, *k] = np.sqrt(r.now**2 + second**2 + tail)
+        return gains
+
 
 class Design(Description, ABC):
     """How a fractional derivative is realised; a frozen description, equal where its fields are."""
@@ -219,13 +252,7 @@ class Design(Description, ABC):
 
 
 def modes_of(design: Design, order: ArrayLike, *, step: float, horizon: float) -> Modes:
-    """Return the modes of a design for orders (...).
-
-    Raises
-    ------
-    ArgumentError
-        Not a design, or one that keeps the signal's past instead of modes.
-    """
+    """Return the modes of a design for orders (...); refused are those that keep the past."""
     checks.instance("design", design, Design, "a fractional design")
     found = design.coefficients(order, step=step, horizon=horizon)
     if not isinstance(found, Modes):

@@ -229,18 +229,15 @@ def _poles(modes: int, step: float, horizon: float) -> tuple[FloatArray, FloatAr
         return read_only([0.0, 1.0 / math.sqrt(step * horizon)]), np.array([2.0])
     gaps = np.exp(_STRETCH * np.exp(-np.arange(count - 1) / _REACH))
     fast = 8.0
-    for _ in range(60):
+    for _ in range(61):
         spacing = math.log(fast * horizon / (_SLOW * step)) / gaps.sum()
         fast = min(max(_FAST / spacing, 0.5), 36.0)
-    spacing = math.log(fast * horizon / (_SLOW * step)) / gaps.sum()
     position = np.concatenate([[0.0], np.cumsum(gaps * spacing)])
     poles = np.concatenate([[0.0], (_SLOW / horizon) * np.exp(position)])
     return read_only(poles), np.gradient(position)
 
 
-@lru_cache(maxsize=64)
-def _table(modes: int, step: float, horizon: float) -> _Table:
-    return _Table(modes, step, horizon)
+_table = lru_cache(maxsize=64)(_Table)
 
 
 @lru_cache(maxsize=64)

@@ -1,8 +1,4 @@
-"""A design's errors, gains and cost, against the exact operator, and it as a linear system.
-
-What it does to a sinusoid, to a step and to noise is in functions of their own, for orders
-(orders,), step and horizon [s].
-"""
+"""A design's errors, gains and cost, against the exact operator, and it as a linear system."""
 
 from __future__ import annotations
 
@@ -24,8 +20,8 @@ from fpid_pin.fractional.bank import Bank
 from fpid_pin.fractional.crone import Crone
 from fpid_pin.fractional.design import (
     DEFAULT_HORIZON,
-    ComplexArray,
     Design,
+    Modes,
     check_grid,
     check_order,
     integrate_step,
@@ -108,17 +104,16 @@ class OperatorReport(ReprMixin):
     def __init__(
         self, design: Design, order: ArrayLike, *, step: float, horizon: float = DEFAULT_HORIZON
     ) -> None:
-        checks.instance("design", design, Design, "a fractional design")
         self.design, self.order = design, check_order(order).reshape(-1)
         self.step, self.horizon = check_grid(step, horizon)
-        grid = {"step": self.step, "horizon": self.horizon}
+        modes = self._modes(self.order)
         nyquist = math.pi / self.step
         # Beyond the horizon on both scales: what can be trusted may reach further than was asked.
         lowest = min(1e-2 / self.horizon, 1e-3 * nyquist)
         self.frequency = omega = np.geomspace(lowest, nyquist, 600)
-        self.response = frequency_response(design, self.order, omega, **grid)
+        self.response = modes.response(omega)
         self.lag = np.geomspace(self.step, 30.0 * self.horizon, 1500)
-        self.lag_error = kernel_error(design, self.order, self.lag, **grid)
+        self.lag_error = modes.kernel_error(self.lag)
         low, high = 20.0 * math.pi / self.horizon, 0.2 * nyquist
         if isinstance(design, Crone):
             low, high = design.low, min(design.high, 0.5 * nyquist)
@@ -138,12 +133,17 @@ class OperatorReport(ReprMixin):
         self.highest_frequency = np.array([e[-1] if e.size else np.nan for e in ends])
         reach = np.cumprod(np.abs(self.lag_error) <= TRUSTED_WITHIN, axis=0).sum(axis=0)
         self.longest_horizon = np.where(reach > 0, self.lag[reach - 1], np.nan)
-        self.noise_from_value, self.noise_from_rate = noise_gains(design, self.order, **grid)
-        each = [modes_of(design, a, **grid) for a in self.order]
-        self.states = len(each[0].poles) + 3
-        back = np.array([-1.0 + 0.0j])
-        self.nyquist_gain = np.abs([modes.recursion().response(back)[0, 1] for modes in each])
+        self.noise_from_value, self.noise_from_rate = modes.noise_gains(self.horizon)
+        self.states = len(modes.poles) + 3
+        back, each = (
+            np.array([-1.0 + 0.0j]),
+            [modes.recursion((k,)) for k in range(modes.order.size)],
+        )
+        self.nyquist_gain = np.abs([recursion.response(back)[0, 1] for recursion in each])
         self.cost = (self._time(1), self._time(240))
+
+    def _modes(self, order: ArrayLike) -> Modes:
+        return modes_of(self.design, order, step=self.step, horizon=self.horizon)
 
     def _deviation(self) -> tuple[FloatArray, FloatArray]:
         """Return the response's distance from (j omega)^alpha [dB], [degree], (k, orders) each."""
@@ -160,8 +160,7 @@ class OperatorReport(ReprMixin):
         if isinstance(self.design, Crone):
             near = np.linspace(0.0, 1.0, 801)[1:-1] ** (1.0 / (1.0 - order)) * self.step
             lag = np.concatenate([np.maximum(near, 1e-200), lag])
-        alone, grid = np.array([order]), {"step": self.step, "horizon": self.horizon}
-        error = np.abs(kernel_error(self.design, alone, lag, **grid))[:, 0]
+        error = np.abs(self._modes(order).kernel_error(lag))
         s = lag ** (1.0 - order)
         first = error[0] * s[0] if isinstance(self.design, Crone) else 0.0
         return float((np.trapezoid(error, s) + first) * scipy.special.rgamma(2.0 - order))
@@ -269,64 +268,6 @@ def _longest(good: BoolArray) -> slice:
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good, [0]]))).reshape(-1, 2)
     longest = edges[np.ptp(edges, axis=1).argmax()] if len(edges) else (0, 0)
     return slice(*longest)
-
-
-def frequency_response(
-    design: Design, order: FloatArray, omega: FloatArray, *, step: float, horizon: float
-) -> ComplexArray:
-    """Return the sampled operator's response to exp(j omega t), once its start has died away.
-
-    The exact operator's is ``(j omega)^alpha``. Frequencies are (k,) [rad/s], results (k, orders).
-    """
-    # One sample later is a factor exp(j omega h); of f = exp(j omega t) the rate is j omega f.
-    back = np.exp(-1j * omega * step)
-    inputs = np.stack([np.ones_like(back), 1j * omega])
-    out = np.empty((omega.size, order.size), dtype=np.complex128)
-    for k, a in enumerate(order):
-        recursion = modes_of(design, a, step=step, horizon=horizon).recursion()
-        out[:, k] = (recursion.response(back).T * inputs).sum(axis=0)
-    return out
-
-
-def kernel_error(
-    design: Design, order: FloatArray, lag: FloatArray, *, step: float, horizon: float
-) -> FloatArray:
-    """Return the relative error of the design's kernel at lags (k,) [s], (k, orders).
-
-    The kernel stands for ``t^-alpha/Gamma(1 - alpha)``; it is the response to a unit step of the
-    signal. Orders 0 and 1 are exact.
-    """
-    inner = (order > 0.0) & (order < 1.0)
-    alpha, t = np.where(inner, order, 0.5), lag[:, None]
-    modes = modes_of(design, alpha, step=step, horizon=horizon)
-    found = sum(w * np.exp(-t * p) for w, p in zip(modes.weights, modes.poles, strict=True))
-    return np.where(inner, found * t**alpha * scipy.special.gamma(1.0 - alpha) - 1.0, 0.0)
-
-
-def noise_gains(
-    design: Design, order: FloatArray, *, step: float, horizon: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the standard deviation of the output for white noise of standard deviation one.
-
-    Returns
-    -------
-    from_value, from_rate : ndarray
-        For noise, independent from sample to sample, on the value [s^-alpha] and on the rate
-        [s^(1-alpha)] alone, after one horizon; (orders,).
-    """
-    gains = np.zeros((2, order.size))
-    for k, a in enumerate(order):
-        modes = modes_of(design, a, step=step, horizon=horizon)
-        r = modes.recursion()
-        second = r.before + r.weights @ r.drive_now
-        # From then on each mode decays by exp(-p h) a sample: the sum of (sum_i c_i E_i^n)^2.
-        later = r.weights[:, None] * (r.decay[:, None] * r.drive_now + r.drive_before)
-        p = modes.poles[1 : 1 + r.decay.size] * step
-        both = p[:, None] + p
-        series = np.expm1(-(round(horizon / step) - 1) * both) / np.expm1(-both)
-        tail = np.maximum((later * (series @ later)).sum(axis=0), 0.0)
-        gains[:, k] = np.sqrt(r.now**2 + second**2 + tail)
-    return gains[0], gains[1]
 
 
 def state_space(

@@ -9,7 +9,7 @@ from scipy.special import gamma
 from fpid_pin.cli.commands import operators
 from fpid_pin.exceptions import ArgumentError, DesignError, FileFormatError
 from fpid_pin.fractional import L1, Bank, Crone, ExponentialSum, report, state_space
-from fpid_pin.fractional.operator_report import frequency_response, kernel_error, noise_gains
+from fpid_pin.fractional.design import modes_of
 
 STEP = 1e-3
 MODAL = [ExponentialSum(24), Crone(0.1, 1e3, 4)]
@@ -26,7 +26,7 @@ def test_the_frequency_response_is_what_a_sinusoid_settles_to(design):
     out = bank.recorded(np.sin(omega * t), omega * np.cos(omega * t))
     tail = slice(2000, 3000)  # twenty whole periods
     got = 2j * (out[tail] * np.exp(-1j * omega * t[tail])).mean(axis=0)
-    want = frequency_response(design, ENDS, np.array([omega]), step=STEP, horizon=3.0)[0]
+    want = modes_of(design, ENDS, step=STEP, horizon=3.0).response(np.array([omega]))[0]
     # What is left of the start at order 0.3 decays like t^-1.3.
     assert np.abs(got / want - 1).max() < 2e-4
 
@@ -37,8 +37,9 @@ def test_the_stated_output_noise_is_the_length_of_the_answer_to_one_sample(desig
     order, samples = np.array([0.0, 0.3, 0.95, 1.0]), 40
     impulse = np.zeros((samples + 2, 4))
     impulse[1] = 1.0
-    bank = Bank(design, order, step=STEP, horizon=samples * STEP)
-    stated = noise_gains(design, order, step=STEP, horizon=samples * STEP)
+    grid = {"step": STEP, "horizon": samples * STEP}
+    bank = Bank(design, order, **grid)
+    stated = modes_of(design, order, **grid).noise_gains(samples * STEP)
     for gain, inputs in zip(stated, ((impulse, 0 * impulse), (0 * impulse, impulse)), strict=True):
         answer = bank.recorded(*inputs)
         assert gain == pytest.approx(np.linalg.norm(answer, axis=0), rel=1e-9, abs=1e-12)
@@ -60,7 +61,7 @@ def test_the_kernel_is_the_response_to_a_step(design):
     start = {"initialisation": "grunwald_letnikov", "rate": "differenced"}
     got = Bank(design, order, step=STEP, horizon=1.0, **start).recorded(np.ones((300, 2)))[1:]
     want = lags[:, None] ** -order / gamma(1 - order)
-    error = kernel_error(design, order, lags, step=STEP, horizon=1.0)
+    error = modes_of(design, order, step=STEP, horizon=1.0).kernel_error(lags)
     assert np.abs(got / want - 1 - error).max() < 1e-9
 
 
@@ -71,7 +72,7 @@ def test_no_output_is_further_off_than_the_stated_bound(design):
     bound = report(design, order, step=STEP, horizon=horizon).error_bound[0]
     t = np.arange(round(horizon / STEP) + 1) * STEP
     lag = np.maximum(t[-1] - t, 1e-9)
-    sign = np.sign(kernel_error(design, order, lag, step=STEP, horizon=horizon)[:, 0])
+    sign = np.sign(modes_of(design, 0.6, step=STEP, horizon=horizon).kernel_error(lag))
     rate = np.where(sign == 0.0, 1.0, sign)
     # Piecewise constant rates: the rule between samples adds nothing with the value alone.
     value = np.concatenate([[0.0], np.cumsum(rate[1:] * STEP)])[:, None]
@@ -107,9 +108,7 @@ def test_a_report_says_where_the_design_can_be_trusted():
     assert (trusted.longest_horizon > 20.0).all()
     for k, order in enumerate(trusted.order):
         inside = np.geomspace(trusted.lowest_frequency[k], trusted.highest_frequency[k], 50)[1:-1]
-        found = frequency_response(
-            trusted.design, np.array([order]), inside, step=STEP, horizon=20.0
-        )[:, 0]
+        found = modes_of(trusted.design, order, **GRID).response(inside)
         assert np.abs(found / (1j * inside) ** order - 1).max() < 0.011
     with pytest.raises(ArgumentError, match="design: expected one with modes, got L1"):
         report(L1(), 0.5, step=STEP)
