@@ -155,16 +155,10 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
         units += "; of prismatic joints m, m/s and N"
     yield ""
     yield f"Joints and their limits, - where none is given ({units})"
-    yield _rows(
-        {
-            "kind": arm.joint_kinds,
-            "lower": arm.lower,
-            "upper": arm.upper,
-            "speed": arm.velocity_limit,
-            "effort": arm.effort_limit,
-            "name": arm.joint_names,
-        }
-    )
+    yield _rows({
+        "kind": arm.joint_kinds, "lower": arm.lower, "upper": arm.upper,
+        "speed": arm.velocity_limit, "effort": arm.effort_limit, "name": arm.joint_names,
+    })  # fmt: skip
     weight = arm.gravity_vector(arm.home)
     weight = np.where(np.abs(weight) > 1e-9 * np.abs(weight).max(), weight, 0.0)
     part = np.abs(weight) / arm.effort_limit
@@ -173,16 +167,12 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
         "At home: the inertia that the joint feels, M_jj [kg m^2] or [kg]; its weight G_j, and "
         "which part of its effort that takes; viscous and dry friction"
     )
-    yield _rows(
-        {
-            "home": arm.home,
-            "M_jj": np.diag(arm.mass_matrix(arm.home)),
-            "G_j": weight,
-            "of effort": [f"{100.0 * x:.0f} %" if x > 0.0 else "-" for x in part],
-            "F_v": np.where(arm.viscous_friction, arm.viscous_friction, np.nan),
-            "F_d": np.where(arm.dry_friction, arm.dry_friction, np.nan),
-        }
-    )
+    yield _rows({
+        "home": arm.home, "M_jj": np.diag(arm.mass_matrix(arm.home)), "G_j": weight,
+        "of effort": [f"{100.0 * x:.0f} %" if x > 0.0 else "-" for x in part],
+        "F_v": np.where(arm.viscous_friction, arm.viscous_friction, np.nan),
+        "F_d": np.where(arm.dry_friction, arm.dry_friction, np.nan),
+    })  # fmt: skip
     found = list(oddities(arm))
     yield from ["", "What looks wrong:"] if found else []
     yield from (f"- {line}" for line in found)
@@ -209,9 +199,12 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
         f"Margins at home: {stable}, dominant pole {pole.real:.3g} ± {abs(pole.imag):.3g}j 1/s; "
         "each joint's gain may rise and fall by these factors, the others as they are"
     )
-    rows: list[Row] = [*report.rows()]
-    margins = {head: [row.get(head) for row in rows] for head in rows[0] if head != "joint"}
-    yield _rows(margins, [*range(1, arm.n + 1), "all"])
+    labels = [*range(1, arm.n + 1), "all"]
+    heads = [head for head in report.rows()[0] if head != "joint"]
+    yield [
+        {"#": label} | {head: _finite(row.get(head)) for head in heads}
+        for label, row in zip(labels, report.rows(), strict=True)
+    ]
 
 
 def oddities(arm: Arm) -> Iterator[str]:
@@ -235,12 +228,11 @@ def oddities(arm: Arm) -> Iterator[str]:
         yield f"the zero pose is outside the limits: {of(outside)}"
 
 
-def _rows(columns: Mapping[str, Any], labels: Sequence[object] = ()) -> list[Row]:
-    """Return rows numbered from 1, or by labels; what is not finite is left open."""
-    numbers = labels or range(1, len(next(iter(columns.values()))) + 1)
+def _rows(columns: Mapping[str, Any]) -> list[Row]:
+    """Return rows numbered from 1; what is not finite is left open."""
     return [
-        {"#": label} | {head: _finite(column[k]) for head, column in columns.items()}
-        for k, label in enumerate(numbers)
+        {"#": k} | {head: _finite(cell) for head, cell in zip(columns, row, strict=True)}
+        for k, row in enumerate(zip(*columns.values(), strict=True), start=1)
     ]
 
 

@@ -102,13 +102,9 @@ def _sign(folder: Path) -> None:
 
 def _carry_over(path: Path, temporary: Path) -> None:
     """Copy what in the older folder is none of ours; under another name where one is taken."""
-    if kind_of(path) is None:
-        return
-    mark = path / MARK
-    # An empty folder has none; older versions listed nothing, and all they left was theirs.
-    listed = mark.read_text(encoding="utf-8").splitlines()[1:] if mark.is_file() else []
-    if not listed:
-        return
+    if not (path / MARK).is_file():
+        return  # nothing, or an empty folder
+    listed = (path / MARK).read_text(encoding="utf-8").splitlines()[1:]
     for entry in path.iterdir():
         if entry.name in (*listed, MARK):
             continue

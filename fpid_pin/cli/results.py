@@ -115,18 +115,12 @@ def write_results(
         for k, condition in enumerate(comparison.conditions)
     }
     # The hardest condition first: that is where controllers differ.
-    first = comparison.hardest
+    groups = {comparison.hardest: groups[comparison.hardest]} | groups
     report_html(
-        comparison.runs,
-        folder / "report.html",
-        title=config.title,
-        tables=shown,
-        figures=drawn,
-        config_text=config.text,
-        captions=comparison.controllers * len(groups),
-        answer=said,
-        groups={first: groups[first]} | groups,
-    )
+        comparison.runs, folder / "report.html", title=config.title, tables=shown, figures=drawn,
+        config_text=config.text, captions=comparison.controllers * len(groups), answer=said,
+        groups=groups,
+    )  # fmt: skip
 
 
 def show(config: Config, comparison: Comparison, out: Path) -> None:
