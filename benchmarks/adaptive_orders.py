@@ -4,14 +4,13 @@ paper: the cost (33) with w2 = 1e-4 on the paper's experiment, by start and rate
 noise: the same under noise and delay; arms: on arms with suggested gains; long: for five minutes.
 """
 
-from __future__ import annotations
-
-import dataclasses
 import itertools
+from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
-from common import Bench, arm_of, around_home, parameters, run, tail, variation
+from common import Bench, arm_of, around_home, panels, parameters, run, tail, variation
 from orders import NOISE, ORDERS, PAPER, budget, differential, paper_experiment
 
 import fpid_pin as fp
@@ -46,12 +45,12 @@ SENSORS = {
 
 def starting(law: fp.AdaptiveFpid, orders: tuple[Any, Any]) -> fp.AdaptiveFpid:
     """Return a law with other orders, lambda and mu."""
-    return dataclasses.replace(law, integral_order=orders[0], derivative_order=orders[1])
+    return replace(law, integral_order=orders[0], derivative_order=orders[1])
 
 
 def moving(law: fp.AdaptiveFpid, rate: Any) -> fp.AdaptiveFpid:
     """Return a law with orders that move within their widest bounds."""
-    return dataclasses.replace(law, order_learning_rate=rate)
+    return replace(law, order_learning_rate=rate)
 
 
 def unbounded(law: fp.AdaptiveFpid, arm: fp.Arm) -> fp.AdaptiveFpid:
@@ -59,25 +58,21 @@ def unbounded(law: fp.AdaptiveFpid, arm: fp.Arm) -> fp.AdaptiveFpid:
     return moving(law, adapt_orders(law, arm).order_learning_rate)
 
 
-_fixed: list[tuple[fp.Controller, float]] = []
-
-
+@cache
 def best_fixed(bench: Bench) -> tuple[fp.Controller, float]:
     """Search, once, for the best orders that stay: the genetic algorithm, and another."""
-    if not _fixed:
-        found = tune(paper_experiment(bench), PAPER, Space(**ORDERS), COST, budget(bench))
-        other = differential(bench, COST)
-        _fixed.append(min((found.controller, found.cost), other, key=lambda pair: pair[1]))
-        costs = ", ".join(f"{c:.4f}" for c in found.costs)
-        bench.say(
-            f"The best fixed orders cost {_fixed[0][1]:.4f}, {parameters(_fixed[0][0], ORDERS)} "
-            f"(genetic algorithm, seeds: {costs}; differential evolution: {other[1]:.4f})."
-        )
-    return _fixed[0]
+    found = tune(paper_experiment(bench), PAPER, Space(**ORDERS), COST, budget(bench))
+    other = differential(bench, COST)
+    best, least = min((found.controller, found.cost), other, key=lambda pair: pair[1])
+    costs = ", ".join(f"{c:.4f}" for c in found.costs)
+    bench.say(
+        f"The best fixed orders cost {least:.4f}, {parameters(best, ORDERS)} "
+        f"(genetic algorithm, seeds: {costs}; differential evolution: {other[1]:.4f})."
+    )
+    return best, least
 
 
 def paper(bench: Bench) -> None:
-    """Print costs on the paper's experiment by start and rate, and by the gains' own rate."""
     experiment, (_, least) = paper_experiment(bench), best_fixed(bench)
     rates = (0.0, 0.01, 0.1, 0.3, 1.0, 3.0)
     laws = [
@@ -101,7 +96,7 @@ def paper(bench: Bench) -> None:
     bench.details("Faster gains instead")
     rows = []
     for gamma in (25.0, 50.0, 100.0, 250.0):
-        law = dataclasses.replace(PAPER, learning_rate=gamma)
+        law = replace(PAPER, learning_rate=gamma)
         cells = []
         for seen in fp.simulate(experiment, [law, unbounded(law, TWO_LINK)]):
             most = ", ".join(f"{getattr(seen, gain).max():.0f}" for gain in ("kp", "ki", "kd"))
@@ -113,10 +108,7 @@ def paper(bench: Bench) -> None:
 
 def drawn(experiment: fp.Experiment) -> Any:
     """Draw the orders over time, from every start, at a slow rate and by the rule."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11, 8), layout="constrained")
-    axes = figure.subplots(4, 2, sharex=True, sharey=True)
+    figure, axes = panels((11, 8), 4, 2, sharex=True, sharey=True)
     for k, (name, orders) in enumerate(STARTS.items()):
         law = starting(PAPER, orders)
         for column, moved in enumerate((moving(law, 0.1), unbounded(law, TWO_LINK))):
@@ -135,7 +127,6 @@ def drawn(experiment: fp.Experiment) -> Any:
 
 
 def noise(bench: Bench) -> None:
-    """Print medians over seeds on the paper's experiment under imperfect measurements."""
     bench.details("Under noise")
     base, (best, _) = paper_experiment(bench), best_fixed(bench)
     seeds = range(1, 2 if bench.quick else 6)
@@ -154,8 +145,8 @@ def noise(bench: Bench) -> None:
         for (guard, safeguards), (name, law) in itertools.product(
             guards.items(), candidates.items()
         ):
-            noisy = [dataclasses.replace(base, sensors=sensors, seed=seed) for seed in seeds]
-            runs = fp.simulate(noisy, dataclasses.replace(law, safeguards=safeguards))
+            noisy = [replace(base, sensors=sensors, seed=seed) for seed in seeds]
+            runs = fp.simulate(noisy, replace(law, safeguards=safeguards))
             figures = [[COST.of(seen.metrics), tail(seen), variation(seen)] for seen in runs]
             cost, rms, moved = np.median(figures, axis=0)
             end = runs[0].signals.get("derivative_order")
@@ -174,14 +165,13 @@ def worst(seen: fp.Run) -> str:
 
 
 def arms(bench: Bench) -> None:
-    """Print how arms with suggested gains do with and without."""
     bench.details("Arms with suggested gains")
     rows, others, duration = [], [], 2.0 if bench.quick else 20.0
     for name in ("two_link", "ur5", "panda"):
         arm = arm_of(name)
         law = fp.suggest_gains(arm)
         low = starting(law, (0.5, 0.7))
-        faster = dataclasses.replace(law, learning_rate=10.0 * np.asarray(law.learning_rate))
+        faster = replace(law, learning_rate=10.0 * np.asarray(law.learning_rate))
         laws = [
             law, adapt_orders(law, arm), adapt_orders(law, arm, speed=10.0), unbounded(law, arm),
             faster, low, adapt_orders(low, arm),
@@ -194,7 +184,7 @@ def arms(bench: Bench) -> None:
             "noise 0.05 rad/s": {"sensors": NOISE, "seed": 1},
             "hold a pose": {"reference": Hold(arm.home + 0.3), "q0": arm.home},
         }.items():
-            runs = fp.simulate(dataclasses.replace(base, **changed), laws)
+            runs = fp.simulate(replace(base, **changed), laws)
             rows.append([name, job, *(f"{worst(x)} / {variation(x):.0f}" for x in runs)])
         if name == "ur5":
             for told, orders in list(STARTS.items())[1:]:
@@ -212,18 +202,17 @@ def arms(bench: Bench) -> None:
 
 
 def long(bench: Bench) -> None:
-    """Print what five minutes do to errors and orders."""
     bench.details("Five minutes")
     minute = 2.0 if bench.quick else 60.0
-    track = dataclasses.replace(fp.paper_experiment(duration=5.0 * minute), sensors=NOISE, seed=1)
+    track = replace(fp.paper_experiment(duration=5.0 * minute), sensors=NOISE, seed=1)
     track = track.with_dynamics("compiled")
-    hold = dataclasses.replace(track, reference=Hold((0.5, 0.5)), v0=(0.0, 0.0))
+    hold = replace(track, reference=Hold((0.5, 0.5)), v0=(0.0, 0.0))
     suggested, adapting = fp.suggest_gains(TWO_LINK), adapt_orders(PAPER, TWO_LINK)
     laws = {
         "paper's gains, fixed": PAPER,
         "paper's gains, rule": unbounded(PAPER, TWO_LINK),
         "paper's gains, adapt_orders": adapting,
-        "paper's gains, adapt_orders, leakage": dataclasses.replace(
+        "paper's gains, adapt_orders, leakage": replace(
             adapting, safeguards=GUARDS["leakage 0.03 1/s"]
         ),
         "paper's gains, mu only": moving(PAPER, adapting.order_learning_rate * [[0.0], [1.0]]),

@@ -9,8 +9,6 @@ the answer, the tables, and what they were measured with. `record.py` puts these
 --quick, or with some parts only, nothing is written unless --out names a folder.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib.metadata
 import os
@@ -20,6 +18,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +33,7 @@ VERSIONS = ("fpid_pin", "pin", "numpy", "numba", "scipy")
 DETAILS = "### "
 
 
-@dataclass
+@dataclass(eq=False)
 class Bench:
     """A run of a script: how it was asked for, and what it has printed for the record and below."""
 
@@ -47,6 +46,8 @@ class Bench:
 
     def __post_init__(self) -> None:
         self.lines = self.head
+        #: Arms that parts go through.
+        self.arms = ("two_link",) if self.quick else ("two_link", "ur5", "panda")
 
     def say(self, *lines: str) -> None:
         """Print a paragraph."""
@@ -57,15 +58,14 @@ class Bench:
     def table(self, heads: Sequence[str], rows: Iterable[Iterable[Any]], text: int = 1) -> None:
         """Print a table, row by row as they come; its first `text` columns are words."""
         rule = ["---"] * text + ["---:"] * (len(heads) - text)
-        for cells in (heads, rule):
-            self._row(cells)
-        for cells in rows:
-            self._row(cells)
+        for cells in chain((heads, rule), rows):
+            self.lines.append(f"| {' | '.join(map(str, cells))} |")
+            print(self.lines[-1], flush=True)
         self.say()
 
-    def _row(self, cells: Iterable[Any]) -> None:
-        self.lines.append(f"| {' | '.join(map(str, cells))} |")
-        print(self.lines[-1], flush=True)
+    def records(self, rows: Sequence[dict[str, Any]], text: int = 1) -> None:
+        """Print a table whose rows have its heads as keys."""
+        self.table(list(rows[0]), (row.values() for row in rows), text)
 
     def details(self, title: str) -> None:
         """Begin a section that the record leaves to the file of results; it ends with its part."""
@@ -82,9 +82,9 @@ class Bench:
 Part = Callable[[Bench], None]
 
 
-def run(doc: str | None, *functions: Part) -> None:
+def run(doc: str | None, *functions: Part, **others: Part) -> None:
     """Read the command line, run the parts that it asks for, and store what they print."""
-    parts = {function.__name__: function for function in functions}
+    parts = others | {function.__name__: function for function in functions}
     path = Path(sys.argv[0])
     question = str(doc).splitlines()[0]
     parser = argparse.ArgumentParser(
@@ -118,6 +118,16 @@ def run(doc: str | None, *functions: Part) -> None:
     if out is not None:
         text = "\n".join([*bench.head, made, "", *bench.below]).rstrip() + "\n"
         (out / f"{path.stem}.md").write_text(text, encoding="utf-8")
+
+
+def panels(
+    size: tuple[float, float], rows: int = 1, columns: int = 1, **options: Any
+) -> tuple[Any, Any]:
+    """Return a figure of a size [inch] and its axes."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(rows, columns, **options)
 
 
 def machine() -> str:

@@ -4,8 +4,6 @@ Double against float, by horizon, at 1 ms, orders 0.1 to 0.99: the largest diffe
 and of D^mu e between both precisions, as a part of the largest value. Wants gcc.
 """
 
-from __future__ import annotations
-
 import subprocess
 import tempfile
 from pathlib import Path
@@ -66,7 +64,6 @@ def error(horizon: int) -> np.ndarray:
 
 
 def precision(bench: Bench) -> None:
-    """Print the table."""
     horizons = (20,) if bench.quick else (20, 200, 600, 3600)
     found = {horizon: error(horizon) for horizon in horizons}
     bench.say(f"In {horizons[-1]} s the terms lose {found[horizons[-1]].max():.1e} of their size.")

@@ -25,15 +25,13 @@ the gains bounded. Wanted with projection and with sigma-modification: gains bou
 the last ten periods at most 1.02 times that of the second ten, no burst.
 """
 
-from __future__ import annotations
-
-import dataclasses
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from common import Bench, arm_of, around_home, on_reference, run, tail, variation
+from common import Bench, arm_of, around_home, on_reference, panels, run, tail, variation
 
 import fpid_pin as fp
 from fpid_pin.arms import names
@@ -50,32 +48,17 @@ from fpid_pin.control.gains import impossible_joints
 from fpid_pin.control.poses import seeded_poses
 from fpid_pin.simulation import limit_report
 
-WANTED = 0.05  # [rad]
-FIRST_RUN = [
-    "arm", "n", "completed", "worst joint [mrad]", "median [mrad]", "largest gain/start", "note",
-]  # fmt: skip
+WANTED, LATE = 0.05, "over the mark"  # [rad]
 QUIET = fp.Sensors(position_noise=2e-5, velocity_noise=0.01)  # [rad], [rad/s]
 LOUD = fp.Sensors(position_noise=1e-4, velocity_noise=0.05, delay=2)
 SEED, DURATION = 20, 12.0
-BOXES = [
-    "arm", "step [ms]", "mu", "least bandwidth [rad/s]", "damping at home", "at other poses",
-    "Kp high/low", "Ki", "Kd", "unstable by poles", "by simulation", "least damping drawn", "s",
-]  # fmt: skip
-CERTIFICATES = [
-    "arm", "n", "step [ms]", "reach at home [%]", "at the worst of 7 poses", "Kp alone there",
-    "Ki alone", "Kd alone", "s",
-]  # fmt: skip
-LONG = [
-    "job", "law", "safeguard", "RMS, 2nd", "last", "last/2nd", "worst/2nd", "peak after 1st",
-    "largest gain/start", "outcome",
-]  # fmt: skip
 WINDOW = 20.0 * np.pi  # ten periods [s]
 NOISE = fp.Sensors(position_noise=1e-4, velocity_noise=0.02)  # [rad], [rad/s]
 SIGMA = 0.03  # 1/s; 0.05 holds too, but for the paper's gains in regulation (1.024)
 
 
-def row_of(name: str, duration: float) -> tuple[bool, list[Any]]:
-    """Simulate one arm; return whether all is as wanted, and its row of the table."""
+def row_of(name: str, duration: float) -> dict[str, Any]:
+    """Simulate one arm; return its row of the table."""
     arm = fp.Arm.from_example(name)
     law = fp.suggest_gains(arm, 10.0)
     experiment = fp.Experiment(arm, around_home(arm), duration=duration, dynamics="compiled")
@@ -84,7 +67,7 @@ def row_of(name: str, duration: float) -> tuple[bool, list[Any]]:
     rms = seen.metrics.rms_tail
     late = [arm.joint_names[j] for j in np.flatnonzero(~(rms < WANTED))]
     if late:
-        notes.append("over the mark: " + ", ".join(late))
+        notes.append(f"{LATE}: {', '.join(late)}")
     notes += [reason.split(": ", 1)[1] for reason in impossible_joints(arm)]
     saturated = (np.abs(seen.torque) >= arm.effort_limit * (1.0 - 1e-9)).mean(axis=0)
     notes += [
@@ -94,21 +77,20 @@ def row_of(name: str, duration: float) -> tuple[bool, list[Any]]:
     notes += [str(e) for e in limit_report(seen) if e.quantity != "effort"]
     start = np.stack([law.kp, law.ki, law.kd])
     growth = (np.stack([seen.kp, seen.ki, seen.kd]) / start[:, np.newaxis]).max()
-    return seen.outcome.completed and not late, [
-        name, arm.n, "yes" if seen.outcome.completed else "no", f"{1e3 * np.nanmax(rms):.1f}",
-        f"{1e3 * np.median(rms):.1f}", f"{growth:.2f}", "; ".join(notes) or "-",
-    ]  # fmt: skip
+    return {
+        "arm": name, "n": arm.n, "completed": "yes" if seen.outcome.completed else "no",
+        "worst joint [mrad]": f"{1e3 * np.nanmax(rms):.1f}",
+        "median [mrad]": f"{1e3 * np.median(rms):.1f}", "largest gain/start": f"{growth:.2f}",
+        "note": "; ".join(notes) or "-",
+    }  # fmt: skip
 
 
 def first_run(bench: Bench) -> None:
-    """Print the table."""
     chosen = ("asr_twodof", "ur5") if bench.quick else sorted(names())
-    found = [row_of(name, 4.0 if bench.quick else 20.0) for name in chosen]
-    good = sum(sound for sound, _ in found)
-    bench.say(
-        f"First runs: all joints within {1e3 * WANTED:g} mrad on {good} of {len(found)} arms."
-    )
-    bench.table(FIRST_RUN, (row for _, row in found))
+    rows = [row_of(name, 4.0 if bench.quick else 20.0) for name in chosen]
+    good = sum(row["completed"] == "yes" and LATE not in row["note"] for row in rows)
+    bench.say(f"First runs: all joints within {1e3 * WANTED:g} mrad on {good} of {len(rows)} arms.")
+    bench.records(rows)
 
 
 def wrong_models(arm: fp.Arm) -> dict[str, tuple[fp.Plant | None, fp.Sensors]]:
@@ -125,8 +107,7 @@ def wrong_models(arm: fp.Arm) -> dict[str, tuple[fp.Plant | None, fp.Sensors]]:
 
 
 def assists(bench: Bench) -> None:
-    """Print a table an arm."""
-    for name in ("two_link",) if bench.quick else ("two_link", "ur5", "panda"):
+    for name in bench.arms:
         arm = arm_of(name)
         reference = around_home(arm, frequency=2.0)
         base = fp.Experiment(
@@ -141,8 +122,7 @@ def assists(bench: Bench) -> None:
         }
         plants = wrong_models(arm)
         experiments = [
-            dataclasses.replace(base, plant=plant, sensors=sensors)
-            for plant, sensors in plants.values()
+            replace(base, plant=plant, sensors=sensors) for plant, sensors in plants.values()
         ]
         rows, errors = [], {}
         for label, law in laws.items():
@@ -168,7 +148,6 @@ class Growth(fp.costs.Cost):
     """Error over the last half over that of the whole run, worst joint: above 1 it grows."""
 
     def of(self, metrics: fp.costs.Metrics) -> float:
-        """See `Cost.of`."""
         return float(metrics.rms_tail.max() / metrics.rms.max())
 
 
@@ -188,8 +167,8 @@ def kicked(arm: fp.Arm, step: float, q: FloatArray) -> fp.Experiment:
     )  # fmt: skip
 
 
-def box_of(name: str, step: float, draws: int) -> tuple[int, list[Any]]:
-    """Judge one arm's box at one step: how many draws are unstable, and a row of the table."""
+def box_of(name: str, step: float, draws: int) -> dict[str, Any]:
+    """Judge one arm's box at one step; return its row of the table."""
     arm = fp.Arm.from_example(name)
     began = time.process_time()
     found = explain_gains(arm, step=step)
@@ -206,20 +185,23 @@ def box_of(name: str, step: float, draws: int) -> tuple[int, list[Any]]:
     ratios = np.array([loops.damping(k, pose) for pose, k in enumerate(gains)])
     # Dry friction would only help, and torque limits have no place in a kick of 1e-6 rad/s.
     free = arm.with_friction(dry=0.0).with_limits(effort=0.0)
-    fixed = dataclasses.replace(law, learning_rate=0.0, safeguards=None)
-    laws = [dataclasses.replace(fixed, kp=p, ki=i, kd=d) for p, i, d in (x / scale for x in gains)]
+    fixed = replace(law, learning_rate=0.0, safeguards=None)
+    laws = [replace(fixed, kp=p, ki=i, kd=d) for p, i, d in (x / scale for x in gains)]
     growth = fp.evaluate([kicked(free, step, q) for q in poses], laws, Growth())
-    by_poles, by_simulation = int(np.sum(ratios <= 0.0)), int(np.sum(~(growth <= 1.0)))
-    return by_poles + by_simulation, [
-        name, f"{1e3 * step:g}", f"{float(np.asarray(law.derivative_order)):g}",
-        f"{found.bandwidth.min():.2g}", f"{found.damping_ratio:.2f}",
-        f"{found.least_damping_ratio:.2f}", f"{(high / low)[0].min():.2g}",
-        f"{np.median((high / low)[1]):.2g}", f"{(high / low)[2].min():.2g}",
-        by_poles, by_simulation, f"{ratios.min():.3f}", f"{spent:.1f}",
-    ]  # fmt: skip
+    kp, ki, kd = high / low
+    return {
+        "arm": name, "step [ms]": f"{1e3 * step:g}",
+        "mu": f"{float(np.asarray(law.derivative_order)):g}",
+        "least bandwidth [rad/s]": f"{found.bandwidth.min():.2g}",
+        "damping at home": f"{found.damping_ratio:.2f}",
+        "at other poses": f"{found.least_damping_ratio:.2f}",
+        "Kp high/low": f"{kp.min():.2g}", "Ki": f"{np.median(ki):.2g}", "Kd": f"{kd.min():.2g}",
+        "unstable by poles": np.sum(ratios <= 0.0), "by simulation": np.sum(~(growth <= 1.0)),
+        "least damping drawn": f"{ratios.min():.3f}", "s": f"{spent:.1f}",
+    }  # fmt: skip
 
 
-def certificate_of(name: str, step: float) -> list[Any]:
+def certificate_of(name: str, step: float) -> dict[str, Any]:
     """Certify one arm's gains at one step and return its row of the table."""
     arm = fp.Arm.from_example(name)
     law = fp.suggest_gains(arm, step=step)
@@ -230,9 +212,10 @@ def certificate_of(name: str, step: float) -> list[Any]:
         certify_gains(arm, law, step=step, spread=only, poses=found.poses[found.reaches.argmin()])
         for only in np.eye(3)[:, :, np.newaxis]
     ]
-    reaches = [found.reaches[0], *(x.reach for x in (found, *alone))]
-    percent = [f"{100.0 * reach:.0f}" for reach in reaches]
-    return [name, arm.n, f"{1e3 * step:g}", *percent, f"{spent:.1f}"]
+    heads = "reach at home [%]", "at the worst of 7 poses", "Kp alone there", "Ki alone", "Kd alone"
+    reaches = (found.reaches[0], found.reach, *(x.reach for x in alone))
+    percent = {head: f"{100.0 * x:.0f}" for head, x in zip(heads, reaches, strict=True)}
+    return {"arm": name, "n": arm.n, "step [ms]": f"{1e3 * step:g}", **percent, "s": f"{spent:.1f}"}
 
 
 def variants() -> dict[tuple[str, str], fp.AdaptiveFpid]:
@@ -251,18 +234,15 @@ def variants() -> dict[tuple[str, str], fp.AdaptiveFpid]:
             "sigma-modification": Safeguards(sigma=SIGMA),
             "both": Safeguards(**bounds, sigma=SIGMA),
         }.items():
-            found[label, guard] = dataclasses.replace(law, safeguards=safeguards)
+            found[label, guard] = replace(law, safeguards=safeguards)
     return found
 
 
 def long(bench: Bench) -> None:
-    """Print what twenty minutes do to error and gains."""
     duration = 130.0 if bench.quick else 1200.0
     track = fp.paper_experiment(duration=duration).with_dynamics("compiled")
-    track = dataclasses.replace(track, sensors=NOISE)
-    hold = dataclasses.replace(
-        track, reference=fp.references.Hold((0.5, 0.5)), q0=(0.0, 0.35), v0=None
-    )
+    track = replace(track, sensors=NOISE)
+    hold = replace(track, reference=fp.references.Hold((0.5, 0.5)), q0=(0.0, 0.35), v0=None)
     rows, curves, guarded = [], {}, []
     for job, experiment in {"tracking": track, "regulation": hold}.items():
         for (label, guard), law in variants().items():
@@ -277,26 +257,25 @@ def long(bench: Bench) -> None:
                 guarded.append(late)
             curves[job, label, guard] = rms, growth[per - 1 :: per].max(axis=(1, 2))
             peak = 1e3 * np.abs(windows[1:]).max()
-            rows.append([
-                job, label, guard, f"{rms[1]:.3f}", f"{rms[-1]:.3f}", f"{late:.3f}",
-                f"{rms[1:].max() / rms[1]:.3f}", f"{peak:.2f}", f"{growth.max():.2f}", seen.outcome,
-            ])  # fmt: skip
+            rows.append({
+                "job": job, "law": label, "safeguard": guard, "RMS, 2nd": f"{rms[1]:.3f}",
+                "last": f"{rms[-1]:.3f}", "last/2nd": f"{late:.3f}",
+                "worst/2nd": f"{rms[1:].max() / rms[1]:.3f}", "peak after 1st": f"{peak:.2f}",
+                "largest gain/start": f"{growth.max():.2f}", "outcome": seen.outcome,
+            })  # fmt: skip
     bench.say(
         f"In {duration / 60.0:.0f} minutes under noise, the RMS of the last ten periods is at most "
         f"{max(guarded):.3f} times that of the second ten with projection or sigma-modification."
     )
     bench.say(f"Windows of ten periods ({WINDOW:.1f} s), both joints; RMS and peak in mrad:")
-    bench.table(LONG, rows, 3)
+    bench.records(rows, 3)
     bench.figure(drawn(curves), "long_runs.png", "RMS error and gains over twenty minutes")
 
 
 def drawn(curves: dict[tuple[str, str, str], tuple[FloatArray, FloatArray]]) -> Any:
     """Draw RMS and the largest gain over time, a column for each job and law."""
-    from matplotlib.figure import Figure
-
     columns = list(dict.fromkeys((job, law) for job, law, _ in curves))
-    figure = Figure(figsize=(14, 6.5), layout="constrained")
-    axes = figure.subplots(2, len(columns), sharex=True, sharey="row")
+    figure, axes = panels((14, 6.5), 2, len(columns), sharex=True, sharey="row")
     for (job, law, guard), rows in curves.items():
         column = columns.index((job, law))
         style = {"none": {"color": "k", "lw": 2.0}, "both": {"linestyle": "--"}}.get(guard, {})
@@ -312,22 +291,21 @@ def drawn(curves: dict[tuple[str, str, str], tuple[FloatArray, FloatArray]]) -> 
 
 
 def boxes(bench: Bench) -> None:
-    """Judge all boxes."""
     draws = 20 if bench.quick else 500
-    found = [box_of(name, step, draws) for name, step in cases(bench)]
+    rows = [box_of(name, step, draws) for name, step in cases(bench)]
+    bad = sum(row["unstable by poles"] + row["by simulation"] for row in rows)
     bench.say(
-        f"Of {len(found) * draws:,} frozen gains inside the boxes of `suggest_gains(arm, 10.0)`, "
-        f"each at a pose of its own, {sum(bad for bad, _ in found)} are unstable, by poles or by "
-        f"simulation; the least damping ratio drawn is {min(row[-2] for _, row in found)}."
+        f"Of {len(rows) * draws:,} frozen gains inside the boxes of `suggest_gains(arm, 10.0)`, "
+        f"each at a pose of its own, {bad} are unstable, by poles or by simulation; the least "
+        f"damping ratio drawn is {min(row['least damping drawn'] for row in rows)}."
     )
     bench.details("Boxes: s is the processor time of the suggestion")
-    bench.table(BOXES, (row for _, row in found))
+    bench.records(rows)
 
 
 def certificates(bench: Bench) -> None:
-    """Certify all gains."""
     bench.details("How far gains may move at any speed: s is the processor time of seven poses")
-    bench.table(CERTIFICATES, (certificate_of(*case) for case in cases(bench)))
+    bench.records([certificate_of(*case) for case in cases(bench)])
 
 
 if __name__ == "__main__":

@@ -6,8 +6,6 @@ in a copy of this clone, the tests through its line, then (compiled lines are no
 after its file, then all through its file, until one fails or they have had their time. An hour.
 """
 
-from __future__ import annotations
-
 import ast
 import os
 import random
@@ -17,12 +15,13 @@ import sys
 import tempfile
 import tokenize
 from collections.abc import Iterator
+from functools import partial
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from common import Bench, Part, run
+from common import Bench, run
 from coverage import CoverageData
 
 ROOT = Path(__file__).parents[1]
@@ -118,13 +117,5 @@ def room(bench: Bench, name: str) -> None:
     bench.say("| where | what |", "| --- | --- |", *survivors)
 
 
-def part(name: str) -> Part:
-    def try_room(bench: Bench) -> None:
-        room(bench, name)
-
-    try_room.__name__ = name
-    return try_room
-
-
 if __name__ == "__main__":
-    run(__doc__, *map(part, COUNTS))
+    run(__doc__, **{name: partial(room, name=name) for name in COUNTS})

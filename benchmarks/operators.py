@@ -12,8 +12,6 @@ operator itself: 40 modes, which are within 1e-11 rad of the kernel integrated o
 does: it sees the error jump to e(0).
 """
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Callable
@@ -22,7 +20,7 @@ from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
-from common import Bench, aba_calls, run, turn_by_turn
+from common import Bench, aba_calls, panels, run, turn_by_turn
 from scipy.special import gamma
 
 import fpid_pin as fp
@@ -96,28 +94,31 @@ def whole(function: Callable[[], np.ndarray], samples: int) -> Result:
 
 def ours() -> dict[str, Method]:
     """Return our methods by name."""
-    designs: list[tuple[str, fr.Design, bool]] = [
-        ("24 modes", fr.ExponentialSum(24), True),
-        ("32 modes", fr.ExponentialSum(32), True),
-        ("40 modes", fr.ExponentialSum(40), True),
-        ("32 modes, rate unknown", fr.ExponentialSum(32), False),
-        ("CRONE N = 5", fr.Crone(1e-2, 1e3, 5), True),
-        ("CRONE N = 10, 2 decades wider", fr.Crone(1e-2, 1e3, 10, 2.0), True),
-    ]
-    methods: dict[str, Method] = {
-        name: lambda s, d=design, k=known: streamed(d, s.f, s.rates if k else None, s.order)
-        for name, design, known in designs
-    }
-    recorded: dict[str, Callable[[Signal], np.ndarray]] = {
-        "caputo(), recorded": lambda s: fr.caputo(s.f, s.order, STEP),
-        "caputo(design=L1()), recorded": lambda s: fr.caputo(s.f, s.order, STEP, design=fr.L1()),
-        "caputo(rate=), recorded": lambda s: fr.caputo(s.f, s.order, STEP, rate=s.rates),
-        "grunwald_letnikov(), recorded": lambda s: fr.grunwald_letnikov(
-            s.f - s.f[0], s.order, STEP
+
+    def bank(design: fr.Design, known: bool = True) -> Method:
+        return lambda s: streamed(design, s.f, s.rates if known else None, s.order)
+
+    def recorded(function: Callable[[Signal], np.ndarray]) -> Method:
+        return lambda s: whole(lambda: function(s), s.f.size)
+
+    methods = {
+        "24 modes": bank(fr.ExponentialSum(24)),
+        "32 modes": bank(fr.ExponentialSum(32)),
+        "40 modes": bank(fr.ExponentialSum(40)),
+        "32 modes, rate unknown": bank(fr.ExponentialSum(32), known=False),
+        "CRONE N = 5": bank(fr.Crone(1e-2, 1e3, 5)),
+        "CRONE N = 10, 2 decades wider": bank(fr.Crone(1e-2, 1e3, 10, 2.0)),
+        "caputo(), recorded": recorded(lambda s: fr.caputo(s.f, s.order, STEP)),
+        "caputo(design=L1()), recorded": recorded(
+            lambda s: fr.caputo(s.f, s.order, STEP, design=fr.L1())
         ),
-    }
-    for name, function in recorded.items():
-        methods[name] = lambda s, f=function: whole(lambda: f(s), s.f.size)
+        "caputo(rate=), recorded": recorded(
+            lambda s: fr.caputo(s.f, s.order, STEP, rate=s.rates)
+        ),
+        "grunwald_letnikov(), recorded": recorded(
+            lambda s: fr.grunwald_letnikov(s.f - s.f[0], s.order, STEP)
+        ),
+    }  # fmt: skip
     return {f"fpid_pin {name}": method for name, method in methods.items()}
 
 
@@ -133,18 +134,14 @@ def peers(quick: bool) -> dict[str, Method]:
         from pycaputo.differentiation import grunwald_letnikov as pycaputo_gl
         from pycaputo.grid import make_uniform_points
 
-        for name, kind, shifted in (
-            ("pycaputo L1", caputo.L1, False), ("pycaputo GL", pycaputo_gl.GrunwaldLetnikov, True),
-        ):  # fmt: skip
+        def by_pycaputo(s: Signal, kind: Any, first: float) -> Result:
+            points = make_uniform_points(s.f.size, a=0.0, b=HORIZON)
+            return whole(
+                lambda: diff(kind(s.order), lambda t: s.function(t) - first, points), s.f.size
+            )
 
-            def by_pycaputo(s: Signal, kind: Any = kind, shifted: bool = shifted) -> Result:
-                points = make_uniform_points(s.f.size, a=0.0, b=HORIZON)
-                first = s.f[0] if shifted else 0.0
-                return whole(
-                    lambda: diff(kind(s.order), lambda t: s.function(t) - first, points), s.f.size
-                )
-
-            methods[name] = by_pycaputo
+        methods["pycaputo L1"] = lambda s: by_pycaputo(s, caputo.L1, 0.0)
+        methods["pycaputo GL"] = lambda s: by_pycaputo(s, pycaputo_gl.GrunwaldLetnikov, s.f[0])
     if find_spec("differint"):
         from differint import differint
 
@@ -160,7 +157,6 @@ def peers(quick: bool) -> dict[str, Method]:
 
 
 def accuracy(bench: Bench) -> None:
-    """Print errors and costs of every method, and draw them."""
     t = np.arange(SAMPLES) * STEP
     truth = {
         (name, order): np.array([exact(rate, order, t[k]) for k in CHECKED])
@@ -194,10 +190,7 @@ def accuracy(bench: Bench) -> None:
 
 def drawn(points: dict[str, tuple[float, float]]) -> Any:
     """Draw worst error (smooth signals) against cost."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = panels((9.0, 6.0))
     for index, (name, (cost, error)) in enumerate(points.items()):
         own = name.startswith("fpid_pin")
         axes.loglog(1e6 * cost, error, "o" if own else "s", color="tab:blue" if own else "tab:red")
@@ -253,7 +246,6 @@ def fits(bench: Bench) -> None:
 
 
 def realisation(bench: Bench) -> None:
-    """Print what CRONE filters make of the paper's experiment."""
     experiment, paper = fp.paper_experiment(), fp.paper_controller()
 
     def simulated(design: fr.Design, start: str = "caputo") -> fp.Run:

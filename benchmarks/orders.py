@@ -10,12 +10,10 @@ measured rates, and with the supervisor. Searches have checkpoints in runs/order
 they go on.
 """
 
-from __future__ import annotations
-
-import dataclasses
 import itertools
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -92,7 +90,7 @@ def fixed_controllers() -> dict[str, fp.AdaptiveFpid]:
         "published, by sign": fp.paper_controller("sign", supervised=False),
     }
     for corner in itertools.product((1.0, 0.0), repeat=4):
-        named[corner_name(corner)] = dataclasses.replace(
+        named[corner_name(corner)] = replace(
             PAPER, integral_order=corner[:2], derivative_order=corner[2:], name=""
         )
     return named
@@ -105,11 +103,9 @@ def measure(
     laws = list(named.values())
     guard = fp.paper_controller().supervisor
     clean = fp.simulate(experiment, laws)
-    rk4 = fp.evaluate(dataclasses.replace(experiment, integrator="rk4"), laws, cost)
-    noisy = fp.simulate(dataclasses.replace(experiment, sensors=NOISE, seed=1), laws)
-    watched = fp.evaluate(
-        experiment, [dataclasses.replace(law, supervisor=guard) for law in laws], cost
-    )
+    rk4 = fp.evaluate(replace(experiment, integrator="rk4"), laws, cost)
+    noisy = fp.simulate(replace(experiment, sensors=NOISE, seed=1), laws)
+    watched = fp.evaluate(experiment, [replace(law, supervisor=guard) for law in laws], cost)
     found = {}
     for name, seen, other, by_rk4, guarded in zip(named, clean, noisy, rk4, watched, strict=True):
         m, sound = seen.metrics, seen.outcome.completed and other.outcome.completed
@@ -131,7 +127,6 @@ def measure(
 
 
 def published(bench: Bench) -> None:
-    """Print what orders, and gains, are worth for each weight w2 of the energy."""
     experiment, folder = paper_experiment(bench), Path("runs/orders")
     summary: dict[str, list[str]] = {}
     details: list[tuple[str, list[str], dict[str, dict[str, Any]]]] = []

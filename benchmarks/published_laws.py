@@ -11,10 +11,8 @@ Parameters are the authors'; laws are written anew from their equations. The pap
 again by orders.py: its orders against integer ones, with its gains and with tuned ones.
 """
 
-from __future__ import annotations
-
-import math
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -67,7 +65,6 @@ class FractionalPd(fp.Controller):
 
     @staticmethod
     def torque(c: Any) -> Any:
-        """Return u."""
         return c.kp * c.e + c.kd * c.d_e
 
 
@@ -90,9 +87,8 @@ PELICAN = {
 
 def pelican_arm(disturbed: bool) -> fp.Experiment:
     """Return the published experiment: 0 to 0.8 rad in 3 s, a torque every 5 ms."""
-    model = pendulum(
-        (23.902, 1.285), (0.45, 0.0), (0.091, 0.048), (1.266, 0.093), from_x=True
-    )  # fmt: skip
+    links = (23.902, 1.285), (0.45, 0.0), (0.091, 0.048), (1.266, 0.093)
+    model = pendulum(*links, from_x=True)
     return fp.Experiment(
         fp.Arm.from_model(model).with_limits(effort=(200.0, 15.0)), Quintic(0.0, 0.8, 3.0),
         step=5e-3, duration=3.0, integrator="rk4",
@@ -101,7 +97,6 @@ def pelican_arm(disturbed: bool) -> fp.Experiment:
 
 
 def pelican(bench: Bench) -> None:
-    """Print the published gains' figures, and those of equally tuned ones."""
     calm, rough = pelican_arm(False), pelican_arm(True)
     settings = SearchSettings(
         population=12 if bench.quick else 60, generations=2 if bench.quick else 60, seeds=(0, 1, 2)
@@ -141,12 +136,7 @@ def pelican(bench: Bench) -> None:
 
 # ------------------------------------------------------------------ terminal sliding mode
 
-#: Samples before the newest that the fractional sum takes.
-PAST = 10
-# Columns of a joint's own numbers.
-REFERENCE, MEASURED, TORQUE, LAST, BEFORE, CHANGE = range(6)
-OUTPUT, REST, REST_BEFORE, BOUND, ERROR, SURFACE, SUM = range(6, 13)
-NEWEST, JACOBIAN = 13, 13 + PAST + 1
+PAST = 10  # samples before the newest that the fractional sum takes
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,87 +157,51 @@ class TerminalSlidingMode(fp.Controller):
     lambda_2: ArrayLike = (90.0, 70.0)
     lambda_3: ArrayLike = (2.0, 10.0)
     nu: ArrayLike = (0.003, 0.005)
-    whole_sum: float = 0.0
+    whole_sum: bool = False
     order: float = -0.8
 
-    def arrays(self, arm: fp.Arm, step: float, horizon: float) -> np.ndarray:
-        """Return what is remembered at t = 0.001 s, where the published loop begins."""
-        own = np.zeros((2, JACOBIAN + 6))
-        own[:, REFERENCE] = 0.5 * np.sin(np.pi / 4 * 1e-3), 0.2 * np.cos(2 * np.pi / 9 * 1e-3)
-        own[:, MEASURED], own[:, BOUND] = 0.2, 0.7
-        own[0, NEWEST] = -(0.4**0.6)
-        own[:, JACOBIAN : JACOBIAN + 2] = 10.0 * np.eye(2)
-        own[:, JACOBIAN + 2 : JACOBIAN + 4] = own[:, JACOBIAN + 4 :] = np.eye(2)
-        return own
+    def begin(self, state: Any) -> None:
+        """Start as the published loop does, at t = 0.001 s."""
+        wanted = [0.5 * np.sin(np.pi / 4 * 1e-3), 0.2 * np.cos(2 * np.pi / 9 * 1e-3)]
+        powers = np.zeros((PAST + 1, 2))
+        powers[0, 0] = -(0.4**0.6)
+        names = "torque change last before predicted rest rest_before tau s total"
+        state.memory["own"] = SimpleNamespace(
+            **{name: np.zeros(2) for name in names.split()}, wanted=np.array(wanted),
+            y=np.full(2, 0.2), rho=np.full(2, 0.7), powers=powers,
+            phi=np.hstack([10.0 * np.eye(2), np.eye(2), np.eye(2)]),
+        )  # fmt: skip
 
-    @staticmethod
-    def torques(joints: Any, own: Any, model: Any) -> None:
-        """Write each joint's torque; c.v is y, and c.v_ref what y is to be one sample on."""
-        n = joints.size
-        size = 1.0
-        for k in range(n):
-            size += own[k, CHANGE] ** 2 + own[k, LAST] ** 2 + own[k, BEFORE] ** 2
-        for j in range(n):
-            c = joints[j]
-            # The estimate, moved along the last change of everything.
-            lack = (c.v - own[j, MEASURED]) - own[j, REST_BEFORE] - own[j, LAST]
-            for k in range(n):
-                lack -= own[j, JACOBIAN + k] * own[k, CHANGE]
-                lack -= own[j, JACOBIAN + n + k] * own[k, LAST]
-                lack -= own[j, JACOBIAN + 2 * n + k] * own[k, BEFORE]
-            for k in range(n):
-                own[j, JACOBIAN + k] += lack * own[k, CHANGE] / size
-                own[j, JACOBIAN + n + k] += lack * own[k, LAST] / size
-                own[j, JACOBIAN + 2 * n + k] += lack * own[k, BEFORE] / size
-                # What multiplies the newest du is put back where it changes its sign.
-                first = 1.0 if k == j else 0.0
-                if first == 0.0 or own[j, JACOBIAN + n + k] <= 0.0:
-                    own[j, JACOBIAN + n + k] = first
-        for j in range(n):
-            c = joints[j]
-            change = c.v - own[j, MEASURED]
-            e = own[j, REFERENCE] - c.v
-            bound = (1.0 - c.nu) * own[j, BOUND] + c.nu * 0.02
-            tau = 0.5 * math.log(abs((own[j, BOUND] + e) / (own[j, BOUND] - e)))
-            for i in range(PAST):
-                own[j, NEWEST + PAST - i] = own[j, NEWEST + PAST - i - 1]
-            power = abs(tau) ** 0.6
-            own[j, NEWEST] = power if tau > 0.0 else -power
-            scale, weight, total = c.h ** (-c.order), 1.0, 0.0
-            for i in range(PAST + 1):
-                if i > 0:
-                    weight *= 1.0 - (c.order + 1.0) / i
-                scaled = scale if i > 0 or c.whole_sum > 0.0 else 1.0
-                total += scaled * weight * own[j, NEWEST + i]
-            s = own[j, SURFACE] + c.lambda_3 * (tau - own[j, ERROR]) + c.lambda_1 * tau
-            s += c.lambda_2 * own[j, SUM]
-            ratio = math.exp(
-                2.0 * (c.lambda_3 * tau - c.lambda_2 * total) / (c.lambda_1 + c.lambda_3)
-            )
-            asked = c.v_ref - c.v - own[j, REST] - (ratio - 1.0) / (ratio + 1.0) * bound
-            for k in range(n):
-                asked -= own[j, JACOBIAN + k] * (joints[k].v - own[k, MEASURED])
-                asked -= own[j, JACOBIAN + 2 * n + k] * own[k, BEFORE]
-            asked += 0.0001 if s > 0.0 else (-0.0001 if s < 0.0 else 0.0)
-            own[j, ERROR], own[j, SURFACE], own[j, SUM], own[j, BOUND] = tau, s, total, bound
-            own[j, CHANGE] = change
-            c.u_law = asked / (own[j, JACOBIAN + n + j] + 1.0)  # du, until all joints have theirs
-        for j in range(n):
-            c = joints[j]
-            own[j, BEFORE], own[j, LAST] = own[j, LAST], c.u_law
-            own[j, TORQUE] += c.u_law
-        for j in range(n):
-            c = joints[j]
-            predicted = own[j, OUTPUT] + own[j, REST]
-            for k in range(n):
-                predicted += own[j, JACOBIAN + k] * own[k, CHANGE]
-                predicted += own[j, JACOBIAN + n + k] * own[k, LAST]
-                predicted += own[j, JACOBIAN + 2 * n + k] * own[k, BEFORE]
-            wrong = c.v - own[j, OUTPUT]
-            own[j, REST_BEFORE] = own[j, REST]
-            own[j, OUTPUT], own[j, REST] = predicted + 1.5 * wrong, own[j, REST] + 0.2 * wrong
-            own[j, MEASURED], own[j, REFERENCE] = c.v, c.v_ref
-            c.u_law = own[j, TORQUE]
+    def control(self, state: Any, q: Any, y: Any, q_ref: Any, ahead: Any, a_ref: Any) -> Any:
+        """Return the torque; `ahead` is what y is to be one sample on."""
+        m = state.memory["own"]
+        # The estimate, moved along the last change of everything.
+        moved = np.concatenate([m.change, m.last, m.before])
+        lack = y - m.y - m.rest_before - m.last - m.phi @ moved
+        m.phi += np.outer(lack, moved) / (1.0 + moved @ moved)
+        # What multiplies the newest du is put back where it changes its sign.
+        gain = np.diag(m.phi[:, 2:4])
+        gain = np.where(gain > 0.0, gain, 1.0)
+        m.phi[:, 2:4] = np.diag(gain)
+        l1, l2, l3, nu = map(np.asarray, (self.lambda_1, self.lambda_2, self.lambda_3, self.nu))
+        e, m.change = m.wanted - y, y - m.y
+        tau = 0.5 * np.log(np.abs((m.rho + e) / (m.rho - e)))
+        m.rho = (1.0 - nu) * m.rho + nu * 0.02
+        m.powers = np.vstack([np.sign(tau) * np.abs(tau) ** 0.6, m.powers[:-1]])
+        weights = np.cumprod([1.0, *(1.0 - (self.order + 1.0) / np.arange(1, PAST + 1))])
+        weights[0 if self.whole_sum else 1 :] *= state.step**-self.order
+        m.s = m.s + l3 * (tau - m.tau) + l1 * tau + l2 * m.total
+        m.tau, m.total = tau, weights @ m.powers
+        reached = np.tanh((l3 * tau - l2 * m.total) / (l1 + l3)) * m.rho
+        asked = ahead - y - m.rest - reached - m.phi[:, :2] @ m.change - m.phi[:, 4:] @ m.before
+        m.before, m.last = m.last, (asked + 1e-4 * np.sign(m.s)) / (gain + 1.0)
+        m.torque = m.torque + m.last
+        wrong, m.rest_before = y - m.predicted, m.rest
+        m.predicted = m.predicted + m.rest + 1.5 * wrong
+        m.predicted += m.phi @ np.concatenate([m.change, m.last, m.before])
+        m.rest = m.rest + 0.2 * wrong
+        m.y, m.wanted = np.array(y), np.array(ahead)
+        return m.torque
 
 
 def acceleration(t: float, q: np.ndarray, v: np.ndarray, torque: np.ndarray) -> np.ndarray:
@@ -287,9 +241,8 @@ def sliding_run(law: fp.Controller) -> tuple[np.ndarray, np.ndarray]:
 
 
 def sliding(bench: Bench) -> None:
-    """Print the law's figures as it is published, and with its fractional sum put right."""
     rows = []
-    for name, whole in (("as published", 0.0), ("newest sample weighed too", 1.0)):
+    for name, whole in (("as published", False), ("newest sample weighed too", True)):
         errors, bounds = sliding_run(TerminalSlidingMode(whole_sum=whole))
         outside = (np.abs(errors) > bounds).mean(axis=0)
         rows.append((

@@ -8,8 +8,6 @@ with --gather all are. Then the tables that README and docs quote are renewed, a
 that are in no result any more are printed.
 """
 
-from __future__ import annotations
-
 import argparse
 import re
 import subprocess

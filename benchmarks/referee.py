@@ -11,18 +11,15 @@ Parts are the cases, and plants: the laws of the first seed on ten thousand two-
 have checkpoints in runs/referee: started again they go on.
 """
 
-from __future__ import annotations
-
-import dataclasses
 import tempfile
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import Bench, Part, on_reference, run, tail, variation
+from common import Bench, on_reference, panels, run, tail, variation
 
 import fpid_pin as fp
 from fpid_pin import descriptions
@@ -58,7 +55,6 @@ class TailCost(Cost):
     quiet: float  # total variation allowed [N m]
 
     def of(self, metrics: Metrics) -> float:
-        """See `Cost.of`."""
         rms = float(np.sqrt(np.mean(metrics.rms_tail**2)))
         return rms * max(1.0, float(metrics.total_variation.sum()) / self.quiet) ** 2
 
@@ -85,16 +81,16 @@ class Case:
         changed, e = dict(changed or {}), self.config.experiment
         if "reference" in changed:
             found = descriptions.from_dict(changed.pop("reference"), Reference, "reference")
-            e = dataclasses.replace(e, reference=found)
+            e = replace(e, reference=found)
         if "effort_limit" in changed:
-            limited = dataclasses.replace(e.plant, effort_limit=changed.pop("effort_limit"))
-            e = dataclasses.replace(e, plant=limited)
+            limited = replace(e.plant, effort_limit=changed.pop("effort_limit"))
+            e = replace(e, plant=limited)
         uncertain = self.config.campaign["uncertain"] | changed.pop("uncertain", {})
         uncertain = {
             key: descriptions.from_dict(table, Distribution, f"uncertain.{key}")
             for key, table in uncertain.items()
         }
-        e = dataclasses.replace(e, **on_reference(e.reference), **changed)
+        e = replace(e, **on_reference(e.reference), **changed)
         return Study(e, self.config.controllers, Scenarios(uncertain, seed=seed), self.name)
 
     def plants(self, study: Study, count: int) -> list[fp.Experiment]:
@@ -117,9 +113,9 @@ class Case:
             for seed in self.seeds:
                 if part is not None:
                     best = found[part][seed].controller
-                    law = dataclasses.replace(law, **{k: getattr(best, k) for k in spaces[part]})
+                    law = replace(law, **{k: getattr(best, k) for k in spaces[part]})
                     # What the smaller family lacks it has as its own: orders 1, no adaptation.
-                    law = dataclasses.replace(law, **{k: getattr(best, k) for k in search["space"]})
+                    law = replace(law, **{k: getattr(best, k) for k in search["space"]})
                 path = Path("runs/referee", self.name, f"{name}-{seed}.npz".replace(" ", "-"))
                 path.parent.mkdir(parents=True, exist_ok=True)
                 kept = {} if self.bench.quick else {"checkpoint": path, "resume": True}
@@ -146,10 +142,8 @@ class Case:
 def interval(values: np.ndarray) -> tuple[float, float, float]:
     """Return the median of (seeds, plants) and the ends of its bootstrap interval."""
     rng, (seeds, plants) = np.random.default_rng(0), values.shape
-    rows, columns = (
-        rng.integers(seeds, size=(2000, seeds)),
-        rng.integers(plants, size=(2000, plants)),
-    )
+    rows = rng.integers(seeds, size=(2000, seeds))
+    columns = rng.integers(plants, size=(2000, plants))
     drawn = values[rows[:, :, np.newaxis], columns[:, np.newaxis, :]].reshape(2000, -1)
     ends = np.quantile(np.median(drawn, axis=1), (0.025, 0.975), method="nearest")
     return float(np.median(values)), float(ends[0]), float(ends[1])
@@ -233,11 +227,9 @@ def rows_of(found: dict[str, dict[str, np.ndarray]], figure: int) -> list[list[s
 
 def drawn(found: dict[str, dict[str, np.ndarray]], title: str) -> Any:
     """Draw tail errors, a panel a condition: medians and intervals; filled where fractional."""
-    from matplotlib.figure import Figure
-
     columns, far = 3, 20.0  # [mrad]
-    figure = Figure(figsize=(12.0, 2.7 * -(-len(found) // columns)), layout="constrained")
-    axes = figure.subplots(-(-len(found) // columns), columns, sharex=True, sharey=True)
+    lines = -(-len(found) // columns)
+    figure, axes = panels((12.0, 2.7 * lines), lines, columns, sharex=True, sharey=True)
     for axis, (condition, laws) in zip(axes.flat, found.items(), strict=False):
         for y, (law, values) in enumerate(reversed(laws.items())):
             middle, low, high = np.minimum(interval(values[0]), far)
@@ -259,10 +251,9 @@ def drawn(found: dict[str, dict[str, np.ndarray]], title: str) -> Any:
 
 
 def plants(bench: Bench) -> None:
-    """Print who holds on thousands of plants."""
     case, count = Case("two_link", bench), 40 if bench.quick else 10_000
     laws = {name: results[0].controller for name, results in case.searches.items()}
-    study = dataclasses.replace(case.studied(HELD_OUT_SEED + 1), controllers=laws)
+    study = replace(case.studied(HELD_OUT_SEED + 1), controllers=laws)
     with tempfile.TemporaryDirectory() as folder:
         data = fp.campaign.run(study, Path(folder, "ledger"), count, workers=bench.workers)
     scores = 1e3 * scored(data, "rms_tail")
@@ -279,13 +270,6 @@ def plants(bench: Bench) -> None:
     bench.table(["law", "success, 95 %", "median [mrad]", "90 % [mrad]", "best on"], rows)
 
 
-def case_part(name: str) -> Part:
-    def judge(bench: Bench) -> None:
-        referee(name, bench)
-
-    judge.__name__ = name
-    return judge
-
-
 if __name__ == "__main__":
-    run(__doc__, *map(case_part, ("two_link", "ur5", "panda")), plants)
+    cases = {name: partial(referee, name) for name in ("two_link", "ur5", "panda")}
+    run(__doc__, plants, **cases)

@@ -9,8 +9,6 @@ All figures are ratios in one process; times are processor time, the least of so
 step costs is the difference between a longer and a shorter run, so that no start is counted.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import resource
@@ -32,6 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 import fpid_pin as fp
 from fpid_pin.campaign import LogUniform, Scenarios, Study, Uniform
 from fpid_pin.control import Derivative, Integral
+from fpid_pin.fractional.design import integrate_step
 from fpid_pin.references import Sinusoid
 from fpid_pin.simulation.engine import horizon_of
 
@@ -43,11 +42,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class NormalisedMit(fp.Controller):
-    """A fractional law of one's own: gains by normalised gradients of e^2/2, the MIT rule.
-
-    ``u = s (Kp e + Ki I^lambda e + Kd D^mu e)``, ``K' = gamma e phi/(a + |phi|^2)`` (Åström and
-    Wittenmark, *Adaptive Control*, 2008, section 5.3).
-    """
+    """A fractional law of one's own: gains by the normalised MIT rule, as in CONTRIBUTING."""
 
     kp: ArrayLike
     ki: ArrayLike
@@ -113,21 +108,13 @@ class FractionalDerivatives:
         self, order: Array, design: fp.fractional.Design, h: float, horizon: float
     ) -> None:
         found = design.coefficients(order, step=h, horizon=horizon)
-        p = found.poles[:, np.newaxis]
-        theta, weight = np.polynomial.legendre.leggauss(40)
-        theta, weight = (theta + 1) / 2, weight / 2
-        kernel = h * weight * np.exp(-np.multiply.outer(p, theta) * h)
-        self.decay = np.exp(-p * h)
-        self.weights = found.weights
+        pole = integrate_step(found.poles[:, np.newaxis], h)
         # Of rate, last rate and m: what the modes and the output take of them.
-        b1, b0 = (kernel * (1 - theta)).sum(axis=-1), (kernel * theta).sum(axis=-1)
-        b2 = (kernel * 6 * theta * (1 - theta)).sum(axis=-1)
-        self.drive = np.hstack([b1, b0, b2])
-        c1 = np.array([h ** (1 - a) / math.gamma(3 - a) for a in order])
-        c2 = np.array([6 * (1 - a) * h ** (1 - a) / math.gamma(4 - a) for a in order])
-        self.newest = np.stack([c1, (1 - order) * c1, c2])
+        self.drive = np.hstack([pole["b1"], pole["b0"], pole["b2"]])
+        self.newest = np.stack([found.now, found.before, found.mean])
+        self.decay, self.weights = pole["decay"], found.weights
         self.h = h
-        self.x = np.zeros((len(p), len(order)))
+        self.x = np.zeros((len(pole), len(order)))
         self.inputs = np.zeros((3, len(order)))
 
     def update(self, f: Array, f0: Array, rate: Array, rate0: Array) -> Array:
@@ -226,7 +213,6 @@ def mujoco_steps(arm: fp.Arm) -> list[Callable[[], object]]:
 
 
 def steps(bench: Bench) -> None:
-    """Print the table: all laws, MuJoCo and the plain loop, in calls of `pin.aba`."""
     repeats, arms = 3 if bench.quick else 25, [arm_of(name) for name in ARMS]
     units = dict.fromkeys(ARMS, np.inf)
     bare = "MuJoCo's bare step, no law"
@@ -270,7 +256,6 @@ def steps(bench: Bench) -> None:
 
 
 def ticks(bench: Bench) -> None:
-    """Print what a tick of `Loop` costs on the Panda, in calls of `pin.aba`."""
     arm = fp.Arm.from_example("panda")
     q, zero = np.array(arm.home), np.zeros(arm.n)
     told = []
@@ -287,7 +272,6 @@ def ticks(bench: Bench) -> None:
 
 
 def threads(bench: Bench) -> None:
-    """Print how much faster two threads are than one, by the clock."""
     # As long as a candidate of the paper's search: the start of a run, in Python, is not shared.
     e = experiment_of(fp.Arm.from_example("ur5"), 2_000 if bench.quick else 20_000)
     law = laws()["adaptive FPID, 24 modes"]
@@ -299,14 +283,11 @@ def threads(bench: Bench) -> None:
 def compiling(bench: Bench) -> None:
     """Print how long it takes to compile, in an empty cache and a full one."""
     code = (
-        "import time, fpid_pin as fp\n"
-        "def timed(c):\n"
-        "    t = time.process_time(); fp.evaluate(fp.paper_experiment(duration=.01), c)\n"
-        "    return time.process_time() - t\n"
-        "import fpid_pin.simulation.engine\n"
-        "laws = [fp.Pid(1, 1, 1), fp.paper_controller(), fp.ComputedTorque(),"
-        " fp.SlidingMode(1, 1), fp.SlotineLi(1, 1)]\n"
-        "print(*[f'{timed(c):.2f}' for c in laws])"
+        "import time, fpid_pin as fp, fpid_pin.simulation.engine\n"
+        "for law in (fp.Pid(1, 1, 1), fp.paper_controller(), fp.ComputedTorque(),"
+        " fp.SlidingMode(1, 1), fp.SlotineLi(1, 1)):\n"
+        "    t = time.process_time(); fp.evaluate(fp.paper_experiment(duration=.01), law)\n"
+        "    print(f'{time.process_time() - t:.2f}', end=' ')"
     )
     caches = {"from the cache": os.environ}
     with tempfile.TemporaryDirectory() as folder:
@@ -323,7 +304,6 @@ def compiling(bench: Bench) -> None:
 
 
 def campaign(bench: Bench) -> None:
-    """Print what recording thousands of plants costs beside the engine alone."""
     plants, duration = (64, 1.0) if bench.quick else (10_000, 10.0)
     law, experiment = fp.paper_controller(supervised=False), fp.paper_experiment(duration=duration)
     uncertain = {

@@ -6,10 +6,8 @@ is that of the true state at the samples: how far it gets, how long u_s acts, th
 and how much u_s moves in all.
 """
 
-from __future__ import annotations
-
-import dataclasses
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -38,7 +36,7 @@ def worst(guard: fp.Supervisor, runs: Sequence[fp.Run]) -> list[str]:
 
 def guards(push: Sequence[float], **quiet: float) -> dict[str, Any]:
     r = fp.Supervisor(3.0, 1.0, disturbance_bound=push)
-    sgn = dataclasses.replace(r, kind="paper", gravity_bound=(27.44, 7.84))
+    sgn = replace(r, kind="paper", gravity_bound=(27.44, 7.84))
     f = fp.Supervisor.quiet(3.0, 1.0, **quiet)
     return {"none": None, "sgn, eq. (20)": sgn, "R": r, "F": f}
 
@@ -48,7 +46,7 @@ def two_link(
 ) -> fp.Experiment:
     plant = fp.Plant(arm=arm, disturbance=disturbance)
     experiment = fp.paper_experiment(duration=4.0, step=step).with_dynamics("compiled")
-    return dataclasses.replace(experiment, plant=plant)
+    return replace(experiment, plant=plant)
 
 
 def rows(first: str, experiments: Sequence[fp.Experiment], chosen: dict[str, Any],
@@ -56,13 +54,12 @@ def rows(first: str, experiments: Sequence[fp.Experiment], chosen: dict[str, Any
     """Return a row a supervisor: the worst of some experiments."""
     found = []
     for name, guard in chosen.items():
-        runs = fp.simulate(experiments, dataclasses.replace(law, supervisor=guard))
+        runs = fp.simulate(experiments, replace(law, supervisor=guard))
         found.append([first, name, *worst(chosen["R"], runs)])
     return found
 
 
 def pushes(bench: Bench) -> None:
-    """Print what two pushes do, by the step."""
     # The pushes are beyond r_min, on purpose.
     r, law = fp.Supervisor(3.0, 1.0), fp.paper_controller()
     mass = fp.Arm.two_link().mass_matrix([0.0, 0.0])
@@ -74,7 +71,7 @@ def pushes(bench: Bench) -> None:
         tables[title] = []
         for step in STEPS[1:2] if bench.quick else STEPS:
             chosen = guards(push)
-            layer = dataclasses.replace(chosen["sgn, eq. (20)"], boundary_layer=2.0)
+            layer = replace(chosen["sgn, eq. (20)"], boundary_layer=2.0)
             chosen["the same, boundary layer 2"] = layer
             tables[title] += rows(f"{1e3 * step:g}", [two_link(force, step)], chosen, law)
     most = {name: max(float(row[2]) for x in tables.values() for row in x if row[1] == name)
@@ -96,7 +93,6 @@ def pushes(bench: Bench) -> None:
 
 
 def wrong(bench: Bench) -> None:
-    """Print what wrong masses and noise do."""
     law, count = fp.paper_controller(), 2 if bench.quick else 20
     arms = [fp.Arm.two_link().perturbed(np.random.default_rng(k), mass=0.2) for k in range(count)]
     chosen = guards(PUSH)
@@ -104,7 +100,7 @@ def wrong(bench: Bench) -> None:
     experiments = [two_link(Cosine(PUSH, 1.0), arm=arm) for arm in arms]
     found = rows("masses +-20 %", experiments, chosen, law)
     noise = fp.Sensors(velocity_noise=0.05)
-    experiments = [dataclasses.replace(two_link(Cosine(PUSH, 1.0)), sensors=noise, seed=k)
+    experiments = [replace(two_link(Cosine(PUSH, 1.0)), sensors=noise, seed=k)
                    for k in range(count)]  # fmt: skip
     chosen = guards(PUSH, lookahead=0.02)
     chosen["F, V_T = 0.92 V_M"] = fp.Supervisor.quiet(3.0, 1.0, lookahead=0.02, target=0.92)
@@ -114,7 +110,6 @@ def wrong(bench: Bench) -> None:
 
 
 def ur5(bench: Bench) -> None:
-    """Print the same on a UR5."""
     arm = fp.Arm.from_example("ur5")
     reference = around_home(arm)
     law = fp.AdaptiveFpid(
@@ -122,7 +117,7 @@ def ur5(bench: Bench) -> None:
         learning_rate=0.0, scale=(4.4, 5.2, 1.2, 0.24, 0.25, 0.02),
     )  # fmt: skip
     r = fp.Supervisor(2.3, 0.3, disturbance_bound=UR5_PUSH)
-    chosen = {"none": None, "sgn, eq. (20)": dataclasses.replace(r, kind="paper"), "R": r,
+    chosen = {"none": None, "sgn, eq. (20)": replace(r, kind="paper"), "R": r,
               "F": fp.Supervisor.quiet(2.3, 0.3),
               "F, observer 200 rad/s": fp.Supervisor.quiet(2.3, 0.3, observer=200.0)}  # fmt: skip
     found = []

@@ -12,8 +12,6 @@ study: thirteen scenarios of a planar two-link with PID: github.com/yzh423/PID-M
 in_mujoco: our laws, tick by tick, in MuJoCo's own simulation of three arms.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from common import Bench, arm_of, around_home, on_reference, run
+from common import Bench, arm_of, around_home, on_reference, panels, run
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
@@ -41,24 +39,20 @@ RATE = 1.0 / 300.0
 SENSORS = fp.Sensors(position_resolution=3.81e-4, velocity_noise=(0.13, 0.10))
 
 
+Pair = tuple[float, float]  # of the two links, or joints
+
+
 def pendulum(
-    masses: tuple[float, float],
-    lengths: tuple[float, float],
-    centres: tuple[float, float],
-    inertias: tuple[float, float],
-    *,
-    rotors: float = 0.0,
-    gravity: float = 9.81,
-    from_x: bool = False,
-    tip: float = 0.0,
-) -> pin.Model:
+    masses: Pair, lengths: Pair, centres: Pair, inertias: Pair, *,
+    rotors: float = 0.0, from_x: bool = False, tip: float = 0.0,
+) -> pin.Model:  # fmt: skip
     """Return two links that turn about -y or, where q is measured from x, the same about y.
 
     `inertias` are about the centres of mass [kg m^2], `tip` a point mass at the end [kg]. With
     q = 0 the links hang along -z, or lie along x.
     """
     model = pin.Model()
-    model.gravity.linear = np.array([0.0, 0.0, -gravity])
+    model.gravity.linear = np.array([0.0, 0.0, -9.81])
     along = np.array([1.0, 0.0, 0.0]) if from_x else np.array([0.0, 0.0, -1.0])
     place, parent = pin.SE3.Identity(), 0
     for k in range(2):
@@ -94,7 +88,6 @@ def both(values: np.ndarray, digits: int = 1) -> str:
 
 
 def machine(bench: Bench) -> None:
-    """Run the machine's experiment again, then with other laws."""
     if bench.data is None:
         bench.say("The real double pendulum was left out: no --data.")
         return
@@ -155,10 +148,7 @@ def machine(bench: Bench) -> None:
 
 def drawn(t: np.ndarray, q: np.ndarray, ours: np.ndarray, wanted: np.ndarray) -> Any:
     """Draw what was measured, what is simulated, and their difference."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True, height_ratios=(2, 1))
+    figure, axes = panels((9.0, 6.0), 2, 2, sharex=True, height_ratios=(2, 1))
     for k in range(2):
         above, below = axes[:, k]
         above.plot(t, wanted[:, k], color="0.6", lw=1, ls="--", label="reference")
@@ -218,18 +208,14 @@ class StudyPid(fp.Controller):
 
 
 def study_case(
-    lengths: tuple[float, float] = (0.45, 0.35),
-    tip: float = 0.5,
-    factor: float = 1.0,
-    limits: tuple[float, float] = (25.0, 15.0),
-    pulse: bool = False,
-) -> fp.Experiment:
+    lengths: Pair = (0.45, 0.35), tip: float = 0.5, factor: float = 1.0,
+    limits: Pair = (25.0, 15.0), pulse: bool = False,
+) -> fp.Experiment:  # fmt: skip
     """Return one of the study's thirteen experiments; every law has the nominal limits."""
     masses = (2.0 * factor, 1.5 * factor)
     inertias = tuple(m * x**2 / 12 for m, x in zip(masses, lengths, strict=True))
-    model = pendulum(
-        masses, lengths, tuple(x / 2 for x in lengths), inertias, from_x=True, tip=tip
-    )  # fmt: skip
+    centres = tuple(x / 2 for x in lengths)
+    model = pendulum(masses, lengths, centres, inertias, from_x=True, tip=tip)
     arm = fp.Arm.from_model(model).with_friction(viscous=(0.05, 0.04)).with_limits(effort=limits)
     # Both ends of the pulse belong to it. Of the drives' limits the laws know, of all else nothing.
     push = Pulse((4.0, -3.0), 2.0, 2.1005) if pulse else None
@@ -241,7 +227,7 @@ def study_case(
     )  # fmt: skip
 
 
-def tool_error(run: fp.Run, lengths: tuple[float, float]) -> float:
+def tool_error(run: fp.Run, lengths: Pair) -> float:
     """Return the largest distance of the tool from where it should be [m]."""
 
     def place(q: np.ndarray) -> np.ndarray:
@@ -252,7 +238,6 @@ def tool_error(run: fp.Run, lengths: tuple[float, float]) -> float:
 
 
 def study(bench: Bench) -> None:
-    """Run the scenarios with both of its PIDs, and with FPID + feedforward + observer."""
     laws = {
         "manual": StudyPid(kp=(120.0, 100.0), ki=(40.0, 30.0), kd=(25.0, 18.0)),
         "optimised": StudyPid(kp=(240.0, 200.0), ki=(79.9554, 30.2026), kd=(29.3133, 18.3972)),
@@ -281,10 +266,9 @@ def study(bench: Bench) -> None:
     rows = []
     for name in laws:
         found = (passed[name], float(np.mean(errors[name])), float(np.max(errors[name])))
-        printed = PRINTED.get(name)
         rows.append((
             name, f"{found[0]} of {len(errors[name])}", f"{found[1]:.5f}", f"{found[2]:.5f}",
-            "-" if printed is None else f"{printed[0]}, {printed[1]:.5f}, {printed[2]:.5f}",
+            "{}, {:.5f}, {:.5f}".format(*PRINTED[name]) if name in PRINTED else "-",
         ))  # fmt: skip
     bench.say(
         f"Of {len(errors['FPID'])} scenarios of a planar two-link "
@@ -304,7 +288,7 @@ def in_mujoco(bench: Bench) -> None:
     from speed import mujoco_model
 
     rows, seconds = [], 1.0 if bench.quick else 4.0
-    for name in ("two_link", "ur5", "panda")[: 1 if bench.quick else 3]:
+    for name in bench.arms:
         arm = arm_of(name).with_friction(viscous=0.0, dry=0.0)  # MuJoCo treats it otherwise
         model = mujoco_model(arm)
         motion = around_home(arm)

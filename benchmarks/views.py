@@ -7,8 +7,6 @@ stopped; wanted a median under 3 ms, in practice some 10 us. slider: from a slid
 to new curves in a real browser (wants playwright and chromium), wanted 60 and 150 ms.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import statistics
@@ -47,7 +45,6 @@ async (moves) => {
 
 
 def export(bench: Bench) -> None:
-    """Print what a page of a run takes."""
     rows = []
     for arm in (fp.Arm.two_link(), fp.Arm.from_example("ur5")):
         reference = fp.references.Sinusoid(0.3, offset=arm.home)
@@ -65,7 +62,6 @@ def export(bench: Bench) -> None:
 
 
 def frames(bench: Bench) -> None:
-    """Print how long the control loop waits for a frame to be sent."""
     count, rows = 200 if bench.quick else 2000, []
     for joints, stopped in ((2, False), (7, False), (300, False), (7, True), (300, True)):
         frame = [(np.zeros(joints), np.zeros(joints), np.zeros(joints))]
@@ -91,7 +87,6 @@ def frames(bench: Bench) -> None:
 
 
 def slider(bench: Bench) -> None:
-    """Print what a slider of the playground takes, in a browser without a graphics card."""
     try:
         from playwright.sync_api import sync_playwright
     except ImportError:
