@@ -29,11 +29,6 @@ METRICS = {
     name: costs.METRICS[name]
     for name in ("rms", "rms_tail", "energy", "peak_torque", "total_variation")
 }
-#: Of these what `fpid_pin.compare` calls its measures.
-_HEADS = {
-    "tail": "rms_tail", "variation": "total_variation", "rms": "rms", "peak": "peak_torque",
-    "energy": "energy",
-}  # fmt: skip
 #: Lines of a campaign that is printed.
 _MOST_LINES = 15
 
@@ -202,11 +197,11 @@ class CampaignData(ReprMixin):
 
         A run that was lost counts as worse than any number.
         """
-        measures = [(MEASURES[key], metric) for key, metric in _HEADS.items()]
         middle = {
-            head_for(m.head, self.angles): (1e3 if m.unit == "mrad" else 1.0)
-            * statistics.quantile(statistics.scored(self, metric), 0.5)
-            for m, metric in measures
+            head_for(m.head, self.angles): m.scale
+            * statistics.quantile(statistics.scored(self, m.metric), 0.5)
+            for m in MEASURES.values()
+            if m.metric in METRICS
         }
         return [
             {"controller": name, "success [%]": 100.0 * float(self.success[:, k].mean())}

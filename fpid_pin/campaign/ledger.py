@@ -12,7 +12,7 @@ import math
 import os
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -45,49 +45,37 @@ class Ledger:
         kind = kind_of(self.path)
         if kind not in (None, "a file", "a symlink") or (kind is None and study is None):
             raise FileFormatError(f"{path}: expected a campaign's ledger, got {kind or 'no file'}")
-        with _errors_named(self.path):
+        with _errors_named(self.path), ExitStack() as undone:
             if study is not None and (kind is None or not self.path.stat().st_size):
                 _make(self.path, study)
-            how = "ro" if study is None else "rw"
-            self._file = sqlite3.connect(f"{self.path.absolute().as_uri()}?mode={how}", uri=True)
-            try:
-                self._require_ours()
-                meta = dict(self._file.execute("SELECT key, value FROM meta"))
-                self._study, self._own = json.loads(meta["study"]), json.loads(meta["import"])
-                #: Names, in the order of the columns.
-                self.controllers: tuple[str, ...] = tuple(self._study["controllers"])
-                #: How many runs were asked for.
-                self.planned = max(runs, int(meta["runs"]))
-                if study is not None:
-                    self._require_same(study)
-                    with self._file:
-                        update = "UPDATE meta SET value = ? WHERE key = ?"
-                        self._file.execute(update, (str(self.planned), "runs"))
-                        self._file.execute(update, (study.text, "study"))
-                    self._study = json.loads(study.text)
-            except BaseException:
-                self._file.close()
-                raise
-
-    def _require_ours(self) -> None:
-        mark, layout = (
-            self._file.execute(f"PRAGMA {name}").fetchone()[0]
-            for name in ("application_id", "user_version")
-        )
-        if (mark, layout) != (APPLICATION, LAYOUT):
-            got = f"layout {layout}" if mark == APPLICATION else "another SQLite file"
-            expected = f"a campaign's ledger of layout {LAYOUT}"
-            raise FileFormatError(f"{self.path}: expected {expected}, got {got}")
-
-    def _require_same(self, study: Study) -> None:
-        asked = json.loads(study.text)
-        # These decide no result: the newest are kept.
-        named = {key: asked[key] for key in ("title", "success")}
-        found = differences(self._study | named, asked)
-        if found:
-            raise FileFormatError(
-                f"{self.path}: expected a ledger of this campaign, got another: {found[0]}"
+            how = f"{self.path.absolute().as_uri()}?mode={'ro' if study is None else 'rw'}"
+            self._file = undone.enter_context(closing(sqlite3.connect(how, uri=True)))
+            mark, layout = (
+                self._file.execute(f"PRAGMA {name}").fetchone()[0]
+                for name in ("application_id", "user_version")
             )
+            if (mark, layout) != (APPLICATION, LAYOUT):
+                got = f"layout {layout}" if mark == APPLICATION else "another SQLite file"
+                expected = f"a campaign's ledger of layout {LAYOUT}"
+                raise FileFormatError(f"{path}: expected {expected}, got {got}")
+            meta = dict(self._file.execute("SELECT key, value FROM meta"))
+            self._study, self._own = json.loads(meta["study"]), json.loads(meta["import"])
+            #: Names, in the order of the columns.
+            self.controllers: tuple[str, ...] = tuple(self._study["controllers"])
+            #: How many runs were asked for.
+            self.planned = max(runs, int(meta["runs"]))
+            if study is not None:
+                asked = json.loads(study.text)
+                # These decide no result: the newest are kept.
+                named = {key: asked[key] for key in ("title", "success")}
+                if found := differences(self._study | named, asked):
+                    expected = "a ledger of this campaign"
+                    raise FileFormatError(f"{path}: expected {expected}, got another: {found[0]}")
+                self._study = asked
+                values = [(str(self.planned), "runs"), (study.text, "study")]
+                with self._file:
+                    self._file.executemany("UPDATE meta SET value = ? WHERE key = ?", values)
+            undone.pop_all()
 
     def __enter__(self) -> Ledger:
         return self

@@ -36,6 +36,8 @@ class Measure:
     label: str
     head: str
     of: Callable[[Metrics], float]
+    metric: str = ""  # whose it is, this many times
+    scale: float = 1.0
 
     @property
     def unit(self) -> str:
@@ -55,7 +57,9 @@ def _measure(metric: str, word: str, label: str = "") -> Measure:
     scale, unit = {"rad": (1e3, "mrad"), "share of time": (100.0, "%")}.get(m.unit, (1.0, m.unit))
     over = "worst joint" if m.joints == "worst" else f"{m.joints} of joints"
     head = f"{word} ({over}) [{unit}]"
-    return Measure(label, head, lambda metrics: scale * m.of(getattr(metrics, metric)))
+    return Measure(
+        label, head, lambda metrics: scale * m.of(getattr(metrics, metric)), metric, scale
+    )
 
 
 #: What a comparison may be decided by.
