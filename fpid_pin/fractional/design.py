@@ -182,7 +182,7 @@ class Modes:
 
     def recursion(self, index: tuple[int, ...] = ()) -> Recursion:
         """Return the difference equation of one of the orders."""
-        column = (slice(None), *index)
+        column: Any = (slice(None), *index)
         h, poles = self.step, self.poles if self.shared_poles else self.poles[column]
         order, c1, c0, c2 = (x[index] for x in (self.order, self.now, self.before, self.mean))
         decay, b1, b0, b2 = (integrate_step(poles, h)[name] for name in ("decay", "b1", "b0", "b2"))

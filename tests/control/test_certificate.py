@@ -23,11 +23,6 @@ def suggested(request):
     return arm, law, certify_gains(arm, law, poses=arm.home)
 
 
-def table_of(arm, law):
-    gains = np.stack([np.broadcast_to(k, arm.n) for k in (law.kp, law.ki, law.kd)])
-    return gains * law.scale_on(arm)
-
-
 def on_a_grid(arm, law, q, omega):
     """Return -K0 T P (I + K0 T P)^-1 for each term, (K, 3 n, 3 n), from the open loop's parts.
 
@@ -46,7 +41,8 @@ def on_a_grid(arm, law, q, omega):
     for alpha, f, f_dot in ((1.0 - lam, total, angle), (mu, angle, rate)):
         rule = modes_of(law.design, alpha, step=STEP, horizon=3600.0).recursion().response(1.0 / z)
         terms.append(rule[:, 0, None, None] * f + rule[:, 1, None, None] * f_dot)
-    answer = table_of(arm, law)[:, :, np.newaxis] * np.stack(terms, axis=1)  # (K, 3, n, n)
+    gains = [np.broadcast_to(k, n) * law.scale_on(arm) for k in (law.kp, law.ki, law.kd)]
+    answer = np.stack(gains)[:, :, np.newaxis] * np.stack(terms, axis=1)  # (K, 3, n, n)
     closed = np.linalg.inv(np.eye(n) + answer.sum(axis=1))
     whole = -(answer @ closed[:, np.newaxis]).reshape(len(z), 3 * n, n)
     return np.tile(whole, 3)

@@ -13,7 +13,6 @@ import fpid_pin as fp
 from fpid_pin.control import GravityOnly, PdGravity, Pid, SlidingMode, SlotineLi
 from fpid_pin.control.linear import linear_arm, linearised
 from fpid_pin.control.stability import stability_report
-from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Hold
 
 STEP, HORIZON = 1e-3, 5.0
@@ -36,17 +35,6 @@ class RobotAdaptive(fp.Controller):
         for j in range(joints.size):
             own[j, 0] += 0.01 * joints[j].e
             own[j, 1] += 0.01 * joints[j].e * joints[j].e_dot
-
-
-@dataclass(frozen=True, eq=False)
-class PythonFractional(fp.Controller):
-    """A fractional PD whose operator no one but itself knows of."""
-
-    def begin(self, state):
-        state.memory["d_e"] = state.operator(0.8)
-
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        return 100.0 * (q_ref - q) + 20.0 * state.memory["d_e"].update(q_ref - q, v_ref - v)
 
 
 def filtered(c):
@@ -113,32 +101,6 @@ def test_where_a_law_is_asked_about_counts():
     arm, q = fp.Arm.two_link(), np.array([0.7, -0.4])
     law = linearised(fp.ComputedTorque(100.0, 20.0), arm, q, step=STEP, horizon=HORIZON)
     assert law.torque[:, 2:] == pytest.approx(-20.0 * arm.mass_matrix(q), rel=1e-6)
-
-
-def jumping(c):
-    return 10.0 * c.e + (1.0 if c.e_dot > 0.0 else -1.0)
-
-
-@pytest.mark.parametrize(
-    ("law", "message"),
-    [
-        (own(jumping), "smooth at rest, got a jump in Own"),
-        (own(lambda c: 10.0 * abs(c.e)), "smooth at rest, got a jump in Own"),
-        (
-            fp.SlidingMode(slope=10.0, gain=5.0, boundary_layer=0.0),
-            "expected a law that is smooth at rest, got a jump in SlidingMode",
-        ),
-        (
-            PythonFractional(),
-            "expected a law that declares its operators, got PythonFractional, whose torque "
-            "depends on a past of its own, such as a Bank's",
-        ),
-    ],
-)
-def test_what_cannot_be_linearised_is_refused_in_a_line(law, message):
-    with pytest.raises(ArgumentError, match=message) as caught:
-        fp.stability_report(fp.Arm.two_link(), law)
-    assert "\n" not in str(caught.value)
 
 
 ONE = fp.Arm.planar([1.0], [1.0], gravity=0.0)  # a unit inertia

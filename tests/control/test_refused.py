@@ -56,6 +56,17 @@ def hiding(name):
     )  # fmt: skip
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class PythonFractional(fp.Controller):
+    """A fractional PD whose operator no one but itself knows of."""
+
+    def begin(self, state):
+        state.memory["d_e"] = state.operator(0.8)
+
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        return 100.0 * (q_ref - q) + 20.0 * state.memory["d_e"].update(q_ref - q, v_ref - v)
+
+
 def certified(**others):
     law = fp.AdaptiveFpid(100.0, 100.0, 20.0, scale="inertia")
     return certify_gains(TWO, dataclasses.replace(law, **others.pop("law", {})), **others)
@@ -169,6 +180,15 @@ SEARCHES = [
     (lambda: certified(law={"order_learning_rate": 0.1}), "^controller: expected orders that stay"),
     (lambda: fp.stability_report(TWO, paper(design=GrunwaldLetnikov())),
      "^design: expected one with modes, got GrunwaldLetnikov"),
+    # What cannot be linearised.
+    (lambda: fp.stability_report(TWO, own(lambda c: 10.0 * c.e + (1.0 if c.e_dot > 0.0 else -1.0))),
+     "smooth at rest, got a jump in Own"),
+    (lambda: fp.stability_report(TWO, own(lambda c: 10.0 * abs(c.e))), "smooth at .* jump in Own"),
+    (lambda: fp.stability_report(TWO, fp.SlidingMode(10.0, 5.0, 0.0)),
+     "^controller: expected a law that is smooth at rest, got a jump in SlidingMode$"),
+    (lambda: fp.stability_report(TWO, PythonFractional()),
+     "expected a law that declares its operators, got PythonFractional, whose torque depends on a "
+     "past of its own, such as a Bank's$"),
 ]  # fmt: skip
 
 
