@@ -40,20 +40,15 @@ class Deadly(fp.disturbances.Cosine):
         return super().sample(t)
 
 
-@pytest.fixture(scope="module")
-def pool():
-    with WorkerPool(2) as made:
-        yield made
-
-
-def test_where_workers_die_again_evaluate_says_so_and_a_search_goes_on_in_this_process(pool):
+def test_where_workers_die_again_evaluate_says_so_and_a_search_goes_on_in_this_process():
     deadly = replace(EXPERIMENT, plant=fp.Plant(disturbance=Deadly(amplitude=(0.4, 0.6))))
-    with pytest.raises(WorkersDied, match="died twice over the same task: out of memory, "):
-        fp.evaluate(deadly, CONTROLLER, executor=pool)
     settings = SearchSettings(population=4, generations=2)
-    with pytest.warns(fp.FpidWarning, match="died twice .* going on in this process"):
-        result = tune(deadly, CONTROLLER, ORDERS, settings=replace(settings, executor=pool))
     alone = tune(EXPERIMENT, CONTROLLER, ORDERS, settings=settings)
+    with WorkerPool(2) as pool:
+        with pytest.raises(WorkersDied, match="died twice over the same task: out of memory, "):
+            fp.evaluate(deadly, CONTROLLER, executor=pool)
+        with pytest.warns(fp.FpidWarning, match="died twice .* going on in this process"):
+            result = tune(deadly, CONTROLLER, ORDERS, settings=replace(settings, executor=pool))
     assert result.history.best.tobytes() == alone.history.best.tobytes()
 
 
