@@ -201,7 +201,8 @@ def answer(data: CampaignData) -> list[str]:
     if not data.ended.any():
         return [f"Nobody is best: all runs were lost, on {plants}."]
     first, names = leader(data), data.controllers
-    several = {d.second: d for d in comparisons(data) if d.first == first}
+    others = [k for k in range(len(names)) if k != first]
+    several = {k: paired_difference(data, first, k) for k in others}
     scores, rates = scored(data), success_rates(data)
     middle = quantile(scores, 0.5)
     tail = MEASURES["tail"]

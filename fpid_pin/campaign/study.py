@@ -338,14 +338,13 @@ class Study(Description):
         """
         of: dict[str, dict[str, Any]] = {q.part: {} for q in QUANTITIES.values()}
         for key, values in self._split(sample).items():
-            part = QUANTITIES[key].part
+            part, whole = QUANTITIES[key].part, QUANTITIES[key].whole
             value = values if len(values) > 1 else values[0]
-            of[part][key.removeprefix(f"{part}_")] = value
+            of[part][key.removeprefix(f"{part}_")] = int(value) if whole else value
         nominal: Any = self.experiment
         plant: Any = nominal.plant or Plant()
         carried = [{"scaled_links": of["links"]}] if of["links"] else []
-        if of["tool"]:
-            carried.append({"payload": {"mass": float(of["tool"]["payload"])}})
+        carried += [{"payload": {"mass": mass}} for mass in of["tool"].values()]
         if carried:
             arm = plant.resolve(nominal.arm).arm.with_changes(*carried)
             of["plant"] |= {"arm": arm, "payload": None}
@@ -353,12 +352,10 @@ class Study(Description):
             pushed = dataclasses.replace(plant.disturbance, **of["disturbance"])
             of["plant"]["disturbance"] = pushed
         changed = {"plant": dataclasses.replace(plant, **of["plant"]), **of["start"]}
-        if "delay" in of["sensors"]:
-            of["sensors"]["delay"] = int(of["sensors"]["delay"])
-        if of["sensors"]:
-            changed["sensors"] = dataclasses.replace(nominal.sensors or Sensors(), **of["sensors"])
-        if of["reference"]:
-            changed["reference"] = dataclasses.replace(nominal.reference, **of["reference"])
+        given = {"sensors": nominal.sensors or Sensors(), "reference": nominal.reference}
+        for part, thing in given.items():
+            if of[part]:
+                changed[part] = dataclasses.replace(thing, **of[part])
         # Of its noise. Points are compared, and found again under another number.
         drawn = [self.scenarios.seed, run if self.scenarios.points is None else 0]
         seed = int(np.random.SeedSequence(drawn).generate_state(1, np.uint64)[0])
