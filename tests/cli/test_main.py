@@ -10,10 +10,8 @@ from bounded import finished, started
 
 from fpid_pin.cli.main import main
 
-
-def command(*arguments, **options):
-    options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True} | options
-    return started([sys.executable, "-m", "fpid_pin.cli.main", *arguments], **options)
+COMMAND = [sys.executable, "-m", "fpid_pin.cli.main"]
+PIPES = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
 
 
 @pytest.mark.parametrize(
@@ -47,8 +45,7 @@ def test_what_the_system_refuses_is_one_line_and_status_2(monkeypatch, capsys, e
     ],
 )
 def test_output_that_takes_no_more_is_one_line_and_status_2(words, said):
-    line = f"{sys.executable} -m fpid_pin.cli.main {words}"
-    done = finished(["bash", "-o", "pipefail", "-c", line])
+    done = finished(["bash", "-o", "pipefail", "-c", f"{' '.join(COMMAND)} {words}"])
     assert (done.returncode, done.stderr) == (2, said)
 
 
@@ -99,7 +96,7 @@ def test_a_command_in_the_background_does_not_hear_ctrl_c():
     def ignore():
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # as the shell does
 
-    with command("operators", "--order", "0.5", preexec_fn=ignore) as child:
+    with started([*COMMAND, "operators", "--order", "0.5"], preexec_fn=ignore, **PIPES) as child:
         while child.poll() is None:
             child.send_signal(signal.SIGINT)
             time.sleep(0.02)
@@ -119,8 +116,7 @@ program()
 
 def test_ctrl_c_while_python_takes_itself_down_changes_nothing():
     """Python gives signals back before it has ended: what was done ended by the signal."""
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    with started([sys.executable, "-c", ENDING], **pipes) as child:
+    with started([sys.executable, "-c", ENDING], **PIPES) as child:
         assert child.stdout.readline().startswith("fpid-pin ")
         assert child.stdout.readline() == "leaving\n"
         time.sleep(0.02)
