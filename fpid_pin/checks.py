@@ -58,27 +58,11 @@ def floats(
     max_ndim: int | None = None,
     shape: tuple[int | None, ...] | None = None,
 ) -> FloatArray:
-    """Turn `value` into a read-only float64 array and check every element.
+    """Turn `value` into a read-only float64 array, and check every element.
 
-    Parameters
-    ----------
-    name
-        What to call it in an error.
-    value
-        Numbers; booleans and strings are refused.
-    low, high, above
-        Bounds: ``low <= x <= high``, ``x > above``.
-    finite
-        Whether inf is refused (NaN always is).
-    max_ndim
-        Most dimensions allowed.
-    shape
-        Wanted, None in it being any length.
-
-    Raises
-    ------
-    ArgumentError
-        Naming the first element at fault.
+    Booleans and texts are refused, NaN always, and inf unless it need not be `finite`. Bounds are
+    ``low <= x <= high`` and ``x > above``; None in a `shape` is any length. An `ArgumentError`
+    has the first element at fault, and what it is called: `name`.
     """
     wanted = "a number" if max_ndim == 0 else "numbers"
     try:
@@ -220,45 +204,29 @@ def sample_count(duration: float, step: float) -> int:
 
 @dataclass(frozen=True)
 class Check:
-    """A check declared with a field: ``check(name, value)`` returns the value as it is kept.
+    """A check declared with a field: ``check(name, value)`` returns the value as it is kept."""
 
-    Attributes
-    ----------
-    function
-        One of this module's, called with name, value and bounds; it raises `ArgumentError`.
-    unit
-        Of the field, for readers; empty: none.
-    bounds
-        Arguments of the function.
-    """
-
-    function: Callable[..., Any]
-    unit: str = ""
-    bounds: Mapping[str, Any] = field(default_factory=dict)
+    function: Callable[..., Any]  # called with name, value and bounds; it raises `ArgumentError`
+    unit: str = ""  # of the field, for readers; empty: none
+    bounds: Mapping[str, Any] = field(default_factory=dict)  # arguments of the function
 
     def __call__(self, name: str, value: Any) -> Any:
         """Return the value as the description keeps it."""
         return self.function(name, value, **self.bounds)
 
 
-def Number(unit: str = "", **bounds: Any) -> Check:
-    """Declare one real number, with the bounds of `floats`."""
-    return Check(number, unit, bounds)
+def _declare(function: Callable[..., Any]) -> Callable[..., Check]:
+    return lambda unit="", **bounds: Check(function, unit, bounds)
 
 
-def PerJoint(unit: str = "", **bounds: Any) -> Check:
-    """Declare a scalar for all joints, or (n,); with ``rows=3`` also (3, n)."""
-    return Check(scalar_or_joints, unit, bounds)
-
-
-def Array(unit: str = "", **bounds: Any) -> Check:
-    """Declare numbers of a ``shape=``, in which None is any length."""
-    return Check(floats, unit, bounds)
-
-
-def Whole(unit: str = "", **bounds: Any) -> Check:
-    """Declare a whole number from ``low=`` to ``high=``."""
-    return Check(integer, unit, bounds)
+#: Declare one real number, with the bounds of `floats`.
+Number = _declare(number)
+#: Declare a scalar for all joints, or (n,); with ``rows=3`` also (3, n).
+PerJoint = _declare(scalar_or_joints)
+#: Declare numbers of a ``shape=``, in which None is any length.
+Array = _declare(floats)
+#: Declare a whole number from ``low=`` to ``high=``.
+Whole = _declare(integer)
 
 
 def OneOf(*options: str) -> Check:

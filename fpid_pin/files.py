@@ -18,10 +18,10 @@ from tempfile import TemporaryDirectory
 
 from fpid_pin.exceptions import FileFormatError
 
+#: By the letters that `ls -l` has for them.
 _KINDS = {
-    stat.S_IFDIR: "a folder", stat.S_IFREG: "a file", stat.S_IFLNK: "a symlink",
-    stat.S_IFIFO: "a FIFO", stat.S_IFSOCK: "a socket", stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
+    "-": "a file", "d": "a folder", "l": "a symlink", "p": "a FIFO", "s": "a socket",
+    "c": "a device", "b": "a device",
 }  # fmt: skip
 
 
@@ -111,7 +111,7 @@ def kind_of(path: Path) -> str | None:
         mode = os.lstat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):
         return None
-    return _KINDS.get(stat.S_IFMT(mode), "something else")
+    return _KINDS.get(stat.filemode(mode)[0], "something else")
 
 
 def require_file(path: Path) -> None:

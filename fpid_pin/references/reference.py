@@ -154,8 +154,11 @@ class _Points(Description):
             expected = f"shape ({len(times)}, n), a row for each time"
             raise ArgumentError("reference.positions", expected, f"shape {shape}")
 
-    def _spline(self) -> Any:
-        raise NotImplementedError
+    def _spline(self, ends: str = "not-a-knot") -> Any:
+        # Imported here: scipy.interpolate would be a third of the package's import time.
+        from scipy.interpolate import CubicSpline
+
+        return CubicSpline(self.times, self.positions, axis=0, bc_type=ends)
 
     @cached_property
     def _splines(self) -> tuple[Any, Any, Any]:
@@ -197,12 +200,11 @@ class Waypoints(_Points):
 
     method: Annotated[str, OneOf("cubic", "quintic")] = "cubic"
 
-    def _spline(self) -> Any:
-        # Imported here: scipy.interpolate would be a third of the package's import time.
-        from scipy.interpolate import CubicSpline, make_interp_spline
+    def _spline(self, ends: str = "clamped") -> Any:
+        from scipy.interpolate import make_interp_spline
 
         if self.method == "cubic":
-            return CubicSpline(self.times, self.positions, axis=0, bc_type="clamped")
+            return super()._spline(ends)
         still = np.zeros(np.shape(self.positions)[1])
         rest = [(1, still), (2, still)]
         return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
@@ -253,11 +255,6 @@ class RecordedMotion(_Points):
                 f"a step like the others ({np.median(steps):.3g} s)",
                 f"a gap of {steps[widest]:.3g} s after t = {times[widest]:g} s",
             )
-
-    def _spline(self) -> Any:
-        from scipy.interpolate import CubicSpline
-
-        return CubicSpline(self.times, self.positions, axis=0)
 
     @classmethod
     def from_csv(cls, path: str | Path) -> RecordedMotion:

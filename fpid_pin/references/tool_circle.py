@@ -130,17 +130,13 @@ def _solve(arm: Arm, points: FloatArray, angles: FloatArray, orientation: bool) 
             f"a turn that ends {drift:.3g} {unit_for('rad', arm.units)} away "
             "(through a singular pose?)",
         )  # fmt: skip
-    for j in range(arm.n):
-        beyond = (path[:, j] < arm.lower[j]) | (path[:, j] > arm.upper[j])
-        if beyond.any():
-            k = int(np.argmax(beyond))
-            raise ArgumentError(
-                "reference",
-                f"joint {arm.joint_names[j]} within [{arm.lower[j]:.3g}, {arm.upper[j]:.3g}] "
-                f"{arm.units[j]}",
-                f"{path[k, j]:.3g} {arm.units[j]} at {np.degrees(angles[k]):.0f} degrees of the "
-                "circle",
-            )
+    for k, j in np.argwhere((path < arm.lower) | (path > arm.upper))[:1]:
+        unit = arm.units[j]
+        raise ArgumentError(
+            "reference",
+            f"joint {arm.joint_names[j]} within [{arm.lower[j]:.3g}, {arm.upper[j]:.3g}] {unit}",
+            f"{path[k, j]:.3g} {unit} at {np.degrees(angles[k]):.0f} degrees of the circle",
+        )
     return path
 
 

@@ -43,7 +43,6 @@ from fpid_pin.simulation.experiment import (
     Outcome,
     ResolvedPlant,
     Sensors,
-    plant_of,
 )
 
 # RK4 is stable on the negative real axis to -2.785; beyond half of it, it is not accurate either.
@@ -107,7 +106,7 @@ class Block:
         # The parts of a step that the integrator looks at.
         parts = (0.0, 0.5, 1.0) if experiment.integrator == "rk4" else (0.0,)
         self.forces: FloatArray = np.zeros((len(parts), count, n))
-        disturbance = plant_of(experiment).disturbance
+        disturbance = experiment.resolved.disturbance
         if disturbance is not None:
             for k, part in enumerate(parts):
                 self.forces[k] = disturbance.sample(t + part * step)
@@ -207,7 +206,7 @@ class Robot:
         n, h = experiment.arm.n, experiment.step
         self.experiment, self.state, self.row = experiment, state, 0
         self.outcome: Outcome | None = None
-        plant = self.plant = plant_of(experiment)
+        plant = self.plant = experiment.resolved
         joints, bodies = np.zeros(n, PLANT), plant.arm.bodies.copy()
         joints["limit"], joints["viscous"] = plant.effort_limit, plant.viscous_friction
         joints["runaway"], joints["dry"] = experiment.runaway_speed, plant.dry_friction

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from typing import Annotated, Any
 
 import numpy as np
@@ -207,13 +207,18 @@ class Experiment(Description):
             expected = f"at most runaway_speed ({self.runaway_speed:g} {unit})"
             raise ArgumentError("v0", expected, v0)
         self._set(q0=checks.per_joint("q0", start if self.q0 is None else self.q0, n), v0=v0)
-        disturbance = plant_of(self).disturbance
+        disturbance = self.resolved.disturbance
         if disturbance is not None:
             shape = np.shape(disturbance.sample(np.zeros(1)))
             if shape not in ((1, n), (1, 1)):
                 raise ArgumentError(
                     "plant.disturbance", f"(K, {n}) at K times (the arm has {n} joints)", f"{shape}"
                 )
+
+    @cached_property
+    def resolved(self) -> ResolvedPlant:
+        """The plant with nothing left open."""
+        return (Plant() if self.plant is None else self.plant).resolve(self.arm)
 
     @property
     def rows(self) -> int:
@@ -223,7 +228,7 @@ class Experiment(Description):
     @property
     def torque_limit(self) -> FloatArray:
         """What neither the law nor the drives go beyond [N m], (n,)."""
-        limit: FloatArray = np.minimum(self.arm.effort_limit, plant_of(self).effort_limit)
+        limit: FloatArray = np.minimum(self.arm.effort_limit, self.resolved.effort_limit)
         return limit
 
     def joints_that_fall(self, *, by_hand: bool = True) -> list[str]:
@@ -232,7 +237,7 @@ class Experiment(Description):
         Not `by_hand`, the limits are those of the two arms: one that the plant was given by hand
         (``Plant.effort_limit``) may well be meant.
         """
-        arm = plant_of(self).arm
+        arm = self.resolved.arm
         limit = (
             self.torque_limit if by_hand else np.minimum(arm.effort_limit, self.arm.effort_limit)
         )
@@ -258,16 +263,6 @@ class Experiment(Description):
                 )
             out.append(np.broadcast_to(array, (len(t), n)))
         return out[0], out[1], out[2]
-
-
-def plant_of(experiment: Experiment) -> ResolvedPlant:
-    """Return the plant of an experiment; None means the nominal arm, undisturbed."""
-    kept = vars(experiment)
-    if "_resolved" not in kept:
-        plant = Plant() if experiment.plant is None else experiment.plant
-        kept["_resolved"] = plant.resolve(experiment.arm)
-    found: ResolvedPlant = kept["_resolved"]
-    return found
 
 
 @dataclass(frozen=True)

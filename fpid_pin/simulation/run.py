@@ -25,8 +25,6 @@ from fpid_pin.simulation.recorded import SIGNAL, meta_of, metrics_of, on_a_clock
 from fpid_pin.text import html_table, shown
 
 KIND = "run file"
-_HEAD = ("joint", "in", "RMS", "tail", "peak error", "settled after [s]", "peak torque",
-         "at its limit [%]")  # fmt: skip
 
 T = TypeVar("T")
 
@@ -307,10 +305,13 @@ class Run:
             inside = [f"m{unit}, {effort}" for unit, effort in pairs]
         except FpidError:  # of another version, say
             names, inside = tuple(f"joint {j + 1}" for j in range(n)), ["?"] * n
-        errors = 1e3 * m.rms, 1e3 * m.rms_tail, 1e3 * m.peak_error
-        columns = (*errors, m.settling_time, m.peak_torque, 100.0 * m.saturated)
-        rows = zip(names, inside, *(column.tolist() for column in columns), strict=True)
-        return html_table(f"{self.name}: {self.outcome}", _HEAD, rows)
+        columns = {
+            "joint": names, "in": inside, "RMS": 1e3 * m.rms, "tail": 1e3 * m.rms_tail,
+            "peak error": 1e3 * m.peak_error, "settled after [s]": m.settling_time,
+            "peak torque": m.peak_torque, "at its limit [%]": 100.0 * m.saturated,
+        }  # fmt: skip
+        rows = zip(*columns.values(), strict=True)
+        return html_table(f"{self.name}: {self.outcome}", [*columns], rows)
 
     @classmethod
     def from_arrays(

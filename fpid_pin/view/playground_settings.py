@@ -25,7 +25,6 @@ from fpid_pin.simulation.experiment import (
     TUNED_ORDERS,
     Experiment,
     of_paper,
-    plant_of,
 )
 from fpid_pin.simulation.toml import own_files
 from fpid_pin.text import unit_for
@@ -47,7 +46,7 @@ def steps_of(e: Experiment, laws: Sequence[Law]) -> list[float]:
 
 def _disturbance(e: Experiment) -> tuple[Cosine, bool, list[dict[str, Any]]]:
     """Return the cosine that the sliders move, whether it is described, and the other parts."""
-    d = plant_of(e).disturbance
+    d = e.resolved.disturbance
     parts: Sequence[Any] = () if d is None else d.parts if isinstance(d, Sum) else (d,)
     for part in parts:
         if not isinstance(part, (Cosine, Pulse)):
@@ -79,7 +78,7 @@ def outside(e: Experiment) -> Any:
 
 def start_of(e: Experiment, laws: Sequence[Law]) -> Any:
     """Return the settings that stand for a description."""
-    plant, main = plant_of(e), _disturbance(e)[0]
+    plant, main = e.resolved, _disturbance(e)[0]
     sensors = {} if e.sensors is None else to_dict(e.sensors)
     noise = {
         name: one_number(f"sensors.{name}", sensors.get(name, 0.0))

@@ -10,7 +10,6 @@ from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
 from fpid_pin.costs import QuadraticCost
 from fpid_pin.kernels import compiled
-from fpid_pin.simulation.experiment import plant_of
 
 MARK = "[[controller]]"
 HEAD, *LAWS = demo_config().text.replace("duration = 20.0", "duration = 0.2").split(MARK)
@@ -201,7 +200,7 @@ def test_a_condition_is_chosen_by_name_and_what_is_left_out_is_said(tmp_path, mo
     arms = [
         fp.Run.load(next(Path(folder).glob("*.npz"))).experiment for folder in ("plain", "loaded")
     ]
-    masses = [sum(i.mass for i in plant_of(e).arm.model.inertias) for e in arms]
+    masses = [sum(i.mass for i in e.resolved.arm.model.inertias) for e in arms]
     assert masses[1] - masses[0] == pytest.approx(2.0)
     assert main(["playground", "c.toml", "--condition", "3 kg"]) == 2
     assert "--condition: expected one of 2 kg, bare, got '3 kg'" in capsys.readouterr().err

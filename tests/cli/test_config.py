@@ -13,7 +13,6 @@ from fpid_pin.cli.configuration import demo_config, load, parse
 from fpid_pin.cli.main import main
 from fpid_pin.cli.tune import read_plan
 from fpid_pin.exceptions import ConfigError
-from fpid_pin.simulation.experiment import plant_of
 
 TEXT = demo_config().text
 RECORDED = re.compile(r"(?<=\[reference\]).*?(?=\[\[disturbance)", re.S)
@@ -123,7 +122,7 @@ def test_conditions_replace_parts_of_the_nominal_experiment():
     assert list(config.conditions) == ["nominal", "payload", "noise"]
     nominal, payload, noise = config.conditions.values()
     q = np.array([0.2, 0.3])
-    heavier = plant_of(payload).arm.gravity_vector(q) - payload.arm.gravity_vector(q)
+    heavier = payload.resolved.arm.gravity_vector(q) - payload.arm.gravity_vector(q)
     expected = 0.5 * 9.8 * np.array([np.cos(0.2) + 0.8 * np.cos(0.5), 0.8 * np.cos(0.5)])
     assert np.allclose(heavier, expected, rtol=1e-12)
     assert payload.plant.disturbance is not None
