@@ -50,20 +50,13 @@ def _pairs(
 
 
 @overload
-def simulate(
+def simulate(  # type: ignore[overload-overlap]
     experiment: Experiment, controller: Controller, *, progress: ProgressCallback | None = None
 ) -> Run: ...
 @overload
 def simulate(
-    experiment: Sequence[Experiment],
+    experiment: Experiment | Sequence[Experiment],
     controller: Controller | Sequence[Controller],
-    *,
-    progress: ProgressCallback | None = None,
-) -> list[Run]: ...
-@overload
-def simulate(
-    experiment: Experiment,
-    controller: Sequence[Controller],
     *,
     progress: ProgressCallback | None = None,
 ) -> list[Run]: ...
@@ -123,7 +116,7 @@ def _record(
     controllers: Sequence[Controller],
     progress: ProgressCallback | None,
 ) -> list[Run]:
-    robots = start_robots(experiments, controllers, dynamics="pinocchio", keep=None)
+    robots = start_robots(experiments, controllers)
     records: list[dict[str, FloatArray]] = [{} for _ in robots]
 
     def take(i: int, rows: Rows) -> None:
@@ -288,7 +281,7 @@ def measure(
     progress: ProgressCallback | None = None,
 ) -> list[tuple[Outcome, Metrics]]:
     """Simulate runs, whose rows and the signals `keep` go to `take`; return how they ended."""
-    robots = start_robots(experiments, controllers, dynamics="compiled", keep=keep, measures=True)
+    robots = start_robots(experiments, controllers, keep)
     outcomes = advance_all(robots, take, progress)
     return [
         (outcome, metrics_from(robot.sums, e.rows - 1, e.step))
@@ -299,15 +292,12 @@ def measure(
 def start_robots(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
-    *,
-    dynamics: str,
-    keep: Sequence[str] | None = (),
-    measures: bool = False,
+    keep: Sequence[str] | None = None,
 ) -> list[Robot]:
     """Start a robot for each pair; their laws' operators are fitted together.
 
-    `dynamics` are those of experiments that do not say; `keep` names the signals to record, None
-    being all that the law shows; `measures` tells whether figures of merit are wanted.
+    `keep` names the signals to record while figures of merit are summed up, by compiled dynamics
+    where experiments do not say; None: all that laws show, by Pinocchio's, and no figures.
     """
     # Imported late, here and below: they load numba.
     from fpid_pin.control.state import start_all
@@ -320,11 +310,11 @@ def start_robots(
     for (_, step, horizon), members in groups.items():
         arm, laws = experiments[members[0]].arm, [controllers[i] for i in members]
         states |= zip(members, start_all(laws, arm, step=step, horizon=horizon), strict=True)
-    robots = []
+    dynamics, robots = "pinocchio" if keep is None else "compiled", []
     for i, e in enumerate(experiments):
         state = states[i]
         names = [*state.controller.shown, *state.shown] if keep is None else keep
-        limit = e.torque_limit if measures else None
+        limit = None if keep is None else e.torque_limit
         robots.append(Robot(e, state, dynamics=e.dynamics or dynamics, keep=names, limit=limit))
     return robots
 

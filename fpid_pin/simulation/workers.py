@@ -43,7 +43,7 @@ AHEAD = 2
 PATIENCE = 8.0
 
 
-class WorkerPool(Executor):
+class WorkerPool(ProcessPoolExecutor):
     """Worker processes for ``executor=``, wherever there is one.
 
     Where a worker dies, all tasks under way fail with `BrokenExecutor`, and the next task has new
@@ -62,12 +62,8 @@ class WorkerPool(Executor):
     """
 
     def __init__(self, workers: int) -> None:
-        self._max_workers = checks.integer("workers", workers, low=1)
-        self._pool = self._new_pool()
-
-    def _new_pool(self) -> ProcessPoolExecutor:
-        return ProcessPoolExecutor(
-            self._max_workers,
+        super().__init__(
+            checks.integer("workers", workers, low=1),
             mp_context=multiprocessing.get_context("spawn"),
             initializer=_prepare_worker,
             initargs=(own_code.loaded(),),
@@ -80,23 +76,20 @@ class WorkerPool(Executor):
 
     def _workers(self) -> list[Any]:
         # Not public before Python 3.14, which can only end them, not name them.
-        return list((getattr(self._pool, "_processes", None) or {}).values())
+        return list((self._processes or {}).values())
 
     def submit(self, fn: Callable[..., T], /, *args: Any, **kwargs: Any) -> Future[T]:
         """See `concurrent.futures.Executor.submit`."""
         _require_importable((fn, args, kwargs))
         with without_ctrl_c():
             try:
-                return self._pool.submit(fn, *args, **kwargs)
+                return super().submit(fn, *args, **kwargs)
             except BrokenExecutor:
-                self._pool = self._new_pool()
-                return self._pool.submit(fn, *args, **kwargs)
+                # An executor that is broken stays so; made anew it has new workers.
+                WorkerPool.__init__(self, workers_of(self))
+                return super().submit(fn, *args, **kwargs)
 
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """See `concurrent.futures.Executor.shutdown`."""
-        self._pool.shutdown(wait=wait, cancel_futures=cancel_futures)
-
-    def __exit__(self, *fault: object) -> None:
+    def __exit__(self, *fault: Any) -> None:
         if fault[0] is not None:
             # Nobody waits for results after a fault or Ctrl-C, and a task may last for minutes.
             for process in self._workers():
