@@ -125,8 +125,8 @@ def bootstrap_median(values: FloatArray, seed: int = 0) -> Interval:
     return Interval(estimate, float(found.low), float(found.high))
 
 
-def spearman(data: CampaignData, metric: str = DECIDES) -> FloatArray:
-    """Return Spearman's rho of a metric and each uncertain number, (controllers, parameters, 3).
+def spearman(data: CampaignData) -> FloatArray:
+    """Return Spearman's rho of the error and each uncertain number, (controllers, parameters, 3).
 
     Behind it the ends of its interval, by Fisher's z with the variance (1 + rho^2/2)/(n - 3) of
     Bonett and Wright (2000). Lost runs share the last rank; NaN where there is nothing to rank.
@@ -134,7 +134,7 @@ def spearman(data: CampaignData, metric: str = DECIDES) -> FloatArray:
     from scipy.special import ndtri
     from scipy.stats import rankdata
 
-    scores = scored(data, metric)
+    scores = scored(data)
     controllers = scores.shape[1]
     rho = np.full((controllers, len(data.parameters)), np.nan)
     # Constants, fewer runs; arctanh(1) is infinite.
@@ -147,13 +147,13 @@ def spearman(data: CampaignData, metric: str = DECIDES) -> FloatArray:
     return np.stack([rho, *ends], axis=-1)
 
 
-def tornado(data: CampaignData, metric: str = DECIDES) -> FloatArray:
+def tornado(data: CampaignData) -> FloatArray:
     """Return medians over the runs in each uncertain number's lowest and highest quintile.
 
     (controllers, parameters, 2), ties included; infinity where most of them were lost, NaN where
     the number is the same in all runs.
     """
-    scores = scored(data, metric)
+    scores = scored(data)
     found = np.full((len(data.controllers), len(data.parameters), 2), np.nan)
     for k, values in enumerate(data.samples.T):
         if len(values) == 0 or values.min() == values.max():
@@ -169,13 +169,13 @@ def tornado(data: CampaignData, metric: str = DECIDES) -> FloatArray:
     return found
 
 
-def best_shares(data: CampaignData, metric: str = DECIDES) -> FloatArray:
-    """Return the share of the plants on which each controller has the least of a metric.
+def best_shares(data: CampaignData) -> FloatArray:
+    """Return the share of the plants on which each controller has the least error.
 
     Those that are equal to the last bit divide a plant; nobody has one that all have lost, so that
     the shares may sum to less than one. (controllers,)
     """
-    scores = scored(data, metric)
+    scores = scored(data)
     winners = np.isfinite(scores) & (scores == scores.min(axis=1, keepdims=True))
     shares = winners / np.maximum(winners.sum(axis=1, keepdims=True), 1)
     return np.asarray(shares.sum(axis=0) / max(data.runs, 1))
@@ -187,10 +187,10 @@ def leader(data: CampaignData) -> int:
     return int(order[0])
 
 
-def worst_runs(data: CampaignData, controller: int, count: int = 10) -> list[int]:
-    """Return a controller's worst runs: first those that were lost, then by falling error."""
+def worst_runs(data: CampaignData, controller: int) -> list[int]:
+    """Return a controller's ten worst runs: first those that were lost, then by falling error."""
     order = np.argsort(-scored(data)[:, controller], kind="stable")
-    return [int(run) for run in order[:count]]
+    return [int(run) for run in order[:10]]
 
 
 def answer(data: CampaignData) -> list[str]:

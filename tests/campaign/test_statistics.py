@@ -140,4 +140,3 @@ def test_the_leader_has_most_successes_then_the_least_median():
 def test_the_worst_runs_are_the_lost_ones_then_the_largest_errors():
     data = campaign([[5.0], [np.nan], [9.0], [1.0], [np.nan]])
     assert statistics.worst_runs(data, 0) == [1, 4, 2, 0, 3]
-    assert statistics.worst_runs(data, 0, 3) == [1, 4, 2]

@@ -108,8 +108,6 @@ def test_the_result_is_what_it_says(found):
 
 
 def test_the_same_seed_gives_the_same_bits_alone_and_in_company(found):
-    again = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(0, 3)))
-    assert bits(again) == bits(found)
     alone = tune(EXPERIMENT, CONTROLLER, ORDERS, TRACKING, small(seeds=(3,)))
     assert np.array_equal(alone.history.best[:, 0], found.history.best[:, 1])
     assert np.array_equal(alone.history.best_parameters[:, 0], found.history.best_parameters[:, 1])
