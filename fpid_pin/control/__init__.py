@@ -2,7 +2,6 @@
 
 from fpid_pin.control.ceilings import GainCeilings, gain_ceilings
 from fpid_pin.control.certificate import GainCertificate, certify_gains
-from fpid_pin.control.computed_torque import ComputedTorque
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
 from fpid_pin.control.gains import (
     GainSuggestion,
@@ -13,10 +12,9 @@ from fpid_pin.control.gains import (
 )
 from fpid_pin.control.law import Controller, Derivative, Integral, Operator
 from fpid_pin.control.loop import Loop, Record
-from fpid_pin.control.pid import GravityOnly, PdGravity, Pid
+from fpid_pin.control.pid import ComputedTorque, GravityOnly, PdGravity, Pid
 from fpid_pin.control.robot_loop import EncoderRate, RobotLoop, Ticks
-from fpid_pin.control.sliding_mode import SlidingMode
-from fpid_pin.control.slotine_li import SlotineLi
+from fpid_pin.control.sliding_mode import SlidingMode, SlotineLi
 from fpid_pin.control.stability import StabilityReport, stability_report, suggest_observer
 from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
 

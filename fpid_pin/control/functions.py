@@ -11,7 +11,8 @@ import hashlib
 import itertools
 import re
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from pathlib import PurePath
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ import numpy as np
 from numba.core.ccallback import CFunc
 from numba.core.sigutils import normalize_signature
 
-from fpid_pin.exceptions import FpidError, SimulationError
+from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import compiled
 from fpid_pin.kernels.compiled import PLAIN, compile_law, globals_of
 from fpid_pin.kernels.records import BODY, LINK
@@ -28,6 +29,7 @@ from fpid_pin.kernels.records import BODY, LINK
 _numba: Any = numba
 _CFunc: Any = CFunc
 _normalized: Any = normalize_signature
+_OPTIONS = {"error_model": "numpy"}
 
 
 class Model(NamedTuple):
@@ -74,6 +76,7 @@ def plain_function(function: Any) -> Any:
 def _bind(
     function: Any, record: Any, role: str, columns: int, digest: str | None
 ) -> tuple[int, Any]:
+    """Return the address of a function with the arguments of `call_law`, and what keeps it."""
     if _numba.config.DISABLE_JIT:
         address = next(_COUNT)
         plain = _over_arrays(function, role, columns, lambda array, _: array)
@@ -81,22 +84,30 @@ def _bind(
             numbers.view(record)[:, 0], own, *model, len(numbers), len(own)
         )
         return address, None
+    types = _numba.types
+    pointers = [types.CPointer(_numba.from_dtype(d)) for d in (record, BODY, LINK)]
+    reals = types.CPointer(types.float64)
+    arguments = (pointers[0], reals, *pointers[1:], reals, reals, types.int64, types.int64)
     try:
         called = _over_arrays(compile_law(function), role, columns, _numba.carray)
-        return _compiled(called, record, role, digest)
-    except FpidError:
-        raise
+        result: Any = _CFunc(called, _normalized(types.void(*arguments)), {}, _OPTIONS)
+        if digest is not None:
+            # An index of its own for each function: what breaks one leaves the others alone.
+            called.__qualname__ = f"law_{role}_{digest[:16]}"
+            compiled.keep(result, called, digest)
+        result.compile()
     except Exception as error:
         place, reason = _fault(function, error)
         raise SimulationError(
             f"the law's {function.__name__} cannot be compiled ({place}): {reason}"
         ) from error
+    return int(result.address), result
 
 
 def _fault(function: Any, error: Exception) -> tuple[str, str]:
     """Return where a function cannot be compiled, line and file, and why."""
     code = function.__code__
-    place = f"line {code.co_firstlineno} of {_short(code.co_filename)}"
+    place = f"line {code.co_firstlineno} of {PurePath(code.co_filename).name}"
     if isinstance(error, KeyError):
         # All that numba says of a number that a record has not is its name.
         name = str(error.args[0])
@@ -105,7 +116,7 @@ def _fault(function: Any, error: Exception) -> tuple[str, str]:
     # The innermost function comes first.
     found = re.search(r'File "(.+)", line (\d+):', str(error))
     if found is not None:
-        place = f"line {found[2]} of {_short(found[1])}"
+        place = f"line {found[2]} of {PurePath(found[1]).name}"
     reason = next((x for x in lines if not x.startswith(("Failed", "File"))), type(error).__name__)
     return place, reason
 
@@ -116,14 +127,10 @@ def _place_of_attribute(function: Any, name: str) -> str | None:
     for instruction in dis.get_instructions(code):
         if instruction.argval == name and instruction.opname.endswith("_ATTR"):
             line = instruction.positions.lineno if instruction.positions else code.co_firstlineno
-            return f"line {line} of {_short(code.co_filename)}"
+            return f"line {line} of {PurePath(code.co_filename).name}"
     inner = [f for f in globals_of(function).values() if isinstance(f, FunctionType)]
     found = (_place_of_attribute(f, name) for f in inner if f is not function)
     return next((place for place in found if place is not None), None)
-
-
-def _short(path: str) -> str:
-    return path.replace("\\", "/").rpartition("/")[2]
 
 
 def _over_arrays(inner: Any, role: str, columns: int, carray: Any) -> Callable[..., None]:
@@ -159,22 +166,6 @@ def _over_arrays(inner: Any, role: str, columns: int, carray: Any) -> Callable[.
             inner(c[j])
 
     return call_each
-
-
-def _compiled(called: Any, record: Any, role: str, digest: str | None) -> tuple[int, Any]:
-    """Return the address of a function with the arguments of `call_law`, and what keeps it."""
-    types = _numba.types
-    pointers = [types.CPointer(_numba.from_dtype(d)) for d in (record, BODY, LINK)]
-    reals = types.CPointer(types.float64)
-    arguments = (pointers[0], reals, *pointers[1:], reals, reals, types.int64, types.int64)
-    signature = _normalized(types.void(*arguments))
-    result: Any = _CFunc(called, signature, {}, {"error_model": "numpy"})
-    if digest is not None:
-        # An index of its own for each function: what breaks one leaves the others alone.
-        called.__qualname__ = f"law_{role}_{digest[:16]}"
-        compiled.keep(result, called, digest)
-    result.compile()
-    return int(result.address), result
 
 
 def _stamp(function: Any, known: frozenset[int] = frozenset()) -> str | None:
@@ -223,8 +214,8 @@ def _code_text(code: CodeType) -> str:
     return repr((code.co_name, code.co_code.hex(), consts, code.co_names, code.co_varnames))
 
 
-def check_in_python(function: Any, role: str, *arguments: Any, who: str) -> None:
-    """Run a law's function once in Python, which names the line of a fault that compiling hides.
+def check_in_python(function: Any, role: str, calls: Sequence[Any], *, who: str) -> None:
+    """Call a user's function in Python, which names the line of a fault that compiling hides.
 
     `who` is the law, and what the function is to it. A SimulationError says where it takes other
     arguments, raises, or returns no number though its role is to.
@@ -233,25 +224,24 @@ def check_in_python(function: Any, role: str, *arguments: Any, who: str) -> None
     code = getattr(function, "__code__", None)
     if code is None:
         raise SimulationError(f"{who}: expected a function, got {type(function).__name__}")
-    file, line = _short(code.co_filename), code.co_firstlineno
-    names = code.co_varnames[: code.co_argcount]
-    if len(names) != len(arguments):
-        expected, got = ", ".join(ARGUMENTS[role]), ", ".join(names)
-        raise SimulationError(
-            f"{who}, line {line} of {file}: expected a static method of ({expected}), got ({got})"
-        )
+    if function.__module__.partition(".")[0] == __name__.partition(".")[0]:
+        return
+    file, line = PurePath(code.co_filename).name, code.co_firstlineno
+    expected, names = ARGUMENTS[role], code.co_varnames[: code.co_argcount]
+    fault = ""
+    if len(names) != len(expected):
+        wanted, got = ", ".join(expected), ", ".join(names)
+        fault, calls = f"expected a static method of ({wanted}), got ({got})", ()
     try:
         with np.errstate(all="ignore"):
-            result = function(*arguments)
+            results = [function(*arguments) for arguments in calls]
     except Exception as error:
         frames = traceback.extract_tb(error.__traceback__)
         here = [f for f in frames if f.filename == code.co_filename]
         line = here[-1].lineno or line if here else line
-        raise SimulationError(
-            f"{who}, line {line} of {file}: {type(error).__name__}: {error}"
-        ) from error
-    if role == "torque" and not isinstance(result, (float, int, np.floating, np.integer)):
-        raise SimulationError(
-            f"{who}, line {line} of {file}: expected a number to be returned, got "
-            f"{type(result).__name__}"
-        )
+        fault, results = f"{type(error).__name__}: {error}", []
+    for result in results if role == "torque" else ():
+        if not isinstance(result, (float, int, np.floating, np.integer)):
+            fault = f"expected a number to be returned, got {type(result).__name__}"
+    if fault:
+        raise SimulationError(f"{who}, line {line} of {file}: {fault}")

@@ -17,7 +17,7 @@ from fpid_pin.checks import Flag, FloatArray, Number, OneOf, PerJoint
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.descriptions import Description
 from fpid_pin.fractional import Design, ExponentialSum
-from fpid_pin.kernels.records import GIVEN
+from fpid_pin.kernels.records import GIVEN_NAMES
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -174,10 +174,6 @@ class Controller(Description, ABC):
             )
         return self.observer or other
 
-    def observer_gains(self, step: float) -> tuple[float, float]:
-        """Return the gains of the observer: see the function of this name."""
-        return observer_gains(self.bandwidth, step)
-
     # ------------------------------------------------------------- what the engine asks
 
     @property
@@ -225,24 +221,19 @@ class Controller(Description, ABC):
     def check_declared(self, numbers: Sequence[str]) -> None:
         """Check what the law declares, `numbers` being the names of its numbers.
 
-        Refused are names that are taken (a field ``bandwidth`` would be taken for the observer's),
-        operators that are none, a memory that is one name, and an order that is to adapt and is in
-        no field.
+        A name that is taken is refused: a field ``bandwidth`` would pass for the observer's.
         """
-        for field in dataclasses.fields(self):
-            if field.name not in _OPTIONS and hasattr(Controller, field.name):
-                raise checks.ArgumentError(field.name, "another name", "one that all laws have")
+        own = [x.name for x in dataclasses.fields(self) if x.name not in _OPTIONS]
+        for name in [*own, *numbers]:
+            if name in GIVEN_NAMES or (name in own and hasattr(Controller, name)):
+                raise checks.ArgumentError(name, "another name", f"{name}, which all laws have")
         checks.instance("memory", self.memory, (tuple, list), "a tuple of names")
-        for name in numbers:
-            if name in GIVEN.names:  # type: ignore[operator]
-                got = f"{name}, which every law is given"
-                raise checks.ArgumentError(name, "another name", got)
-        given = {*GIVEN.names, *numbers, *self.memory}  # type: ignore[misc]
+        taken = {*GIVEN_NAMES, *numbers, *self.memory}
         checks.instance("operators", self.operators, Mapping, "a dictionary of operators")
         for output, operator in self.operators.items():
             name = f"operators.{output}"
             checks.instance(name, operator, Operator, "a Derivative or an Integral")
-            if output in given:
+            if output in taken:
                 raise checks.ArgumentError(name, "a name of its own", f"{output}, which is taken")
             if operator.sign not in (1, -1):
                 raise checks.ArgumentError(f"{name}.sign", "1 or -1", operator.sign)

@@ -12,13 +12,21 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.checks import FloatArray
-from fpid_pin.control.functions import Model, address_of, check_in_python, plain_function
+from fpid_pin.control.functions import Model, address_of, check_in_python
+from fpid_pin.control.law import observer_gains
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
-from fpid_pin.kernels.records import DERIVATIVES, ESTIMATES, GIVEN, INERTIA, record_type
+from fpid_pin.kernels.records import (
+    DERIVATIVES,
+    ESTIMATES,
+    GIVEN,
+    GIVEN_NAMES,
+    INERTIA,
+    record_type,
+)
 from fpid_pin.kernels.tick import tick_parts
 
 if TYPE_CHECKING:
@@ -32,12 +40,12 @@ SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 #: grid is within 1e-7 of the operator, as the operator of 24 modes is of the exact one.
 NODES = 201
 #: Signals that are there before a law's surface, and so operators of them.
-EARLY = set(GIVEN.names) - {"s", "a", "w"}  # type: ignore[arg-type]
+EARLY = {*GIVEN_NAMES} - {"s", "a", "w"}
 
 
 @lru_cache(maxsize=256)
 def _record(own: tuple[str, ...]) -> Any:
-    return record_type(dict.fromkeys((*GIVEN.names, *own), ""))  # type: ignore[misc]
+    return record_type(dict.fromkeys((*GIVEN_NAMES, *own), ""))
 
 
 @lru_cache(maxsize=8)
@@ -77,9 +85,7 @@ class State:
         for output, operator in self._operators:
             names += [output, f"{output}_by_order"] if operator.adapts else [output]
         try:
-            self.record = _record(
-                tuple(name for name in dict.fromkeys(names) if name not in GIVEN.names)  # type: ignore[operator]
-            )
+            self.record = _record(tuple(names))
         except ValueError as error:
             raise ArgumentError("fields and memory", "other names", str(error)) from None
         self._columns = {name: k for k, name in enumerate(self.record.names)}
@@ -124,10 +130,11 @@ class State:
         self._step: Any = None
         self.orders = self._initial_orders()
         self._fill_robot()
-        self._bind()
         self.in_python = controller.control is not None
         if self.in_python:
             controller.begin(self)
+        else:
+            self._bind()
 
     # ------------------------------------------------------------------ at the start
 
@@ -141,7 +148,7 @@ class State:
             robot["inertia"] = self._columns[ESTIMATES[0]]
         robot["observes"], robot["compensates"] = law.bandwidth > 0.0, law.observer > 0.0
         if law.bandwidth:
-            robot["l1"], robot["l2"] = law.observer_gains(self.step)
+            robot["l1"], robot["l2"] = observer_gains(law.bandwidth, self.step)
         guard = law.supervisor
         if guard is not None:
             robot["supervised"], robot[guard.kind] = 1, 1
@@ -152,40 +159,28 @@ class State:
                 guard.warn(self.arm, self.step)
 
     def _bind(self) -> None:
-        """Find the law's functions, check those of a user's, and note their addresses."""
-        law, robot = self.controller, self.c.robot
-        if law.control is not None:
-            return
+        """Find the law's functions, try those of a user's on copies, and note their addresses."""
+        law, c, kind = self.controller, self.c, type(self.controller).__name__
         if law.torques is None and law.torque is None and law.surface is None:
             raise SimulationError(
-                f"{type(law).__name__}: expected functions (torque, or torques, or control), got "
-                "none of them"
+                f"{kind}: expected functions (torque, or torques, or control), got none of them"
             )
         roles = {"surface": "joint", "torque": "torque", "adapt": "joint"}
         if law.torques is not None:
             roles = {"torques": "robot", "adapts": "robot"}
         for name, role in roles.items():
             function = getattr(law, name)
-            if function is not None:
-                self._check(function, name, role)
-                address = address_of(function, self.record, role, columns=self.c.own.shape[1])
-                robot[name.rstrip("s")] = address
-
-    def _check(self, function: Any, name: str, role: str) -> None:
-        """Run a function of a user's law once in Python, on a copy."""
-        module = getattr(plain_function(function), "__module__", "")
-        if module.partition(".")[0] == __name__.partition(".")[0]:
-            return
-        who = f"{type(self.controller).__name__}.{name}"
-        joints = self.joints.copy()
-        joints["e"], joints["e_dot"] = 0.1, -0.1
-        if role == "robot":
-            c = self.c
-            model = Model(c.bodies, c.links.copy(), c.motions.copy(), c.gravity)
-            check_in_python(function, role, joints, c.own.copy(), model, who=who)
-        else:
-            for joint in joints:
-                check_in_python(function, role, joint, who=who)
+            if function is None:
+                continue
+            joints = self.joints.copy()
+            joints["e"], joints["e_dot"] = 0.1, -0.1
+            calls: list[tuple[Any, ...]] = [(joint,) for joint in joints]
+            if role == "robot":
+                model = Model(c.bodies, c.links.copy(), c.motions.copy(), c.gravity)
+                calls = [(joints, c.own.copy(), model)]
+            check_in_python(function, role, calls, who=f"{kind}.{name}")
+            address = address_of(function, self.record, role, columns=c.own.shape[1])
+            c.robot[name.rstrip("s")] = address
 
     def _initial_orders(self) -> FloatArray:
         """Return the orders alpha of the law's operators, (n, operators), each checked."""

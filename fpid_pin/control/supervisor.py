@@ -185,7 +185,7 @@ class Supervisor(Description):
         Compared is ``|(M + h F_v)^-1| d_u``, which no ``|D| <= d_u`` exceeds. One of the other
         kind, with an observer (which estimates what it does not know) or without d_u says nothing.
         """
-        bound = checks.per_joint("supervisor.disturbance_bound", self.disturbance_bound, arm.n)
+        bound = self.bound(arm.n)
         if self.kind != "sampled" or self.observer > 0.0 or not bound.any():
             return
         implicit = step * np.diag(arm.viscous_friction)

@@ -11,16 +11,8 @@ import numpy as np
 def record_type(numbers: Iterable[str], integers: Iterable[str] = ()) -> np.dtype[Any]:
     """Return the type of a record, whose fields a kernel reads and writes by name.
 
-    Parameters
-    ----------
-    numbers, integers
-        Names of the fields, real ones and whole ones (counts and flags). Below they are keys of
-        tables that say what each is; several names in one key share a meaning.
-
-    Raises
-    ------
-    ValueError
-        A name that would hide a method of NumPy's records, so that it could not be read by name.
+    Names of real fields and of whole ones (counts and flags) are keys of tables that say what each
+    is; several names in one key share a meaning. A name of a method of NumPy's records is refused.
     """
     fields: list[tuple[str, Any]] = [
         (name, kind)
@@ -102,12 +94,13 @@ GIVEN = record_type(
         "m h0 h1 h2 j00 j01 j02 j11 j12 j22": "inertia of the nominal arm",
     }
 )
+GIVEN_NAMES = GIVEN.names or ()
 #: Where these ten begin.
-INERTIA = GIVEN.names.index("m")  # type: ignore[union-attr]
+INERTIA = GIVEN_NAMES.index("m")
 #: What a law that estimates the model has beside them: its estimates, and the derivatives of
 #: S . tau by each of them.
-ESTIMATES = tuple(f"{name}_hat" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
-DERIVATIVES = tuple(f"by_{name}" for name in GIVEN.names[INERTIA:])  # type: ignore[index]
+ESTIMATES = tuple(f"{name}_hat" for name in GIVEN_NAMES[INERTIA:])
+DERIVATIVES = tuple(f"by_{name}" for name in GIVEN_NAMES[INERTIA:])
 ROBOT = record_type(
     {
         "h": "[s] sampling period",

@@ -53,20 +53,9 @@ def spoil(joints, history, noise, q, v, tick, inputs):
 
 @kernel
 def measure(joints, history, noise, q, v, tick, inputs):
-    """Write the measured q and q' into `inputs`, (5, n).
+    """Write q and q', (n,), as sample number `tick` measures them into `inputs`, (5, n).
 
-    Parameters
-    ----------
-    joints
-        SENSOR, (n,); none: what is measured is exact.
-    history
-        A ring of true values, (depth, 2, n).
-    noise
-        White noise, (K, 2, n); the tick's row is taken modulo K.
-    q, v
-        The true state, (n,).
-    tick
-        Number of the sample.
+    The others are those of `records.Sensing`.
     """
     if joints.size == 0:
         for j in range(q.size):

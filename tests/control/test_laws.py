@@ -16,7 +16,7 @@ import pytest
 import fpid_pin as fp
 from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.control import SlidingMode, SlotineLi
-from fpid_pin.control.slotine_li import natural_sizes
+from fpid_pin.control.sliding_mode import natural_sizes
 from fpid_pin.references import Sinusoid
 
 STEP = 1e-3
