@@ -205,28 +205,40 @@ def adapted(guard, signals, ticks, rate=25.0):
     return history
 
 
-def test_unguarded_gains_drift_for_ever_under_a_constant_error():
-    gains = adapted(None, (0.3, 0.0, 0.0), 4000)
-    slope = 25.0 * 0.3**2  # gamma k0 (int e)^2
-    assert gains[-1] == pytest.approx([10.0, 20.0 + slope * 4.0, 5.0], rel=1e-9)
+#: Safeguards, [int e, e, e'], ticks and rate; what the gains come to, and how exactly.
+HELD = {
+    # gamma k0 (int e)^2 for ever.
+    "none": (None, (0.3, 0.0, 0.0), 4000, 25.0, (10.0, 20.0 + 25.0 * 0.3**2 * 4.0, 5.0), 1e-9),
+    "upper bounds": (
+        Safeguards(4.0, [[10.5], [20.5], [5.5]]), (0.5, 0.4, 0.3), 5000, 25.0, (10.5, 20.5, 5.5), 0,
+    ),
+    "lower bounds": (
+        Safeguards(4.0), (-2.0, 0.4, 0.3), 5000, 25.0, (4.0, 20.0 + 25.0 * 0.9 * 2.0 * 5.0, 4.0),
+        1e-9,
+    ),
+    "bounds at the start": (Safeguards(maximum=8.0), (0.0,) * 3, 1, 25.0, (8.0, 8.0, 5.0), 0),
+    # gamma |S| e = gamma nu |S| (K - K0): the offset is e/nu whatever the rate.
+    "e-modification": (
+        Safeguards(e_modification=0.4), (0.0, 0.1, 0.0), 10_000, 100.0, (10.25, 20.0, 5.0), 1e-4
+    ),
+    "e-modification, S = 0": (
+        Safeguards(e_modification=0.4), (-0.2, 0.1, 0.0), 100, 25.0, START, 0
+    ),
+    "within the dead zone": (Safeguards(dead_zone=0.21), (0.0, 0.1, 0.0), 100, 25.0, START, 0),
+    "beyond the dead zone": (
+        Safeguards(dead_zone=0.15), (0.0, 0.1, 0.0), 1000, 25.0,
+        (10.0 + 25.0 * (0.2 - 0.15) * 0.1, 20.0, 5.0), 1e-9,
+    ),
+}  # fmt: skip
 
 
-def test_projection_keeps_each_gain_within_its_bounds():
-    maximum = np.array([[10.5], [20.5], [5.5]])
-    gains = adapted(Safeguards(minimum=4.0, maximum=maximum), (0.5, 0.4, 0.3), 5000)
-    assert (gains <= maximum.T).all()
-    assert gains[-1] == pytest.approx(maximum[:, 0])
-    falling = adapted(Safeguards(minimum=4.0), (-2.0, 0.4, 0.3), 5000)
-    assert (falling >= 4.0).all()
-    assert falling[-1, 0] == 4.0
-
-
-def test_projection_counts_from_the_start():
-    gains = adapted(Safeguards(maximum=8.0), (0.0, 0.0, 0.0), 1)
-    assert gains[0] == pytest.approx([8.0, 8.0, 5.0])
-    law = fp.AdaptiveFpid(kp=10.0, ki=3.0, kd=2.0, safeguards=Safeguards(maximum=8.0))
-    loop = law.start(fp.Arm.two_link(), step=STEP)
-    assert loop.torque([0.0, 0.0], [0.0, 0.0], [0.1, 0.1], [0.0, 0.0])[0] < 0.1 * 8.0 + 1e-2
+@pytest.mark.parametrize("name", HELD)
+def test_gains_come_to_what_safeguards_leave_of_a_constant_signal(name):
+    guard, signals, ticks, rate, expected, relative = HELD[name]
+    gains = adapted(guard, signals, ticks, rate)
+    assert gains[-1] == pytest.approx(expected, rel=relative, abs=0.0)
+    (low,), (high,) = (bound.T for bound in Safeguards.bounds_of(guard, 1))
+    assert ((low <= gains) & (gains <= high)).all()
 
 
 def test_sigma_modification_settles_where_gradient_and_leakage_balance():
@@ -236,22 +248,6 @@ def test_sigma_modification_settles_where_gradient_and_leakage_balance():
     t = STEP * np.arange(1, 4001)
     assert gains[:, 0] == pytest.approx(10.0 + offset * (1.0 - np.exp(-sigma * t)), rel=1e-3)
     assert gains[-1, 1:] == pytest.approx([20.0, 5.0])
-
-
-def test_e_modification_leaks_only_while_the_surface_is_away_from_zero():
-    nu, rate, e = 0.4, 25.0, 0.1
-    gains = adapted(Safeguards(e_modification=nu), (0.0, e, 0.0), 10_000, rate=4.0 * rate)
-    # gamma |S| e = gamma nu |S| (K - K0): the offset is e/nu whatever the rate.
-    assert gains[-1, 0] == pytest.approx(10.0 + e / nu, rel=1e-4)
-    still = adapted(Safeguards(e_modification=nu), (-0.2, 0.1, 0.0), 100)
-    assert (still == START).all()
-
-
-def test_nothing_adapts_within_the_dead_zone_and_only_the_excess_counts_beyond():
-    within = adapted(Safeguards(dead_zone=0.21), (0.0, 0.1, 0.0), 100)
-    assert (within == START).all()
-    beyond = adapted(Safeguards(dead_zone=0.15), (0.0, 0.1, 0.0), 1000)
-    assert beyond[-1, 0] == pytest.approx(10.0 + 25.0 * (0.2 - 0.15) * 0.1, rel=1e-9)
 
 
 def test_a_held_joint_does_not_even_leak():

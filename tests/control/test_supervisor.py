@@ -75,20 +75,6 @@ def test_the_bound_on_the_derivative_of_v_holds_wherever_it_acts(gravity_bound):
         assert derivative <= bound + 1e-9 * abs(derivative)
 
 
-def test_gains_and_integrals_stand_still_while_it_acts():
-    _, run = pushed()
-    acting = (run.u_s != 0.0).any(axis=1)
-    assert acting.any()
-    for gains in (run.kp, run.ki, run.kd):
-        changes = np.diff(gains, axis=0)
-        assert (changes[acting[:-1]] == 0.0).all()
-    # int e, recovered from S, is held as well: the next row's is the same.
-    e, rate = run.error, run.v_ref - run.v
-    integral = -run.s - rate - 2.0 * e
-    held = np.flatnonzero(acting[1:]) + 1
-    assert np.abs(integral[held] - integral[held - 1]).max() < 1e-12
-
-
 R = fp.Supervisor(3.0, 1.0, disturbance_bound=PUSH)
 F = fp.Supervisor.quiet(3.0, 1.0)
 #: What d_u = PUSH can do is more than r_min: said at the start, tested below, and not the point.
@@ -167,17 +153,19 @@ def test_the_page_says_how_far_a_push_too_fast_for_the_observer_gets(told, push)
 
 
 @beyond
-@pytest.mark.parametrize("guard", [R, F], ids="RF")
-def test_gains_and_integrals_go_on_while_it_acts(guard):
-    run = pushed_against(guard)
+@pytest.mark.parametrize("guard", [None, R, F], ids=["paper", "R", "F"])
+def test_gains_and_integrals_stand_still_while_the_paper_s_acts_and_go_on_with_the_others(guard):
+    run = pushed()[1] if guard is None else pushed_against(guard)
     acting = (run.u_s != 0.0).any(axis=1)
     acting[0] = False  # int e is 0 there, and Ki stays
-    assert acting.sum() > 500
+    assert acting.sum() > (30 if guard is None else 500)
     for gains in (run.kp, run.ki, run.kd):
-        assert (np.diff(gains, axis=0)[acting[:-1]] != 0.0).all()
+        moved = np.diff(gains, axis=0)[acting[:-1]] != 0.0
+        assert not moved.any() if guard is None else moved.all()
     # int e, recovered from S.
     integral = -run.s - (run.v_ref - run.v) - 2.0 * run.error
-    assert (np.diff(integral, axis=0)[acting[1:]] != 0.0).all()
+    moves = np.abs(np.diff(integral, axis=0)[acting[1:]])
+    assert moves.max() < 1e-12 if guard is None else moves.min() > 0.0
 
 
 def test_a_push_beyond_r_min_is_told_with_both_numbers():
