@@ -48,7 +48,7 @@ _COLUMNS = (
 
 
 class OperatorReport(ReprMixin):
-    """How far a design can be trusted, for each of its orders; prints as a table.
+    """How far a design can be trusted, order by order; prints as a table. `report` for short.
 
     Parameters
     ----------
@@ -259,7 +259,6 @@ class OperatorReport(ReprMixin):
         return figure
 
 
-#: Measure a design: its short name.
 report = OperatorReport
 
 
