@@ -35,12 +35,7 @@ def arm_run(name: str) -> fp.Run:
     """Return an arm of the catalogue that follows sinusoids about its home, 10 s."""
     arm = fp.Arm.from_example(name)
     reference = fp.references.Sinusoid(0.4, np.linspace(0.8, 1.4, arm.n), offset=arm.home)
-    # Gains in 1/s^2 and 1/s over M_jj; the floor keeps the light wrists from being left behind.
-    scale = np.maximum(np.diag(arm.mass_matrix(arm.home)), 0.05)
-    law = fp.AdaptiveFpid(
-        kp=400.0, ki=200.0, kd=40.0, integral_order=0.9, derivative_order=0.95,
-        learning_rate=1.0, scale=scale, name=f"{name}, adaptive FPID",
-    )  # fmt: skip
+    law = fp.suggest_gains(arm, name=f"{name}, adaptive FPID")
     return fp.simulate(fp.Experiment(arm, reference, q0=arm.home, duration=10.0), law)
 
 

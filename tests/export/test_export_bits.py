@@ -20,6 +20,7 @@ from fpid_pin.export.law import CSource, by_name, start
 from fpid_pin.export.printer import Program
 from fpid_pin.kernels import tick
 
+pytestmark = pytest.mark.usefixtures("gcc")
 HORIZON = 20.0
 SANE = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-g", "-O1")
 SMALL = 1e-3
@@ -193,7 +194,6 @@ def off(found, proof):
 
 # On the larger arms the reserve is more than this step can promise, which is warned of.
 @pytest.mark.filterwarnings("ignore:supervisor.disturbance_bound")
-@pytest.mark.usefixtures("gcc")
 @pytest.mark.parametrize("robot", ["two_link", "ur5", "panda"])
 @pytest.mark.parametrize("name", LAWS)
 def test_every_law_is_the_loops_over_twenty_thousand_ticks(
@@ -230,7 +230,6 @@ CLOSED = CHAOTIC | {
 }
 
 
-@pytest.mark.usefixtures("gcc")
 @pytest.mark.parametrize("case", [*range(10), *CLOSED])
 def test_random_laws_and_those_of_the_papers_experiment(case, tmp_path, node):
     """What is chaotic on prescribed inputs is compared in a closed loop."""
@@ -249,7 +248,6 @@ def test_random_laws_and_those_of_the_papers_experiment(case, tmp_path, node):
         assert np.array_equal(found, proof.torque)
 
 
-@pytest.mark.usefixtures("gcc")
 @pytest.mark.parametrize("name", ["FPID, quiet", "Slotine-Li"])
 def test_valgrind_finds_no_read_of_what_was_not_written(name, tmp_path):
     if shutil.which("valgrind") is None:
@@ -262,7 +260,6 @@ def test_valgrind_finds_no_read_of_what_was_not_written(name, tmp_path):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.usefixtures("gcc")
 def test_with_32_bits_and_sse_the_bits_are_the_same(tmp_path):
     controller, arm, flags = PLAIN["FPID"], fp.Arm.two_link(), ("-m32", "-msse2", "-mfpmath=sse")
     (tmp_path / "none.c").write_text("#include <math.h>\nint main(void) { return 0; }\n")
