@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import shutil
 import unicodedata
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-from fpid_pin.exceptions import ConfigError, FileFormatError
+from fpid_pin.exceptions import FileFormatError
 from fpid_pin.files import (
     discard,
     hidden_folder,
@@ -25,8 +26,8 @@ from fpid_pin.files import (
 #: The file that says that a folder is ours to replace, and lists what in it is ours.
 MARK = ".fpid_pin"
 _HEAD = "made by fpid-pin; what is listed here is replaced, all else is kept\n"
-#: Bytes that the usual file systems give a name, and of the longest ending of a file.
-MOST_BYTES, _ENDING = 255, len(".npz")
+#: Bytes of a name; file systems give it 255, and some are for numbers and endings.
+_MOST_BYTES = 220
 #: What a write is refused with; such an error names no file.
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EROFS)
 
@@ -150,9 +151,7 @@ def _restore(path: Path) -> None:
 def slug(name: str) -> str:
     """Return the letters and digits of a name, small, with single hyphens for all else."""
     # One form of each letter: some file systems take two forms of it for one name.
-    text = unicodedata.normalize("NFC", name.lower())
-    kept = "".join(c if c.isalnum() else "-" for c in text)
-    return "-".join(part for part in kept.split("-") if part)
+    return "-".join(re.findall(r"[^\W_]+", unicodedata.normalize("NFC", name.lower())))
 
 
 def file_names(
@@ -167,17 +166,11 @@ def file_names(
     names = []
     for label in labels:
         stem = prefix + ("-".join(filter(None, map(slug, label))) or "run")
+        stem = stem.encode()[:_MOST_BYTES].decode(errors="ignore")
         name, number = stem, 1
         while name in given:
             number += 1
             name = f"{stem}-{number}"
-        size = len(name.encode()) + _ENDING
-        if size > MOST_BYTES:
-            parts = ", ".join(f"{part[:40]!r}{'...' * (len(part) > 40)}" for part in label)
-            raise ConfigError(
-                f"{parts}: expected a name that makes a file's, of {MOST_BYTES} bytes at most, "
-                f"got {size}"
-            )
         given.add(name)
         names.append(name)
     return names

@@ -53,7 +53,6 @@ def simulate_all(
         for condition in experiments
         for name in controllers
     ]
-    # First: a name that no file can have is told before any work.
     files = [f"{stem}.npz" for stem in file_names(labels, taken=["checkpoint"])]
     with progress_bar(f"simulating {len(files)} run{'s' * (len(files) > 1)}") as bar:
         return compare(experiments, controllers, metric, progress=bar), files

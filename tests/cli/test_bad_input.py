@@ -58,7 +58,6 @@ def space(bounds, law='kind = "suggested_fpid"'):
         ("compare study.toml --out own.py", {}, "got a file"),
         ("compare study.toml --out own.py/x", {}, "cannot be written"),
         ("compare study.toml --out other", {}, "other: expected a new folder or one that"),
-        ("compare study.toml --out new", {"integer PID": "a" * 300}, "of 255 bytes at most"),
         ("tune study.toml", space("[0.5, 10]"),
          'tune.space.bandwidth: expected "shared" behind its bounds'),
         ("tune study.toml", space('[-1, 10, "shared"]'), "tune.space.bandwidth.low: expected "),

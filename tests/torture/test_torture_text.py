@@ -173,9 +173,7 @@ def test_the_terminal_is_told_a_name_and_nothing_else(tally):
 
 
 def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, tally):
-    sound = [
-        name for name in names(5, 60) if "\ud800" not in name and name.strip() and len(name) < 99
-    ]
+    sound = [name for name in names(5, 60) if "\ud800" not in name and name.strip()]
     chance = random.Random(6)
     for k in range(8 if FULL else 1):
         title, *chosen = chance.sample(sound, 5)
