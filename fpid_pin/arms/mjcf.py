@@ -66,30 +66,26 @@ class _Reader:
         name = bytes(model.names).partition(b"\0")[0].decode()
         name = Path(label).stem if name in ("", "MuJoCo Model") else name
         self.result = Tree(label, name, gravity, followers_move=True)
-        #: Of each body: which joint carries it, and where on it.
-        self.at: dict[int, tuple[int, Any]] = {0: (-1, pin.SE3.Identity())}
+        #: Of each body of the arm: which joint carries it, and where on it.
+        self.at: dict[int, tuple[int, Any]] = {}
         #: Pose of the key frame called home.
         keys = [k for k in range(model.nkey) if model.key(k).name == "home"]
         self.home = model.key_qpos[keys[0]] if keys else None
 
     def tree(self, arm: str | None, keep: Keep | None) -> Tree:
-        model, tree = self.model, self.result
+        model, tree, taken = self.model, self.result, {*self.joints}
         base = self._base(arm, keep)
-        for body in self._above(base):
-            carrier, place = self.at[model.body_parentid[body]]
-            self.at[body] = carrier, place * _pose(model.body_pos[body], model.body_quat[body])
-        taken = {*self.joints}
+        # Those below a body come after it.
         for body in range(base, model.nbody):
-            if base in self._above(body):
-                self._add_body(body, taken)
+            above = int(model.body_parentid[body])
+            if body == base or above in self.at:
+                self._add_body(body, taken, *self.at.get(above, (-1, self._standing(above))))
         for site in range(model.nsite):
-            if (body := int(model.site_bodyid[site])) in self.at and body >= base:
-                joint, place = self.at[body]
+            if int(model.site_bodyid[site]) in self.at:
                 name = own_name(model.site(site).name, "site", taken)
-                place = place * _pose(model.site_pos[site], model.site_quat[site])
-                tree.frames.append(_frame(name, joint, "frame", place))
+                self._add_frame(name, "frame", *self._carried("site", site))
         for geom in range(model.ngeom):
-            if int(model.geom_bodyid[geom]) in self.at and int(model.geom_bodyid[geom]) >= base:
+            if int(model.geom_bodyid[geom]) in self.at:
                 tree.shapes += self._shapes(geom)
         # What pulls at joints in MuJoCo and is no part of an arm here.
         self._couple()
@@ -101,13 +97,24 @@ class _Reader:
         tree.remarks |= {f"left out: {what}": [] for what in left_out}
         return tree
 
-    def _above(self, body: int) -> list[int]:
-        """Return the bodies from the world, which is not among them, to this one."""
-        path = list[int]()
-        while body:
-            path.append(body)
-            body = int(self.model.body_parentid[body])
-        return path[::-1]
+    def _place(self, kind: str, k: int, of: str = "") -> Any:
+        """Return where a body, a site, a geom or a mesh is on what it belongs to."""
+        position, quaternion = (
+            getattr(self.model, f"{kind}_{of}{part}")[k] for part in ("pos", "quat")
+        )
+        w, x, y, z = (float(part) for part in quaternion)
+        return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position))
+
+    def _standing(self, body: int) -> Any:
+        """Return where a body is in the world, drawn as it is."""
+        if body == 0:
+            return pin.SE3.Identity()
+        return self._standing(int(self.model.body_parentid[body])) * self._place("body", body)
+
+    def _carried(self, kind: str, k: int) -> tuple[int, Any]:
+        """Return the joint that carries a site or a geom, and where on it."""
+        joint, place = self.at[int(getattr(self.model, f"{kind}_bodyid")[k])]
+        return joint, place * self._place(kind, k)
 
     def _couple(self) -> None:
         """Note which joints another one leads: q = q(0) + c_0 + c_1 (q of the other - its q(0))."""
@@ -117,20 +124,16 @@ class _Reader:
             offset, factor, *higher = (float(x) for x in model.eq_data[k][:5])
             names = [self.joints[i] for i in (j, master)]
             if master >= 0 and not any(higher) and {*names} <= {*tree.names}:
-                rest, its_rest = (float(model.qpos0[model.jnt_qposadr[i]]) for i in (j, master))
+                rest, its_rest = (tree.rest[name] for name in names)
                 tree.followers[names[0]] = (names[1], factor, rest + offset - factor * its_rest)
                 tree.remark(names[0], f"left out: an equality constraint to {named(names[1])}")
 
-    # ------------------------------------------------------------------ the arm in a scene
-
     def _base(self, arm: str | None, keep: Keep | None) -> int:
+        """Return the body at the arm's base; note what else moves in the world."""
         model, names, label = self.model, self.bodies, self.result.label
         roots = [b for b in range(1, model.nbody) if model.body_parentid[b] == 0]
-        moving = {
-            root: [int(model.jnt_type[j]) for j in range(model.njnt)
-                   if model.body_rootid[model.jnt_bodyid[j]] == root]
-            for root in roots
-        }  # fmt: skip
+        below = model.body_rootid[model.jnt_bodyid]
+        moving = {root: model.jnt_type[below == root].tolist() for root in roots}
         if arm is not None:
             base = names.index(checks.choice("arm", arm, names[1:]))
         elif isinstance(keep, str) and keep in names:
@@ -154,10 +157,10 @@ class _Reader:
 
     # ------------------------------------------------------------------ bodies and joints
 
-    def _add_body(self, body: int, taken: set[str]) -> None:
-        model, tree = self.model, self.result
-        carrier, place = self.at[int(model.body_parentid[body])]
-        place = place * _pose(model.body_pos[body], model.body_quat[body])
+    def _add_body(self, body: int, taken: set[str], carrier: int, place: Any) -> None:
+        """Add a body, on a joint and where on it, and the joints that it has itself."""
+        model, tree, name = self.model, self.result, self.bodies[body]
+        place = place * self._place("body", body)
         first = int(model.body_jntadr[body])
         for j in range(first, first + int(model.body_jntnum[body])):
             # The joint's frame is the body's, moved to where the joint is.
@@ -167,80 +170,74 @@ class _Reader:
         self.at[body] = carrier, place
         xx, yy, zz = (float(x) for x in model.body_inertia[body])
         principal = (float(model.body_mass[body]), 0.0, 0.0, 0.0, xx, 0.0, yy, 0.0, 0.0, zz)
-        inertia = moved(principal, place * _pose(model.body_ipos[body], model.body_iquat[body]))
-        name = self.bodies[body]
+        inertia = moved(principal, place * self._place("body", body, "i"))
         tree.bodies.append(Body(name, carrier, inertia))
-        tree.frames.append(_frame(own_name(name, "link", taken), carrier, "link", place))
+        self._add_frame(own_name(name, "link", taken), "link", carrier, place)
         if model.body_gravcomp[body] and carrier >= 0:
             tree.remark(name, "left out: gravity compensation")
+
+    def _add_frame(self, name: str, kind: str, joint: int, place: Any) -> None:
+        frame = {"name": name, "joint": joint, "type": kind, "placement": rows_of(place)}
+        self.result.frames.append(frame)
 
     def _add_joint(self, j: int, carrier: int, place: Any) -> Any:
         """Add a joint; return its body's frame in the joint's, but for the joint's own place."""
         model, name, tree = self.model, self.joints[j], self.result
-        kind, dof = _KINDS[int(model.jnt_type[j])], int(model.jnt_dofadr[j])
+        kind, at = _KINDS[int(model.jnt_type[j])], int(model.jnt_qposadr[j])
         row: Row = {"name": name, "kind": kind, "placement": rows_of(place)}
         tree.joints.append(row)
         tree.parents.append(carrier)
         if kind not in UNITS:
             return pin.SE3.Identity()
-        axis, at = np.array(model.jnt_axis[j]), int(model.jnt_qposadr[j])
-        row |= {"axis": axis} | self._numbers(j, dof)
+        row |= {"axis": np.array(model.jnt_axis[j])} | self._numbers(j)
         # A coordinate is measured from qpos0, where the file draws the body.
         tree.rest[name] = float(model.qpos0[at])
         if self.home is not None:
             tree.home[name] = float(self.home[at])
-        return displacement(kind, axis, -tree.rest[name])
+        return displacement(kind, row["axis"], -tree.rest[name])
 
-    def _numbers(self, j: int, dof: int) -> dict[str, float]:
-        """Return a joint's numbers, by their names in `VECTORS`; note what they leave out."""
+    def _numbers(self, j: int) -> dict[str, float]:
+        """Return a joint's limits, friction and rotor inertia; note what they leave out."""
         model, name, tree = self.model, self.joints[j], self.result
+        dof = int(model.jnt_dofadr[j])
+        drives = np.isin(model.actuator_trntype, _TO_JOINT) & (model.actuator_trnid[:, 0] == j)
+        actuators = np.flatnonzero(drives)
         lower, upper = _span(model.jnt_limited, model.jnt_range, j)
-        least, most = self._effort(j)
+        least, most = self._effort(j, actuators)
         if abs(least) != abs(most):
             tree.remark(name, f"effort from {least:g} to {most:g} is taken as the larger to both "
                               "sides (with_limits sets another)")  # fmt: skip
-        gears = [(float(model.actuator_gear[i][0]), i) for i in self._actuators(j)]
-        if model.nu and not gears:
+        if model.nu and not len(actuators):
             tree.remark(name, "no actuator, taken as driven without a limit")
         if model.jnt_stiffness[j] or _any(model, "jnt_stiffnesspoly", j):
             tree.remark(name, "left out: a spring")
         if _any(model, "dof_dampingpoly", dof):
             tree.remark(name, "left out: damping that is not linear")
-        extra = {
-            key: sum(gear**2 * float(getattr(model, f"actuator_{key}", np.zeros(model.nu))[i])
-                     for gear, i in gears)
-            for key in ("armature", "damping")
-        }  # fmt: skip
-        return {
+        numbers = {
             "lower": lower, "upper": upper, "effort": max(abs(least), abs(most)) or np.inf,
-            "velocity": np.inf, "friction": float(model.dof_frictionloss[dof]),
-            "damping": float(model.dof_damping[dof]) + extra["damping"],
-            "armature": float(model.dof_armature[dof]) + extra["armature"],
+            "friction": float(model.dof_frictionloss[dof]),
         }  # fmt: skip
+        for key in ("damping", "armature"):
+            # Those of actuators count through the gear; older compilers do not have them.
+            theirs = getattr(model, f"actuator_{key}", np.zeros(model.nu))
+            extra = sum(float(model.actuator_gear[i][0]) ** 2 * float(theirs[i]) for i in actuators)
+            numbers[key] = float(getattr(model, f"dof_{key}")[dof]) + extra
+        return numbers
 
-    # ------------------------------------------------------------------ actuators
-
-    def _actuators(self, j: int) -> list[int]:
-        model = self.model
-        driven = np.isin(model.actuator_trntype, _TO_JOINT) & (model.actuator_trnid[:, 0] == j)
-        return [int(i) for i in np.flatnonzero(driven)]
-
-    def _effort(self, j: int) -> FloatArray:
+    def _effort(self, j: int, actuators: Any) -> tuple[float, float]:
         """Return the least and the most that a joint's actuators give together [N m] or [N]."""
-        forces = [self._force(i) for i in self._actuators(j)]
+        model, forces = self.model, []
+        for i in actuators:
+            low, high = _span(model.actuator_forcelimited, model.actuator_forcerange, i)
+            motor = model.actuator_gaintype[i] == 0 and model.actuator_biastype[i] == 0
+            if motor and model.actuator_dyntype[i] in _BOUNDED and model.actuator_ctrllimited[i]:
+                least, most = np.sort(model.actuator_gainprm[i][0] * model.actuator_ctrlrange[i])
+                low, high = max(low, least), min(high, most)
+            gear = model.actuator_gear[i][0]
+            forces.append(np.sort(gear * np.array([low, high])) if gear else np.zeros(2))
         least, most = np.sum(forces, axis=0) if forces else _ANY
-        low, high = _span(self.model.jnt_actfrclimited, self.model.jnt_actfrcrange, j)
-        return np.array([max(least, low), min(most, high)])
-
-    def _force(self, i: int) -> FloatArray:
-        model = self.model
-        low, high = _span(model.actuator_forcelimited, model.actuator_forcerange, i)
-        motor = model.actuator_gaintype[i] == 0 and model.actuator_biastype[i] == 0
-        if motor and model.actuator_dyntype[i] in _BOUNDED and model.actuator_ctrllimited[i]:
-            least, most = np.sort(model.actuator_gainprm[i][0] * model.actuator_ctrlrange[i])
-            low, high = max(low, least), min(high, most)
-        gear = model.actuator_gear[i][0]
-        return np.sort(gear * np.array([low, high])) if gear else np.zeros(2)
+        low, high = _span(model.jnt_actfrclimited, model.jnt_actfrcrange, j)
+        return max(least, low), min(most, high)
 
     # ------------------------------------------------------------------ what is drawn
 
@@ -250,13 +247,12 @@ class _Reader:
         colour = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
         if kind is None or model.geom_group[geom] > _SHOWN or not colour[3] > 0.0:
             return
-        joint, place = self.at[int(model.geom_bodyid[geom])]
-        place = place * _pose(model.geom_pos[geom], model.geom_quat[geom])
+        joint, place = self._carried("geom", geom)
         size, path = _floats(model.geom_size[geom]), ""
         if kind == "mesh":
             mesh = int(model.geom_dataid[geom])
             # The compiler moves a mesh to its centre of mass and principal axes.
-            place = place * _pose(model.mesh_pos[mesh], model.mesh_quat[mesh]).inverse()
+            place = place * self._place("mesh", mesh).inverse()
             size = _floats(model.mesh_scale[mesh])
             paths, at = bytes(model.paths), int(model.mesh_pathadr[mesh])
             if at < 0:
@@ -270,15 +266,6 @@ class _Reader:
             size = size[:1]
         yield {"joint": joint, "placement": rows_of(place), "kind": kind, "size": size,
                "colour": _floats(colour), "path": path}  # fmt: skip
-
-
-def _frame(name: str, joint: int, kind: str, place: Any) -> Row:
-    return {"name": name, "joint": joint, "type": kind, "placement": rows_of(place)}
-
-
-def _pose(position: Any, quaternion: Any) -> Any:
-    w, x, y, z = (float(part) for part in quaternion)
-    return pin.SE3(pin.Quaternion(w, x, y, z).normalized().matrix(), np.array(position))
 
 
 def _any(model: Any, name: str, k: int) -> bool:
