@@ -348,7 +348,7 @@ class Arm(ArmChanges):
         ------
         ArgumentError
             An unknown name; the message gives the nearest.
-        ArmError
+        FpidError
             The package is missing (``pip install fpid_pin[descriptions]``), the download failed,
             or the file is refused as `from_urdf` and `from_mjcf` refuse it.
         """

@@ -16,7 +16,7 @@ from fpid_pin.arms.robot_file import one_line
 from fpid_pin.arms.tree import Tree
 from fpid_pin.arms.urdf import urdf_tree
 from fpid_pin.exceptions import ArmError
-from fpid_pin.text import cut
+from fpid_pin.resources import needed
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,6 @@ ENTRIES = {
 def names() -> tuple[str, ...]:
     """Return the names that `Arm.from_example` knows, sorted."""
     return tuple(sorted(ENTRIES))
-
-
-def note(name: str) -> str:
-    """Return what a user of this arm should know; empty if nothing."""
-    return ENTRIES[checks.choice("arm", name, names())].note
 
 
 def example_tree(name: str) -> tuple[Tree, Mapping[str, float]]:
@@ -86,14 +81,23 @@ ENDING = "_description"
 
 
 def described_file(name: str) -> tuple[str, dict[str, Any]]:
-    """Return the file of a description, and where its meshes are as `Arm.from_file` takes it."""
-    module = _module(name)
-    if hasattr(module, "URDF_PATH") or hasattr(module, "XACRO_PATH"):
-        path = str(getattr(module, "URDF_PATH", None) or _written_out(module, name))
+    """Return the file of a description, and where its meshes are as `Arm.from_file` takes it.
+
+    Its module is imported, which downloads the robot the first time.
+    """
+    checks.choice("description", name, _modules(needed(_PACKAGE, "descriptions")))
+    with one_line(f"{name}: cannot be downloaded"):
+        module = importlib.import_module(f"{_PACKAGE}.{name}")
+    urdf = getattr(module, "URDF_PATH", None)
+    if urdf is None and hasattr(module, "XACRO_PATH"):
+        with one_line(f"{name}: xacro cannot write it out"):
+            urdf = importlib.import_module(f"{_PACKAGE}._xacro").get_urdf_path(module)
+    if urdf is not None:
         folders = {str(getattr(module, key)) for key in ("PACKAGE_PATH", "REPOSITORY_PATH")
                    if hasattr(module, key)}  # fmt: skip
         # Meshes are addressed by the package's name, one folder up.
-        return path, {"package_dirs": sorted(folders | {str(Path(x).parent) for x in folders})}
+        above = {str(Path(folder).parent) for folder in folders}
+        return str(urdf), {"package_dirs": sorted(folders | above)}
     if hasattr(module, "MJCF_PATH"):
         return str(module.MJCF_PATH), {}
     raise ArmError(f"{name}: expected a description with a URDF or an MJCF file, got neither")
@@ -110,23 +114,3 @@ def descriptions() -> list[str]:
 def _modules(package: Any) -> list[str]:
     names = (item.name for item in pkgutil.iter_modules(package.__path__))
     return [name for name in names if name.endswith(ENDING) and not name.startswith("_")]
-
-
-def _module(name: Any) -> Any:
-    """Import the module of a description, which downloads the robot the first time."""
-    try:
-        package = importlib.import_module(_PACKAGE)
-    except ImportError:
-        raise ArmError(
-            f"{cut(str(name))}: expected the package robot_descriptions, got none "
-            "(pip install fpid_pin[descriptions])"
-        ) from None
-    checks.choice("description", name, _modules(package))
-    with one_line(f"{name}: cannot be downloaded"):
-        return importlib.import_module(f"{_PACKAGE}.{name}")
-
-
-def _written_out(module: Any, name: str) -> str:
-    """Return the URDF that the package's own xacro makes of a description, as its loaders do."""
-    with one_line(f"{name}: xacro cannot write it out"):
-        return str(importlib.import_module(f"{_PACKAGE}._xacro").get_urdf_path(module))

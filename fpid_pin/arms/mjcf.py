@@ -20,7 +20,7 @@ from fpid_pin.arms.parts import (
     moved,
     rows_of,
 )
-from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_root
+from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot
 from fpid_pin.arms.tree import Body, Keep, Tree
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import ArmError
@@ -46,7 +46,7 @@ def mjcf_tree(path: str | Path, arm: str | None = None, keep: Keep | None = None
     that stands in the world and has joints.
     """
     label = cut(str(path))
-    require_root(parse_xml(read_robot(path, "MJCF"), label), "mujoco", label)
+    parse_xml(read_robot(path, "MJCF"), label, "mujoco")
     mujoco = needed("mujoco", "mujoco")
     with one_line(f"{label}: MuJoCo cannot compile it"):
         model = mujoco.MjModel.from_xml_path(str(path))

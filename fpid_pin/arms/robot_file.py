@@ -36,12 +36,12 @@ def read_robot(path: str | Path, kind: str = "URDF") -> bytes:
         raise ArmError(f"{label}: cannot be read: {error.strerror or error}") from None
 
 
-def parse_xml(text: bytes | str, label: str) -> ET.Element:
-    """Parse a robot's file as urdfdom and MuJoCo do, and return its root.
+def parse_xml(text: bytes | str, label: str, *roots: str) -> ET.Element:
+    """Parse a robot's file as urdfdom and MuJoCo do, and return its root, called one of `roots`.
 
     That is without namespaces: a prefix is part of a name, and need not be declared. White space
     may come before the declaration, and ``--`` may stand in a comment. Broken XML, elements too
-    deep and a file that `xacro` has to read first are an `ArmError`.
+    deep, another root and a file that `xacro` has to read first are an `ArmError`.
     """
     # Of a text the encoding is known, whatever it declares.
     parser = expat.ParserCreate("utf-8" if isinstance(text, str) else None)
@@ -76,24 +76,16 @@ def parse_xml(text: bytes | str, label: str) -> ET.Element:
             f"{label}: expected a robot that is written out, got macros of xacro (run: xacro "
             f"{shell} > robot.urdf, and read that)"
         )
-    return root
-
-
-def require_root(root: ET.Element, tag: str, label: str) -> None:
-    """Refuse a file of another kind, and say what reads it."""
-    if root.tag != tag:
+    if root.tag not in roots:
+        known = " or ".join(f"<{tag}>" for tag in roots)
         hint = f" ({KINDS[root.tag][1]} reads it)" if root.tag in KINDS else ""
-        raise ArmError(f"{label}: expected a <{tag}> element, got <{cut(root.tag, _TAG)}>{hint}")
+        raise ArmError(f"{label}: expected {known}, got <{cut(root.tag, _TAG)}>{hint}")
+    return root
 
 
 def kind_of(path: str | Path) -> str:
     """Return the root element of a robot's file, one of `KINDS`; of another, an `ArmError`."""
-    label = cut(str(path))
-    root = parse_xml(read_robot(path, "URDF or MJCF"), label)
-    if root.tag not in KINDS:
-        known = " or ".join(f"<{tag}>" for tag in KINDS)
-        raise ArmError(f"{label}: expected {known}, got <{cut(root.tag, _TAG)}>")
-    return str(root.tag)
+    return parse_xml(read_robot(path, "URDF or MJCF"), cut(str(path)), *KINDS).tag
 
 
 @contextmanager

@@ -56,23 +56,16 @@ class HoldError(ArmError):
     `lock` has the joints and where they are, `keep` the tip of what would be left or nothing.
     """
 
-    what: str
-    lock: Mapping[str, float]
-    keep: str
-
-    @classmethod
-    def of(cls, what: str, lock: Mapping[str, float], keep: str, form: str = "script") -> HoldError:
-        """Return the error with its hint in one of the forms ``script``, ``toml``, ``shell``."""
+    def __init__(self, what: str, lock: Any = None, keep: str = "", form: str = "script") -> None:
         quote, keeping, locking, between, joint = _FORMS[form]
-        held = between.join(joint.format(quote(name), value) for name, value in lock.items())
+        self.what, self.lock, self.keep = what, lock or {}, keep
+        held = between.join(joint.format(quote(name), at) for name, at in self.lock.items())
         ways = [keeping.format(quote(keep))] * bool(keep) + [locking.format(held)] * bool(held)
-        error = cls(what + (f" ({' or '.join(ways)})" if ways else ""))
-        error.what, error.lock, error.keep = what, lock, keep
-        return error
+        super().__init__(what + (f" ({' or '.join(ways)})" if ways else ""))
 
     def written(self, form: str) -> HoldError:
-        """Return the error with its hint in another form."""
-        return self.of(self.what, self.lock, self.keep, form)
+        """Return the error with its hint in one of the forms ``script``, ``toml``, ``shell``."""
+        return HoldError(self.what, self.lock, self.keep, form)
 
 
 class Body(NamedTuple):
@@ -170,7 +163,8 @@ class Tree:
 
     def remark(self, name: str, text: str) -> None:
         """Note something of a joint or a link."""
-        self.remarks.setdefault(text, []).append(name)
+        names = self.remarks.setdefault(text, [])
+        names += [name] * (name not in names)
 
     def warn(self, chain: Chain) -> None:
         """Say what a user should know of how the file was read, as far as it matters to the arm."""
@@ -223,37 +217,38 @@ class Tree:
     # ------------------------------------------------------------------ is it a chain
 
     def _require_chain(self, free: list[int]) -> None:
-        label = cut(self.label)
+        label, names = cut(self.label), self.names
         if not free:
             raise ArmError(f"{label}: expected at least one joint that is free to move, got none")
-        fault = next(filter(None, map(self._joint_fault, free)), "")
-        able = [k for k in free if not self._joint_fault(k)]
-        above = {k: next((p for p in reversed(self._path(k)[:-1]) if p in able), -1) for k in able}
+        faults = {k: self._joint_fault(k) for k in free}
+        able = [k for k in free if not faults[k]]
+        above = {k: next((p for p in self._path(k)[-2::-1] if p in able), -1) for k in able}
         below = {k: [j for j in able if above[j] == k] for k in (-1, *able)}
-        branch = next((k for k in below if len(below[k]) > 1), None)
-        if branch is not None:
-            where = "its base" if branch < 0 else f"joint {named(self.names[branch])}"
-            into = listed(self.names[k] for k in below[branch])
-            fault = fault or (
-                f"expected a serial chain, got a tree that branches at {where} into {into}"
-            )
-        if fault:
-            # A finger that others follow is no part of the arm either.
-            followers, names = self.followers, self.names
-            fingers = {*followers, *(master for master, _, _ in followers.values())}
-            for k in able:
-                if names[k] in fingers and not below[k]:
-                    below[above[k]].remove(k)
-            chain = _main_chain(below)
-            others = [names[k] for k in free if k not in chain]
-            rest = {name: self.rest.get(name, 0.0) for name in others
-                    if name not in followers or followers[name][0] not in others}  # fmt: skip
-            if any(self.joints[k]["kind"] not in UNITS for k in free):
-                rest = {}
-            # What stands on a joint that no arm has is not to be had by its tip either.
-            stands = chain and not any(map(self._joint_fault, self._path(chain[-1])))
-            tip = self._link_of(chain[-1]) if stands else ""
-            raise HoldError.of(f"{label}: {fault}", rest, tip)
+        for joint, branches in below.items():
+            if len(branches) > 1:
+                where = "its base" if joint < 0 else f"joint {named(names[joint])}"
+                into = listed(names[k] for k in branches)
+                said = f"expected a serial chain, got a tree that branches at {where} into {into}"
+                faults.setdefault(-1, said)
+        fault = next(filter(None, faults.values()), "")
+        if not fault:
+            return
+        # A finger that others follow is no part of the arm either.
+        fingers = {*self.followers, *(master for master, _, _ in self.followers.values())}
+        for k in able:
+            if names[k] in fingers and not below[k]:
+                below[above[k]].remove(k)
+        chain = _main_chain(below)
+        others = [names[k] for k in free if k not in chain]
+        rest = {name: self.rest.get(name, 0.0) for name in others
+                if name not in self.followers or self.followers[name][0] not in others}  # fmt: skip
+        if any(self.joints[k]["kind"] not in UNITS for k in free):
+            rest = {}
+        # What stands on a joint that no arm has is not to be had by its tip either.
+        stands = chain and not any(map(self._joint_fault, self._path(chain[-1])))
+        links = [body.name for body in self.bodies if stands and body.joint == chain[-1]]
+        tip = [*links, names[chain[-1]]][0] if stands else ""
+        raise HoldError(f"{label}: {fault}", rest, tip)
 
     def _joint_fault(self, k: int) -> str:
         name, kind, fault = self.joints[k]["name"], self.joints[k]["kind"], ""
@@ -262,10 +257,6 @@ class Tree:
         elif kind not in UNITS:
             fault = f"revolute, continuous or prismatic, got {_WORDS.get(kind, kind)}"
         return fault and f"joint {named(name)}: expected {fault}"
-
-    def _link_of(self, joint: int) -> str:
-        links = [body.name for body in self.bodies if body.joint == joint]
-        return (links or [self.names[joint]])[0]
 
     # ------------------------------------------------------------------ what it carries
 

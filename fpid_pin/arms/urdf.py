@@ -17,9 +17,9 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin import checks
-from fpid_pin.arms.chain import MOST_JOINTS
-from fpid_pin.arms.parts import GREY, UNITS, moved, rows_of
-from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot, require_root
+from fpid_pin.arms.chain import MOST_JOINTS, Row
+from fpid_pin.arms.parts import GREY, SIZES, UNITS, moved, rows_of
+from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot
 from fpid_pin.arms.tree import Body, Tree, tree_of
 from fpid_pin.exceptions import ArmError
 from fpid_pin.text import cut, listed, named
@@ -29,14 +29,13 @@ from fpid_pin.text import cut, listed, named
 MOST_LINKS = 2000
 #: How many folders above the URDF's own are tried for ``package://name/...``.
 _ABOVE = 4
-#: Attributes that hold a shape's lengths, and how many each.
+#: Attributes that hold a shape's lengths: a size or a scale are three.
 _LENGTHS = {
-    "box": {"size": 3},
-    "cylinder": {"radius": 1, "length": 1},
-    "capsule": {"radius": 1, "length": 1},
-    "sphere": {"radius": 1},
-    "mesh": {"scale": 3},
-}
+    "box": ("size",), "cylinder": ("radius", "length"), "capsule": ("radius", "length"),
+    "sphere": ("radius",), "mesh": ("scale",),
+}  # fmt: skip
+#: Attributes of a limit, and what they are where they are left out.
+_LIMITS = {"effort": "inf", "velocity": "inf", "lower": "0", "upper": "0"}
 #: Numbers of a joint that mimics another, as they are by default.
 _MIMIC = ("multiplier", "1"), ("offset", "0")
 _TO_SET = "(with_limits, in files changes = [{ limits = ... }], sets one)"
@@ -61,8 +60,7 @@ def urdf_tree(
         text = checks.plain("urdf", urdf, str, "the text of a URDF")
     folder = None if path is None else Path(path).absolute().parent
     label = cut(str(path or "URDF"))
-    root = parse_xml(text, label)
-    require_root(root, "robot", label)
+    root = parse_xml(text, label, "robot")
     _require_single(root, label)
     _require_few(root, label)
     remarks = list(_fix_limits(root))
@@ -129,25 +127,22 @@ def _fix_limits(root: ET.Element) -> Iterator[tuple[str, str]]:
         name, limit = joint.get("name", ""), joint.find("limit")
         if limit is None or joint.get("type") == "fixed":
             continue
+        given = {key: _number(limit.get(key, none)) for key, none in _LIMITS.items()}
         for key in ("effort", "velocity"):
-            value = _number(limit.get(key, "inf"))
-            if value <= 0.0:
-                yield name, f"{key} {value:g} is taken as no limit {_TO_SET}"
-            if value < 0.0 or math.isinf(value):
+            if given[key] <= 0.0:
+                yield name, f"{key} {given[key]:g} is taken as no limit {_TO_SET}"
+            if given[key] < 0.0 or math.isinf(given[key]):
                 limit.set(key, "0")
-        bounds = [_number(limit.get(key, "0")) for key in ("lower", "upper")]
-        for key, value in zip(("lower", "upper"), bounds, strict=True):
-            if math.isinf(value):
-                limit.set(key, f"{math.copysign(1e6, value):g}")
+        for key in ("lower", "upper"):
+            if math.isinf(given[key]):
+                limit.set(key, f"{math.copysign(1e6, given[key]):g}")
+        lower, upper = given["lower"], given["upper"]
         if joint.get("type") == "continuous":
-            if any(bounds):
+            if lower or upper:
                 yield name, "lower and upper are not used, as the joint is continuous"
-        elif bounds[0] >= bounds[1]:
-            yield (
-                name,
-                f"lower {bounds[0]:g} is not below upper {bounds[1]:g}, taken as no limits "
-                f"{_TO_SET.replace('one', 'them')}",
-            )
+        elif lower >= upper:
+            said = f"lower {lower:g} is not below upper {upper:g}, taken as no limits"
+            yield name, f"{said} {_TO_SET.replace('one', 'them')}"
 
 
 def _number(text: str) -> float:
@@ -229,8 +224,7 @@ def _add_visuals(
         with suppress(ValueError):
             colours[material.get("name", "")] = _rgba(material)
     for link in root.findall("link"):
-        name, unclear = link.get("name", ""), False
-        frame = links[name]
+        frame = links[link.get("name", "")]
         for visual in link.findall("visual"):
             try:
                 pose = frame.placement * _pose(visual.find("origin"))
@@ -239,24 +233,18 @@ def _add_visuals(
                     **_solid(visual, colours, folders),
                 })  # fmt: skip
             except ValueError:
-                unclear = True
-        if unclear:
-            tree.remark(name, "a visual without one shape of known size is not drawn")
+                said = "a visual without one shape of known size is not drawn"
+                tree.remark(link.get("name", ""), said)
 
 
-def _solid(
-    visual: ET.Element, colours: Mapping[str, list[float]], folders: list[Path]
-) -> dict[str, Any]:
+def _solid(visual: ET.Element, colours: Mapping[str, list[float]], folders: list[Path]) -> Row:
     """Return the shape of a visual; raises ValueError where it has not one of known size."""
     (solid,) = visual.findall("geometry/*")
     mesh = solid.tag == "mesh"
     if solid.tag not in _LENGTHS:
         raise ValueError(solid.tag)
-    size = [
-        x
-        for key, count in _LENGTHS[solid.tag].items()
-        for x in _numbers(solid, key, count, "1 1 1" if mesh else "")
-    ]
+    texts = [solid.get(key, "1 1 1" if mesh else "") for key in _LENGTHS[solid.tag]]
+    size = [x for text in texts for x in _numbers(text, SIZES[solid.tag] // len(texts))]
     if not mesh and min(size) <= 0.0:
         raise ValueError(size)
     material, colour = visual.find("material"), list(GREY)
@@ -291,18 +279,18 @@ def _pose(origin: ET.Element | None) -> Any:
     """Return the ``pinocchio.SE3`` of an ``<origin>``; None: where its owner is."""
     if origin is None:
         return pin.SE3.Identity()
-    xyz, rpy = (np.array(_numbers(origin, key, 3, "0 0 0")) for key in ("xyz", "rpy"))
+    xyz, rpy = (np.array(_numbers(origin.get(key, "0 0 0"), 3)) for key in ("xyz", "rpy"))
     return pin.SE3(pin.rpy.rpyToMatrix(*rpy), xyz)
 
 
 def _rgba(material: ET.Element) -> list[float]:
     colour = material.find("color")
-    return _numbers(material if colour is None else colour, "rgba", 4)
+    return _numbers("" if colour is None else colour.get("rgba", ""), 4)
 
 
-def _numbers(element: ET.Element, key: str, count: int, absent: str = "") -> list[float]:
-    """Return an attribute's numbers; raises ValueError where they are not so many finite ones."""
-    values = [float(word) for word in element.get(key, absent).split()]
+def _numbers(text: str, count: int) -> list[float]:
+    """Return the numbers of a text; raises ValueError where they are not so many finite ones."""
+    values = [float(word) for word in text.split()]
     if len(values) != count or not all(map(math.isfinite, values)):
-        raise ValueError(key)
+        raise ValueError(text)
     return values

@@ -95,7 +95,8 @@ def arm_of_table(table: dict[str, Any]) -> Arm:
 def arm_rows() -> list[Row]:
     """Return a row for each arm that ``Arm.from_example`` knows, and the paper's own."""
     arms = [("two_link", Arm.two_link(), "the paper's section 5.1, no limits given")]
-    arms += [(name, Arm.from_example(name), catalogue.note(name)) for name in catalogue.names()]
+    for name in catalogue.names():
+        arms.append((name, Arm.from_example(name), catalogue.ENTRIES[name].note))
     return [
         {
             "name": name,

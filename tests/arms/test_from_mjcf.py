@@ -358,7 +358,7 @@ REFUSED = {
     "a ball": (world('<joint type="ball"/>' + I), r"joint 'joint0': .* got a ball joint"),
     "nothing that moves": (world(I), "one body in the world with joints, got none"),
     "macros": ('<mujoco xmlns:xacro="x"><xacro:a/></mujoco>', "run: xacro .* > robot.urdf"),
-    "a URDF": ("<robot name='a'/>", r"expected a <mujoco> element, got <robot> \(Arm.from_urdf"),
+    "a URDF": ("<robot name='a'/>", r"expected <mujoco>, got <robot> \(Arm.from_urdf"),
 }  # fmt: skip
 
 

@@ -11,7 +11,7 @@ from robots import write
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.cli.main import main
-from fpid_pin.exceptions import ArgumentError, ArmError
+from fpid_pin.exceptions import ArgumentError, ArmError, FpidError
 
 XACRO = (
     '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r">'
@@ -48,7 +48,7 @@ def test_a_urdf_that_xacro_has_written_is_read(tmp_path):
 @pytest.mark.parametrize(
     ("read", "text", "message"),
     [
-        (Arm.from_urdf, MJCF, r"expected a <robot> element, got <mujoco> \(Arm.from_mjcf reads it"),
+        (Arm.from_urdf, MJCF, r"expected <robot>, got <mujoco> \(Arm.from_mjcf reads it"),
         (Arm.from_file, "<html/>", "expected <robot> or <mujoco>, got <html>"),
         (Arm.from_file, "links", "expected well-formed XML"),
         (Arm.from_file, "<a>" * 200 + "</a>" * 200, "expected at most 100 elements within one"),
@@ -133,5 +133,5 @@ def test_the_command_line_suggests_names_of_the_package_too(package, capsys):
 
 def test_a_missing_package_says_how_to_install_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "robot_descriptions", None)
-    with pytest.raises(ArmError, match=r"pip install fpid_pin\[descriptions\]"):
+    with pytest.raises(FpidError, match=r"pip install 'fpid_pin\[descriptions\]'"):
         Arm.from_description("ur5e_description")
