@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms.chain import Chain, Frame, Joint, gravity_vector
+from fpid_pin.arms.chain import Chain, Frame, Joint
 from fpid_pin.arms.parts import REVOLUTE, Numbers, Shape
 from fpid_pin.exceptions import ArgumentError
 
@@ -42,7 +42,6 @@ def planar_chain(
             "masses", f"shape {lengths.shape} (one for each length)", f"shape {masses.shape}"
         )
     checks.instance("rods", rods, bool, "True or False")
-    down = gravity_vector("gravity", gravity).tolist()
     joints, frames, shapes = [], [], list[Shape]()
     placement = _at(_TURNED, 0.0)
     thick = 0.03 * float(lengths.mean())
@@ -61,10 +60,10 @@ def planar_chain(
             radius = 2.5 * thick * float(np.cbrt(mass / masses.max()))
             shapes.append(Shape(k, placement, "sphere", (radius,), _RED))
     frames.append(Frame("tool", lengths.size - 1, "frame", placement))
-    chain = Chain(joints, frames, shapes, f"planar{lengths.size}", down, tool="tool")
-    written = -down[2] if down[:2] == [0.0, 0.0] and down[2] <= 0.0 else down
-    numbers = {"lengths": lengths.tolist(), "masses": masses.tolist(), "gravity": written}
-    return chain, {"kind": "planar", **numbers, "rods": rods}
+    chain = Chain(joints, frames, shapes, f"planar{lengths.size}", gravity, tool="tool")
+    numbers = {"lengths": lengths, "masses": masses, "gravity": np.asarray(gravity, float)}
+    table = {name: value.tolist() for name, value in numbers.items()}
+    return chain, {"kind": "planar", **table, "rods": rods}
 
 
 def _at(rotation: Rotation, x: float) -> tuple[Numbers, ...]:

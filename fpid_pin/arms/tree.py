@@ -83,7 +83,7 @@ class Tree:
     Joints are counted from 0, each after its parent; -1 is the base.
     """
 
-    label: str  # what to call it in a message
+    label: str  # what to call it in a message, cut to fit one
     name: str
     gravity: Any  # (3,) [m/s^2]
     joints: list[Row] = field(default_factory=list)  # without inertias; of no kind, a placement
@@ -158,8 +158,8 @@ class Tree:
             if group == "joints" and key:
                 which = named(joints[int(key[0])]["name"])
                 said = f"joint {which}: expected {key[1]} {error.expected}, got {error.got}"
-                raise ArmError(f"{cut(self.label)}: {said}") from None
-            raise ArmError(f"{cut(self.label)}: {error}") from None
+                raise ArmError(f"{self.label}: {said}") from None
+            raise ArmError(f"{self.label}: {error}") from None
 
     def remark(self, name: str, text: str) -> None:
         """Note something of a joint or a link."""
@@ -173,7 +173,7 @@ class Tree:
             told = [name for name in names if name not in held]
             if told or not names:
                 of = f"{listed(told)}: " if told else ""
-                warnings.warn(f"{cut(self.label)}: {of}{text}", FpidWarning, stacklevel=4)
+                warnings.warn(f"{self.label}: {of}{text}", FpidWarning, stacklevel=4)
 
     # ------------------------------------------------------------------ which joints are held
 
@@ -187,7 +187,7 @@ class Tree:
             kind = self.joints[names.index(name)]["kind"]
             if kind not in UNITS:
                 raise ArmError(
-                    f"{cut(self.label)}: joint {named(name)}: expected a joint with one coordinate "
+                    f"{self.label}: joint {named(name)}: expected a joint with one coordinate "
                     f"to lock, got {_WORDS.get(kind, kind)}"
                 )
         if keep is not None:
@@ -217,9 +217,10 @@ class Tree:
     # ------------------------------------------------------------------ is it a chain
 
     def _require_chain(self, free: list[int]) -> None:
-        label, names = cut(self.label), self.names
+        names = self.names
         if not free:
-            raise ArmError(f"{label}: expected at least one joint that is free to move, got none")
+            said = "expected at least one joint that is free to move, got none"
+            raise ArmError(f"{self.label}: {said}")
         faults = {k: self._joint_fault(k) for k in free}
         able = [k for k in free if not faults[k]]
         above = {k: next((p for p in self._path(k)[-2::-1] if p in able), -1) for k in able}
@@ -248,7 +249,7 @@ class Tree:
         stands = chain and not any(map(self._joint_fault, self._path(chain[-1])))
         links = [body.name for body in self.bodies if stands and body.joint == chain[-1]]
         tip = [*links, names[chain[-1]]][0] if stands else ""
-        raise HoldError(f"{label}: {fault}", rest, tip)
+        raise HoldError(f"{self.label}: {fault}", rest, tip)
 
     def _joint_fault(self, k: int) -> str:
         name, kind, fault = self.joints[k]["name"], self.joints[k]["kind"], ""
@@ -273,7 +274,7 @@ class Tree:
                         names[k],
                         f"inertia changed by {100.0 * far:.2g} % to the closest that a body has",
                     )
-            require_physical(names, rows, cut(self.label))
+            require_physical(names, rows, self.label)
         places = [(body, *at[body.joint]) for body in moving]
         return [Body(body.name, joint, moved(body.inertia, place)) for body, joint, place in places]
 
@@ -314,7 +315,7 @@ def tree_of(model: Any, geometry: Any = None) -> Tree:
     if geometry is not None:
         checks.instance("geometry", geometry, pin.GeometryModel, "a pinocchio.GeometryModel")
     name, gravity = str(model.name), np.array(model.gravity.linear)
-    tree = Tree(name or "model", name, gravity, frames=frame_rows(model))
+    tree = Tree(cut(name) or "model", name, gravity, frames=frame_rows(model))
     tree.shapes = [] if geometry is None else shape_rows(geometry)
     poses = {pair.key(): pair.data() for pair in model.referenceConfigurations}
     home = np.array(poses.get("home", ()), dtype=np.float64)

@@ -70,27 +70,11 @@ def meshed(tmp_path, address, folder=None):
     return write(where, robot(*parts))
 
 
-TETRAHEDRON = """solid t
-facet normal 0 0 1
-outer loop
-vertex 0 0 0
-vertex 1 0 0
-vertex 0 1 0
-endloop
-endfacet
-facet normal 0 1 0
-outer loop
-vertex 0 0 0
-vertex 1 0 0
-vertex 0 0 1
-endloop
-endfacet
-endsolid t
-"""
+TRIANGLES = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\n"
 
 
 def test_missing_meshes_are_said_once_and_the_dynamics_work(tmp_path):
-    arm = Arm.from_urdf(meshed(tmp_path, "package://my_robot/meshes/a.stl"))
+    arm = Arm.from_urdf(meshed(tmp_path, "package://my_robot/meshes/a.obj"))
     assert arm.mass_matrix(arm.home).shape == (2, 2)
     with pytest.warns(
         FpidWarning, match=r"1 mesh file\(s\) not found or not read, first 'package://my_rob"
@@ -106,14 +90,14 @@ def test_missing_meshes_are_said_once_and_the_dynamics_work(tmp_path):
 @pytest.mark.parametrize(
     ("address", "folder"),
     # As in a ROS package the URDF has a folder beside the meshes; or `package_dirs` says where.
-    [("meshes/a.stl", "away/my_robot"), ("file://{}/meshes/a.stl", "away/my_robot/urdf"),
-     ("package://my_robot/meshes/a.stl", "away/my_robot/urdf"),
-     ("package://my_robot/meshes/a.stl", "here/x/y")],
+    [("meshes/a.obj", "away/my_robot"), ("file://{}/meshes/a.obj", "away/my_robot/urdf"),
+     ("package://my_robot/meshes/a.obj", "away/my_robot/urdf"),
+     ("package://my_robot/meshes/a.obj", "here/x/y")],
 )  # fmt: skip
 def test_meshes_are_found_beside_and_above_the_file_and_where_told(address, folder, tmp_path):
     package = tmp_path / "away" / "my_robot"
     (package / "meshes").mkdir(parents=True)
-    (package / "meshes" / "a.stl").write_text(TETRAHEDRON)
+    (package / "meshes" / "a.obj").write_text(TRIANGLES)
     path = meshed(tmp_path, address.format(package), tmp_path / folder)
     told = {"package_dirs": [tmp_path / "away"]} if folder.startswith("here") else {}
     arm = Arm.from_urdf(path, **told)
@@ -154,6 +138,7 @@ ACCEPTED = {
     "space before the declaration": '\n  <?xml version="1.0" encoding="utf-8"?>' + PLAIN,
     "another encoding": '<?xml version="1.0" encoding="latin-1"?><!-- é -->' + PLAIN,
     "a prefix that is not declared": PLAIN.replace("</robot>", '<gazebo:x a:b="1"/></robot>'),
+    "xacro's namespace": PLAIN.replace("<robot", '<robot xmlns:xacro="http://ros.org/wiki/xacro"'),
     "a default namespace": PLAIN.replace("<robot", '<robot xmlns="http://www.ros.org"'),
     "an element twice": PLAIN.replace(LIMIT, LIMIT * 2),
     "an odd inertia that never moves": PLAIN.replace(link("base"), link("base", 1.0, (-1, 1, 9))),

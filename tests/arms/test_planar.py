@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from fpid_pin.arms import Arm
-from fpid_pin.exceptions import ArgumentError
 
 
 def energies(q, lengths, masses, gravity, rods):
@@ -70,19 +69,6 @@ def test_gravity_may_be_off_or_tilted():
     tilted = Arm.planar((1, 1), (1, 1), gravity=(0.0, -9.8, 0.0))
     np.testing.assert_allclose(tilted.gravity_vector((0.3, 0.4)), 0, atol=1e-12)
     assert tilted.gravity == 9.8
-
-
-@pytest.mark.parametrize(
-    ("lengths", "masses", "message"),
-    [
-        ((1.0, 0.8), (1.0,), r"masses: expected shape \(2,\)"),
-        ((1.0, 0.0), (1.0, 1.0), r"lengths\.1: expected a number > 0, got 0"),
-        ("long", (1.0,), "lengths: expected numbers"),
-    ],
-)
-def test_bad_lengths_and_masses_are_named(lengths, masses, message):
-    with pytest.raises(ArgumentError, match=message):
-        Arm.planar(lengths, masses)
 
 
 # ---------------------------------------------------------------------- the paper's
