@@ -104,6 +104,8 @@ E = fp.paper_experiment(duration=0.01)
         (lambda: fp.Experiment(fp.Arm, Hold(0.0)), "arm: expected an Arm, got the class Arm"),
         (lambda: fp.Experiment(ARM, Hold), "reference: .* got the class Hold"),
         (lambda: fp.simulate(E, "pid"), "controller: expected a Controller, got str"),
+        (lambda: fp.simulate(["x"], LAW), "experiment: expected an Experiment, got str"),
+        (lambda: fp.simulate([E] * 2, [LAW] * 3), "equal numbers, or one of either, got 2 and 3"),
     ],
 )
 def test_what_is_swapped_or_a_class_is_one_clear_line(call, words):
