@@ -17,8 +17,7 @@ from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.state import State, start_all
-from fpid_pin.costs import SETTLING_BAND, Rows
-from fpid_pin.costs.cost import BLOCK_ROWS
+from fpid_pin.costs import BLOCK_ROWS, SETTLING_BAND, Rows
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import records
 from fpid_pin.kernels.plant import (

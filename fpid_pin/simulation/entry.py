@@ -13,8 +13,7 @@ import numpy as np
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.costs import Cost, Metrics, QuadraticCost, RowCost, Rows
-from fpid_pin.costs.cost import BLOCK_ROWS, MOTION
+from fpid_pin.costs import BLOCK_ROWS, MOTION, Cost, Metrics, QuadraticCost, RowCost, Rows
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.resources import require_memory

@@ -16,8 +16,7 @@ from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.control.loop import Record
-from fpid_pin.costs import Metrics, tool_distance
-from fpid_pin.costs.cost import MOTION
+from fpid_pin.costs import MOTION, Metrics, tool_distance
 from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.resources import needed
 from fpid_pin.simulation.experiment import Experiment, Outcome

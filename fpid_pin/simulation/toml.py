@@ -72,8 +72,10 @@ def to_toml(
     else:
         rest["condition"] = found
     text = "\n".join([toml_text(head | rest), controllers_toml(laws)])
-    if '"custom"' in text and (odd := _unnamed([rest, *map(descriptions.to_dict, laws.values())])):
-        raise ArgumentError("experiments, controllers", "classes named by fpid_pin.described", odd)
+    if odd := re.search(r'kind = "custom",?\s+repr = "((?:\\.|[^"\\])*)"', text):
+        raise ArgumentError(
+            "experiments, controllers", "classes named by fpid_pin.described", odd[1]
+        )
     return text
 
 
@@ -130,13 +132,3 @@ def own_files(things: Sequence[Any]) -> list[str]:
         elif dataclasses.is_dataclass(thing):
             known += [getattr(thing, field.name) for field in dataclasses.fields(thing)]
     return sorted(files & {str(getattr(sys.modules.get(m), "__file__", None)) for m in modules})
-
-
-def _unnamed(value: Any) -> str:
-    """Return what a table has of classes without a name for files: the first one's text."""
-    if isinstance(value, Mapping):
-        if value.get("kind") == "custom":
-            return str(value.get("repr"))
-        value = list(value.values())
-    found = map(_unnamed, value) if isinstance(value, list) else ()
-    return next(filter(None, found), "")

@@ -23,7 +23,7 @@ from fpid_pin.control.functions import plain_function
 from fpid_pin.control.law import Controller, Integral, is_number
 from fpid_pin.control.state import NODES, State
 from fpid_pin.control.supervisor import Supervisor
-from fpid_pin.costs.cost import BLOCK_ROWS
+from fpid_pin.costs import BLOCK_ROWS
 from fpid_pin.exceptions import ArgumentError, DesignError, FpidError, FpidWarning
 from fpid_pin.export.javascript import HELPERS, JavaScript
 from fpid_pin.export.kinds import INT, Array, Kind, bundle, real, words

@@ -11,8 +11,15 @@ import pytest
 from own_laws import JointPd, PythonPd
 
 import fpid_pin as fp
-from fpid_pin.costs import METRICS, FromRows, MetricCost, QuadraticCost, SettlingCost, ToolCost
-from fpid_pin.costs.cost import BLOCK_ROWS
+from fpid_pin.costs import (
+    BLOCK_ROWS,
+    METRICS,
+    FromRows,
+    MetricCost,
+    QuadraticCost,
+    SettlingCost,
+    ToolCost,
+)
 from fpid_pin.disturbances import Cosine, Pulse
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Sinusoid

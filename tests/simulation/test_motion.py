@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 import fpid_pin as fp
-from fpid_pin.costs.cost import BLOCK_ROWS
+from fpid_pin.costs import BLOCK_ROWS
 from fpid_pin.disturbances import Cosine
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels.functions import sign

@@ -16,6 +16,12 @@ from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
 
+__all__ = [
+    "METRICS", "REDUCTIONS", "SETTLING_BAND", "Cost", "FromRows", "Metric", "MetricCost", "Metrics",
+    "QuadraticCost", "RowCost", "Rows", "SettlingCost", "ToolCost", "TrackingCost", "over_joints",
+    "tool_distance",
+]  # fmt: skip
+
 #: Errors within it count as settled, where no other band is given [rad].
 SETTLING_BAND = 0.01
 #: Words for what becomes of the joints' figures: their sum, their largest, their root mean square.
