@@ -141,11 +141,15 @@ class BoundSpace:
             labels += several
             log += [gene.scale == "log"] * len(several)
             for end, values in ends.items():
-                values += _bounds(f"space.{name}.{end}", getattr(gene, end), gene.shared, n)
+                path, given = f"space.{name}.{end}", getattr(gene, end)
+                if gene.shared:
+                    values.append(checks.number(path, given))
+                else:
+                    values += checks.per_joint(path, given, n).tolist()
                 try:
                     self._replace({name: self._member(name, np.array(values))})
                 except ArgumentError as error:
-                    raise ArgumentError(f"space.{name}.{end}", error.expected, error.got) from None
+                    raise ArgumentError(path, error.expected, error.got) from None
         self.low, self.high = checks.read_only(ends["low"]), checks.read_only(ends["high"])
         self.labels, self.size, self._log = tuple(labels), len(labels), log
 
@@ -217,13 +221,6 @@ class BoundSpace:
             for values in (numbers, self.low, self.high)
         )
         return np.asarray(np.clip((x - low) / (high - low), 0.0, 1.0))
-
-
-def _bounds(name: str, value: ArrayLike, shared: bool, n: int) -> list[float]:
-    if np.ndim(value) and shared and n > 1:
-        raise ArgumentError(name, "a number (the parameter is shared)", f"shape {np.shape(value)}")
-    values: list[float] = checks.per_joint(name, value, n).tolist()
-    return values[:1] if shared else values
 
 
 def _numeric_parameters(controller: Controller) -> dict[str, bool]:

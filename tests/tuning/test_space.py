@@ -66,7 +66,7 @@ def test_it_shows_itself_as_it_is_written_and_a_table_says_the_same():
         ({"intgral_order": (0, 1)}, "did you mean integral_order?"),
         ({"integral_order": (0, 1.5)}, "space.integral_order.high: expected a number in [0, 1]"),
         ({"kp": ((1, 2, 3), 9)}, "space.kp.low: expected shape (2,)"),
-        ({"kp": ((1, 2), 9, "shared")}, "space.kp.low: expected a number (the parameter is"),
+        ({"kp": ((1, 2), 9, "shared")}, "space.kp.low: expected a number, got shape (2,)"),
         ({"observer": (1, 9)}, 'space.observer: expected "shared" behind its bounds'),
     ],
 )  # fmt: skip
