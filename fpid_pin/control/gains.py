@@ -25,8 +25,9 @@ from fpid_pin.control.law import Controller
 from fpid_pin.control.poses import joints_that_fall, seeded_poses
 from fpid_pin.control.stability import suggest_observer
 from fpid_pin.descriptions import described
-from fpid_pin.exceptions import FpidWarning
+from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.resources import one_blas_thread
+from fpid_pin.text import shown
 
 if TYPE_CHECKING:
     from fpid_pin.arms import Arm
@@ -126,6 +127,12 @@ class SuggestedFpid(Controller):
         default=0.0, kw_only=True
     )  # type: ignore[assignment]
     name: str = field(default="FPID, suggested gains", kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not np.array_equal(self.scale, "none"):
+            expected = 'no scale ("none"): it is found with the gains'
+            raise ArgumentError("scale", expected, shown(self.scale))
 
     def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> AdaptiveFpid:
         """Return the controller that this is on `arm`."""

@@ -97,6 +97,7 @@ DESCRIPTIONS = [
     (lambda: fp.SuggestedFpid(observer=-2.0), "^observer: expected a number >= 0, got -2$"),
     (lambda: fp.SuggestedFpid(order_learning_rate=-1.0), "^order_learning_rate: .* got -1$"),
     (lambda: fp.SuggestedFpid(order_learning_rate="fast"), "^order_learning_rate: .*suggested"),
+    (lambda: fp.SuggestedFpid(scale="inertia"), "^scale: expected no scale .*, got 'inertia'$"),
     # Options of every law.
     (lambda: fp.ComputedTorque(feedforward=True), HAS_MODEL.format("ComputedTorque")),
     (lambda: fp.PdGravity(1.0, 1.0, feedforward=True), HAS_MODEL.format("PdGravity")),
