@@ -23,6 +23,7 @@ from common import Bench, arm_of, around_home, on_reference, panels, run
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
+from fpid_pin.costs.cost import tool_distance
 from fpid_pin.disturbances import Pulse
 from fpid_pin.references import Quintic, RecordedMotion
 
@@ -227,16 +228,6 @@ def study_case(
     )  # fmt: skip
 
 
-def tool_error(run: fp.Run, lengths: Pair) -> float:
-    """Return the largest distance of the tool from where it should be [m]."""
-
-    def place(q: np.ndarray) -> np.ndarray:
-        angles = np.cumsum(q, axis=1)
-        return np.stack([np.cos(angles) @ lengths, np.sin(angles) @ lengths], axis=1)
-
-    return float(np.linalg.norm(place(run.q) - place(run.q_ref), axis=1).max())
-
-
 def study(bench: Bench) -> None:
     laws = {
         "manual": StudyPid(kp=(120.0, 100.0), ki=(40.0, 30.0), kd=(25.0, 18.0)),
@@ -253,12 +244,11 @@ def study(bench: Bench) -> None:
             seen = fp.simulate(experiment, law)
             last = seen.error[seen.t >= seen.t[-1] - 0.5 - 1e-9]
             steady = rms(last)
-            lengths = changes.get("lengths", (0.45, 0.35))
             good = (
                 seen.outcome.completed
                 and (steady <= STEADY_RMS).all()
                 and (np.abs(last).max(axis=0) <= STEADY_ERROR).all()
-                and tool_error(seen, lengths) <= TOOL_ERROR
+                and tool_distance(experiment.plant.arm, seen.q, seen.q_ref).max() <= TOOL_ERROR
             )
             passed[name] += good
             errors[name].append(rms(seen.error).mean())
