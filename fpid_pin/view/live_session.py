@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import SimulationError
@@ -38,24 +37,12 @@ _GIVE_UP = 0.1
 
 @dataclass(eq=False)
 class Timing:
-    """How a period was kept.
+    """How a period was kept."""
 
-    Attributes
-    ----------
-    step
-        The period [s].
-    late
-        How late each tick began [s].
-    missed
-        Ticks whose work was done later than one step after they were due.
-    restarts
-        How often the schedule was given up and begun anew.
-    """
-
-    step: float
-    late: array[float] = field(default_factory=lambda: array("f"))
-    missed: int = 0
-    restarts: int = 0
+    step: float  # the period [s]
+    late: array[float] = field(default_factory=lambda: array("f"))  # each tick's beginning [s]
+    missed: int = 0  # ticks whose work was done later than one step after they were due
+    restarts: int = 0  # how often the schedule was given up and begun anew
 
     @property
     def ticks(self) -> int:
@@ -216,39 +203,29 @@ class LiveReport:
         return "\n".join([*lines, *([self.fault] if self.fault else [])])
 
 
-def push_torques(arm: Arm) -> FloatArray:
-    """Return a push worth seeing [N m], (n,): a fifth of each joint's limit, or of gravity."""
-    limit = arm.effort_limit
-    free = np.maximum(2.0 * np.abs(arm.gravity_vector(np.zeros(arm.n))), 1.0)
-    return np.where(np.isfinite(limit), 0.2 * limit, free)
-
-
+@dataclass(eq=False)
 class KeyInput:
     """Turns keys into pushes."""
 
-    def __init__(
-        self, simulation: Simulation, joint: int, torque: FloatArray,
-        announce: Callable[[str], None],
-    ) -> None:  # fmt: skip
-        self._simulation, self._joint, self._torque = simulation, joint, torque
-        self._arm = simulation.robot.experiment.arm
-        self._names = self._arm.joint_names
-        self._say = announce
-        self.pushes: list[tuple[float, str, float]] = []
+    simulation: Simulation
+    joint: int
+    torque: FloatArray  # of a push, (n,) [N m]
+    say: Callable[[str], None]
+    pushes: list[tuple[float, str, float]] = field(default_factory=list)
 
     def take(self, keys: str) -> bool:
         """Obey keys; False for the one that ends the session, wherever it is."""
+        arm = self.simulation.robot.experiment.arm
         for key in keys:
-            if key.isdecimal() and 1 <= int(key) <= len(self._names):
-                self._joint = int(key) - 1
-                self._say(f"joint {self._names[self._joint]}")
+            if key.isdecimal() and 1 <= int(key) <= arm.n:
+                self.joint = int(key) - 1
+                self.say(f"joint {arm.joint_names[self.joint]}")
             elif key in "+=-_":
-                torque = float(self._torque[self._joint]) * (1.0 if key in "+=" else -1.0)
-                t, name = self._simulation.t, self._names[self._joint]
-                self._simulation.push(self._joint, torque, _PUSH_TIME)
+                torque = float(self.torque[self.joint]) * (1.0 if key in "+=" else -1.0)
+                t, name = self.simulation.t, arm.joint_names[self.joint]
+                self.simulation.push(self.joint, torque, _PUSH_TIME)
                 self.pushes.append((t, name, torque))
-                unit = self._arm.effort_units[self._joint]
-                self._say(f"t = {t:.2f} s: {torque:+.1f} {unit} on {name}")
+                self.say(f"t = {t:.2f} s: {torque:+.1f} {arm.effort_units[self.joint]} on {name}")
         return "q" not in keys
 
 
@@ -313,8 +290,10 @@ def live(
     if duration is not None:
         duration = checks.number("duration", duration, above=0.0)
     arm, step = experiment.arm, experiment.step
-    torque = push_torques(arm)
-    if push_torque is not None:
+    if push_torque is None:
+        free = np.maximum(2.0 * np.abs(arm.gravity_vector(np.zeros(arm.n))), 1.0)
+        torque = np.where(np.isfinite(arm.effort_limit), 0.2 * arm.effort_limit, free)
+    else:
         torque = np.full(arm.n, checks.number("push_torque", push_torque))
     # Whatever is yet to be compiled must not be in the first period.
     warm([experiment], [controller])

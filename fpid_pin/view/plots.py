@@ -96,19 +96,22 @@ def _of_one_size(runs: Run | Sequence[Run]) -> list[Run]:
 
 
 def _by_joint(
-    runs: Sequence[Run], quantity: str, height: float, looks: Sequence[dict[str, Any]]
+    runs: Sequence[Run], quantities: Sequence[str], height: float, looks: Sequence[dict[str, Any]]
 ) -> tuple[Figure, list[Axes]]:
-    """Draw a quantity of runs, a panel a joint under its name, in one column or two."""
+    """Draw quantities of runs, a panel a joint under its name, in one column or two."""
     joints = joints_of(runs[0])
-    names = joints.lettered()
-    columns = 1 if len(names) <= _TALL else 2
-    rows = -(-len(names) // columns)
+    names, count = joints.lettered(), len(joints.names) * len(quantities)
+    columns = 2 if len(quantities) > 1 or count > _TALL else 1
+    rows = -(-count // columns)
     width = _WIDTH if columns == 1 else 1.35 * _WIDTH
-    figure, panels = new_figure(rows, columns, width, 0.5 + height * rows, count=len(names))
-    for j, (panel, name) in enumerate(zip(panels, names, strict=True)):
+    figure, panels = new_figure(rows, columns, width, 0.5 + height * rows, count=count)
+    for k, panel in enumerate(panels):
+        j, quantity = k // len(quantities), quantities[k % len(quantities)]
         for run, look in zip(runs, looks, strict=True):
             line(panel, run.t, getattr(run, quantity)[:, j], **look)
-        panel.set(title=name, ylabel=joints.label(quantity, j))
+        panel.set_ylabel(joints.label(quantity, j))
+        if quantity == quantities[0]:
+            panel.set_title(names[j])
     for bottom in panels[-columns:]:
         bottom.set_xlabel("time, s")
         bottom.tick_params(labelbottom=True)
@@ -118,7 +121,7 @@ def _by_joint(
 @styled
 def tracking(run: Run) -> Figure:
     """Draw each joint's angle and its reference over time."""
-    figure, panels = _by_joint([run], "q", 1.6, [{"label": "actual"}])
+    figure, panels = _by_joint([run], ["q"], 1.6, [{"label": "actual"}])
     for j, panel in enumerate(panels):
         line(panel, run.t, run.q_ref[:, j], "desired", **REFERENCE)
     legend(panels[0], 2)
@@ -129,7 +132,7 @@ def tracking(run: Run) -> Figure:
 def error(runs: Run | Sequence[Run]) -> Figure:
     """Draw each joint's tracking error, of one run or several."""
     several = _of_one_size(runs)
-    figure, _ = _by_joint(several, "error", 1.5, looks_of(several))
+    figure, _ = _by_joint(several, ["error"], 1.5, looks_of(several))
     if len(several) > 1:
         shared_legend(figure, captions_of(several, None))
     return figure
@@ -138,7 +141,7 @@ def error(runs: Run | Sequence[Run]) -> Figure:
 @styled
 def torque(run: Run) -> Figure:
     """Draw each joint's torque, with its limit where there is one: a line where it is near."""
-    figure, panels = _by_joint([run], "torque", 1.5, [{"label": "applied"}])
+    figure, panels = _by_joint([run], ["torque"], 1.5, [{"label": "applied"}])
     joints = joints_of(run)
     for j, (panel, limit) in enumerate(zip(panels, joints.limits, strict=True)):
         if np.abs(run.torque[:, j]).max(initial=0.0) > 0.25 * limit:
@@ -156,18 +159,7 @@ def torque(run: Run) -> Figure:
 def comparison(runs: Sequence[Run]) -> Figure:
     """Draw several runs over each other: error and torque of every joint."""
     several = _of_one_size(runs)
-    joints, looks = joints_of(several[0]), looks_of(several)
-    n = len(joints.names)
-    figure, panels = new_figure(n, 2, 1.35 * _WIDTH, 0.6 + 1.5 * n)
-    for k, panel in enumerate(panels):
-        j, quantity = k // 2, ("error", "torque")[k % 2]
-        for run, look in zip(several, looks, strict=True):
-            line(panel, run.t, getattr(run, quantity)[:, j], **look)
-        panel.set_ylabel(joints.label(quantity, j))
-        if quantity == "error":
-            panel.set_title(lettering(joints.names[j]))
-    for panel in panels[-2:]:
-        panel.set_xlabel("time, s")
+    figure, _ = _by_joint(several, ["error", "torque"], 1.5, looks_of(several))
     shared_legend(figure, captions_of(several, None))
     return figure
 

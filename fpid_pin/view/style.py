@@ -103,25 +103,16 @@ def new_figure(
     share_y: bool | Literal["row"] = False,
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure (in inches) and its first `count` panels, row by row; 0: all of them."""
-    figure = _figure_class()(figsize=(width, height), layout="constrained")
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    # Without pyplot nothing is global; a notebook shows it all the same.
+    vars(figure)["_repr_png_"] = functools.partial(figure_bytes, figure, "png")
     axes = figure.subplots(rows, columns, squeeze=False, sharex=share_x, sharey=share_y).flat
     count = count or rows * columns
     for spare in axes[count:]:
         spare.set_visible(False)
     return figure, list(axes[:count])
-
-
-@functools.cache
-def _figure_class() -> type[Figure]:
-    from matplotlib.figure import Figure
-
-    class NotebookFigure(Figure):
-        """A figure without pyplot: nothing global, and still shown by a notebook."""
-
-        def _repr_png_(self) -> bytes:
-            return figure_bytes(self, "png")
-
-    return NotebookFigure
 
 
 def figure_bytes(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:

@@ -2,14 +2,13 @@
 
 import dataclasses
 import json
-import os
 import re
 import shutil
 from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from bounded import finished
+from bounded import FULL, finished
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
@@ -103,9 +102,6 @@ LAWS = [
     Played(kp=40.0), Entangled(),
 ]  # fmt: skip
 NAMES = ["paper", "kick", "guarded", "moving", "pid", "torque", "slotine", "own", "entangled"]
-
-#: Every slider from every preset to both places, not a selection.
-FULL = os.environ.get("FPID_TORTURE") == "full"
 
 
 class Page:
@@ -248,7 +244,8 @@ def test_a_start_from_before_begins_with_the_kick_of_its_order_and_step(page):
 
 def test_an_arm_with_limits_and_friction_and_a_reference_without_a_formula(tmp_path):
     arm = fp.Arm.from_example("ur5")
-    job = fp.Experiment(arm, fp.references.Hold(0.2), q0=arm.home, duration=DURATION)
+    plant, still = fp.Plant(payload=1.0), fp.references.Hold(0.2)
+    job = fp.Experiment(arm, still, q0=arm.home, plant=plant, duration=DURATION)
     page = Page(tmp_path, job, [fp.suggest_gains(arm, bandwidth=10.0)])
     assert page.table["steps"] == [job.step]
     friction = [1.0, 1.0, 1.0, 0.5, 0.5, 0.2]

@@ -5,6 +5,7 @@ import sys
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.transforms import Bbox
 
 import fpid_pin as fp
 from fpid_pin import Arm
@@ -214,50 +215,25 @@ def twenty():
     return fp.simulate(fp.paper_experiment(duration=0.1), laws)
 
 
-def boxes(figure):
-    """Lay a figure out, and return its boxes in inches: panels, legend, all words."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    renderer, dpi = canvas.get_renderer(), figure.dpi
-    panels = [a.get_window_extent(renderer).bounds for a in figure.axes if a.get_visible()]
+def whole(figure):
+    """Assert that words neither overlap nor stick out; return the panels' sizes in inches."""
+    figure_bytes(figure, "png", dpi=figure.dpi)
     words = []
     for axes in figure.axes:
-        labels = [axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
+        words += [axes.title, axes._left_title, axes.xaxis.label, axes.yaxis.label, *axes.texts]
         for axis in (axes.xaxis, axes.yaxis):
             low, high = sorted(axis.get_view_interval())
             ticks = [t for t in axis.get_major_ticks() if low <= t.get_loc() <= high]
-            labels += [label for tick in ticks for label in (tick.label1, tick.label2)]
-        words += [
-            text.get_window_extent(renderer).bounds
-            for text in labels
-            if text.get_visible() and text.get_text()
-        ]
-    for legend in figure.legends:
-        words += [text.get_window_extent(renderer).bounds for text in legend.get_texts()]
-    return [np.array(some) / dpi for some in (panels, words)]
-
-
-def overlap(one, other):
-    """Return the area that two boxes share, beyond a hundredth of an inch on each side."""
-    sides = [
-        min(one[k] + one[k + 2], other[k] + other[k + 2]) - max(one[k], other[k]) - 0.02
-        for k in (0, 1)
-    ]
-    return max(sides[0], 0.0) * max(sides[1], 0.0)
-
-
-def whole(figure):
-    """Assert that words neither overlap nor stick out; return the panels' sizes in inches."""
-    panels, words = boxes(figure)
-    width, height = figure.get_size_inches()
-    for one, other in itertools.combinations(words, 2):
-        assert overlap(one, other) == 0.0
-    assert (words[:, :2] >= -0.01).all()
-    assert (words[:, 0] + words[:, 2] <= width + 0.01).all()
-    assert (words[:, 1] + words[:, 3] <= height + 0.01).all()
-    return panels[:, 2:]
+            words += [label for tick in ticks for label in (tick.label1, tick.label2)]
+    words += [text for legend in figure.legends for text in legend.get_texts()]
+    boxes = [x.get_window_extent() for x in words if x.get_visible() and x.get_text()]
+    room = figure.bbox.padded(1.0)
+    assert all(room.contains(*corner) for box in boxes for corner in (box.min, box.max))
+    for one, other in itertools.combinations([box.padded(-1.0) for box in boxes], 2):
+        shared = Bbox.intersection(one, other)
+        assert shared is None or 0.0 in shared.size
+    sizes = [axes.get_window_extent().size for axes in figure.axes if axes.get_visible()]
+    return np.array(sizes) / figure.dpi
 
 
 @pytest.mark.parametrize("count", [2, 8, 20])

@@ -54,19 +54,16 @@ def test_figures_take_the_ink_of_the_page(make_run, two_link):
     assert all(name.startswith("error-of-a-run-") for name in ids)
 
 
-def test_without_tables_the_figures_of_merit_are_shown(wave, tmp_path):
-    path = report_html(wave, tmp_path / "r.html", title="t", figures={}, embed_replay=False)
-    assert {"rms, rad", f"{wave.metrics.rms[1]:.4g}"} <= set(cells_of(path))
-    assert "<iframe" not in path.read_text()
-
-
 def test_many_runs_show_some_of_them_in_the_replay(wave, tmp_path):
     path = report_html([wave] * 8, tmp_path / "r.html", title="t", figures={})
     assert f"Replay of the first {MOST_IN_REPLAY} runs" in path.read_text()
     assert "wave (8)" in cells_of(path)
 
 
-def test_a_run_that_diverged_is_pointed_out(make_run, two_link, tmp_path):
+def test_without_tables_there_are_figures_of_merit_and_who_diverged(make_run, two_link, tmp_path):
     run = make_run(two_link, rows=100)
     path = report_html(run, tmp_path / "r.html", title="t", figures={}, embed_replay=False)
-    assert '<p class="bad">wave: diverged at 0.1 s' in path.read_text()
+    assert {"rms, rad", f"{run.metrics.rms[1]:.4g}"} <= set(cells_of(path))
+    text = path.read_text()
+    assert "<iframe" not in text
+    assert '<p class="bad">wave: diverged at 0.1 s' in text

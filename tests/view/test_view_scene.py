@@ -1,22 +1,22 @@
 """A replay as a table of plain values, and as the file that holds it."""
 
 import base64
-import os
 import warnings
 
 import numpy as np
 import pytest
+from bounded import FULL
 from robots import joint, link, robot, write
 
 from fpid_pin import Arm, FpidWarning, Run
 from fpid_pin.arms import names
-from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.cli.commands import view
+from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
 from fpid_pin.view import export_html
 from fpid_pin.view.replay import replay_scene, to_script_json
 from fpid_pin.view.shapes import portrait, shapes_of, solid_surface, stage
 from fpid_pin.view.style import captions_of
 
-FULL = os.environ.get("FPID_TORTURE") == "full"
 MESH = '<visual><geometry><mesh filename="package://nowhere/{}.stl"/></geometry></visual>'
 NO_MESHES = robot(
     link("a"), *(link(x, visual=MESH.format(x), com="0.2 0 0") for x in "bc"),
@@ -95,6 +95,23 @@ def test_captions_are_told_apart(wave):
     assert captions_of([wave, wave], None) == ["wave (1)", "wave (2)"]
     with pytest.raises(ArgumentError, match=r"captions: expected 2 \(one a run\), got 1"):
         captions_of([wave, wave], ["only"])
+
+
+def test_view_writes_a_page_of_several_files(make_run, two_link, tmp_path, capsys):
+    files = [make_run(two_link, name=n).save(tmp_path / f"{n}.npz") for n in ("a", "b")]
+    view(files, html=tmp_path / "out.html", caption=["left", "right"])
+    text = (tmp_path / "out.html").read_text()
+    assert "left / right" in text
+    assert "opens in any browser" in capsys.readouterr().out
+
+
+def test_view_names_what_is_wrong_with_a_file_and_with_captions(wave, tmp_path):
+    (tmp_path / "text.npz").write_text("not a run")
+    with pytest.raises(FileFormatError, match="expected a run file"):
+        view([tmp_path / "text.npz"], html=tmp_path / "out.html")
+    with pytest.raises(ArgumentError, match="captions"):
+        view([wave.save(tmp_path / "run.npz")], html=tmp_path / "out.html", caption=["a", "b"])
+    assert not (tmp_path / "out.html").exists()
 
 
 def test_bad_input_is_named(wave, make_run, two_link):

@@ -68,7 +68,7 @@ function setOperators(S, law, step) {
 function setLaw(S, law) {
   for (let j = 0; j < N; j++) {
     const at = (name) => numberOf(j, law.fields[name]);
-    const set = (values) => Object.entries(values).forEach(([name, x]) => { M[at(name)] = x; });
+    const set = (values) => { for (const name in values) M[at(name)] = values[name]; };
     set({h: S.step, ...(S.knows_limit ? {limit: S.effort_limit[j]} : {})});
     if (!law.guarded && (S.sigma > 0 || S.dead_zone > 0) && "kp_min" in law.fields) {
       set({kp_min: 0, ki_min: 0, kd_min: 0});
@@ -116,17 +116,16 @@ function sample(S, first) {
   const {reference, disturbance} = E, count = ROWS ? ROWS.length / (3 * N) : 0;
   const parts = [{amplitude: S.disturbance, frequency: S.disturbance_frequency, ...disturbance},
     ...disturbance.others];
+  M.fill(0, AT["rows.forces"], AT["rows.forces"] + B * N);
   for (let j = 0; j < N; j++) {
     const at = AT["rows.reference"] + j, forces = AT["rows.forces"] + j;
     const w = own(reference.frequency, j) * S.reference_speed, phase = own(reference.phase, j);
     const a = own(reference.amplitude, j) * S.reference_size, offset = own(reference.offset, j);
     for (let k = 0; k < B; k++) {
       const angle = (first + k) * S.step * w + phase, row = Math.min(first + k, count - 1);
-      M[at + k * N] = ROWS ? ROWS[row * N + j] : offset + a * Math.sin(angle);
-      M[at + (B + k) * N] = ROWS ? ROWS[(count + row) * N + j] : a * w * Math.cos(angle);
-      M[at + (2 * B + k) * N] = ROWS ? ROWS[(2 * count + row) * N + j]
-        : -a * (w * w) * Math.sin(angle);
-      M[forces + k * N] = 0;
+      const motion = ROWS ? [0, 1, 2].map((i) => ROWS[(i * count + row) * N + j])
+        : [offset + a * Math.sin(angle), a * w * Math.cos(angle), -a * (w * w) * Math.sin(angle)];
+      for (let i = 0; i < 3; i++) M[at + (i * B + k) * N] = motion[i];
     }
     for (const part of parts) {
       const size = own(part.amplitude ?? part.torque, j);
