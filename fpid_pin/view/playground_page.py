@@ -98,7 +98,7 @@ def playground(
     worker = [
         f"const E = {to_script_json(shown)};\nconst M = new Float64Array(E.words);\n"
         f"const K = (() => {{\n{kernels}}})();\n",
-        *(asset(f"playground_{name}.js") for name in ("noise", "engine", "worker")),
+        *(asset(f"playground_{name}.js") for name in ("noise", "engine")),
     ]
     text = document(
         title,

@@ -1,4 +1,4 @@
-"""Figures of runs; each function returns a matplotlib `Figure` without touching pyplot."""
+"""Figures of runs, and those of `maps`; each function returns a `Figure`, without pyplot."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from fpid_pin.costs import METRICS
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
 from fpid_pin.text import cut, percent, unit_for
-from fpid_pin.view.maps import convergence, cost_map, heat_map, profile
+from fpid_pin.view.maps import convergence as convergence
+from fpid_pin.view.maps import cost_map as cost_map
+from fpid_pin.view.maps import heat_map as heat_map
+from fpid_pin.view.maps import profile as profile
 from fpid_pin.view.style import (
     INK,
     PALETTE,
@@ -21,7 +24,6 @@ from fpid_pin.view.style import (
     as_runs,
     captions_of,
     colour,
-    figure_bytes,
     joints_of,
     legend,
     lettering,
@@ -29,34 +31,15 @@ from fpid_pin.view.style import (
     looks_of,
     new_figure,
     overview,
-    save_figure,
     shared_legend,
     styled,
 )
+from fpid_pin.view.style import save_figure as save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = [
-    "comparison",
-    "convergence",
-    "cost_map",
-    "error",
-    "figure_bytes",
-    "figures",
-    "gains",
-    "heat_map",
-    "lyapunov",
-    "orders",
-    "phase_plane",
-    "plot",
-    "profile",
-    "response",
-    "save_figure",
-    "torque",
-    "tracking",
-]
 GAINS = (("kp", "$K_P$"), ("ki", "$K_I$"), ("kd", "$K_D$"))
 ORDERS = (("integral_order", r"$\lambda$"), ("derivative_order", r"$\mu$"))
 # Of the gains over rad, and over rad and the scale's kg m^2.
