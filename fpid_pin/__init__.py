@@ -35,19 +35,8 @@ if TYPE_CHECKING:
     from fpid_pin.tuning import pareto, tune
 # isort: on
 
-# Names are fetched from their rooms when they are first asked for: a command that needs none of
-# them starts at once. Those of no room below are rooms themselves.
-_HOMES = {
-    "Arm": "arms", "described": "descriptions", "FpidError": "exceptions",
-    "FpidWarning": "exceptions", "export_c": "export", "pareto": "tuning", "tune": "tuning",
-} | dict.fromkeys(
-    ("AdaptiveFpid", "ComputedTorque", "Controller", "GravityOnly", "PdGravity", "Pid",
-     "Safeguards", "SlidingMode", "SlotineLi", "SuggestedFpid", "Supervisor", "stability_report",
-     "suggest_gains"), "control",
-) | dict.fromkeys(
-    ("Experiment", "Plant", "Run", "Sensors", "compare", "evaluate", "paper_controller",
-     "paper_experiment", "simulate", "to_toml"), "simulation",
-)  # fmt: skip
+#: Where names are looked for, what takes long to import last.
+_ROOMS = ("exceptions", "descriptions", "arms", "control", "simulation", "tuning", "export")
 __all__ = [
     "AdaptiveFpid", "Arm", "ComputedTorque", "Controller", "Experiment", "FpidError", "FpidWarning",
     "GravityOnly", "PdGravity", "Pid", "Plant", "Run", "Safeguards", "Sensors", "SlidingMode",
@@ -60,11 +49,16 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    # Fetched when first asked for: a command that needs none of them starts at once.
     if name not in __all__ and name != "descriptions":
         raise AttributeError(f"module 'fpid_pin' has no attribute {name!r}")
-    home = import_module(f"fpid_pin.{_HOMES.get(name, name)}")
-    value = getattr(home, name) if name in _HOMES else home
-    globals()[name] = value
+    try:
+        return import_module(f"fpid_pin.{name}")
+    except ModuleNotFoundError as error:
+        if error.name != f"fpid_pin.{name}":
+            raise  # a room is there, and something else is not
+    rooms = (import_module(f"fpid_pin.{room}") for room in _ROOMS)
+    value = globals()[name] = next(getattr(room, name) for room in rooms if hasattr(room, name))
     return value
 
 

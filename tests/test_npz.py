@@ -58,13 +58,6 @@ def test_any_bits_come_back_packed_nan_s_and_zeros_signs_among_them(bits):
     same({"x": npz._unpacked(npz._packed(array), array.shape)}, {"x": array})
 
 
-def test_smooth_numbers_take_a_quarter(tmp_path):
-    smooth = {"x": np.sin(np.linspace(0.0, 20.0, 40_002)).reshape(-1, 2)}
-    small = written(tmp_path / "small", smooth, compressed=True)
-    same(npz.read(small, "thing")[0], smooth)
-    assert small.stat().st_size < written(tmp_path / "plain", smooth).stat().st_size / 4
-
-
 def test_without_pcodec_one_line_says_what_to_install(tmp_path, monkeypatch):
     small = written(tmp_path / "small", {"x": np.zeros(9)}, compressed=True)
     monkeypatch.setitem(sys.modules, "pcodec", None)

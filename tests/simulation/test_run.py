@@ -14,9 +14,8 @@ from robots import joint, link, robot, write
 from scipy.io import loadmat, savemat
 
 import fpid_pin as fp
-from fpid_pin import npz
 from fpid_pin.disturbances import Pulse
-from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.references import Hold
 from fpid_pin.simulation import limit_report
 from fpid_pin.view.report import metrics_table
@@ -53,20 +52,10 @@ def test_nothing_in_it_is_pickled(run, tmp_path):
 
 
 def test_what_could_not_be_read_back_is_not_written(run, tmp_path):
-    for signals, message in (
-        ({"x": np.zeros((len(run.t), 2, 2))}, "signals.x: expected a signal with 201 rows"),
-        ({"a/b": run.t}, "arrays: expected names that a file can have, got 'signal_a/b'"),
-    ):
-        with pytest.raises(ArgumentError, match=message):
-            dataclasses.replace(run, signals=signals).save(tmp_path / "run.npz")
+    odd = dataclasses.replace(run, signals={"x": np.zeros((len(run.t), 2, 2))})
+    with pytest.raises(ArgumentError, match="signals.x: expected a signal with 201 rows"):
+        odd.save(tmp_path / "run.npz")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_file_that_is_no_run_is_told(run, tmp_path):
-    path = tmp_path / "file.npz"
-    npz.write(path, "checkpoint", {}, {"q": run.q})
-    with pytest.raises(FileFormatError, match="npz: expected a run file, got a checkpoint"):
-        fp.Run.load(path)
 
 
 def test_a_record_whose_descriptions_mean_nothing_is_one_line(run, tmp_path):
