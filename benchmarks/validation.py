@@ -23,7 +23,7 @@ from common import Bench, arm_of, around_home, on_reference, panels, run
 from numpy.typing import ArrayLike
 
 import fpid_pin as fp
-from fpid_pin.costs.cost import tool_distance
+from fpid_pin.costs import tool_distance
 from fpid_pin.disturbances import Pulse
 from fpid_pin.references import Quintic, RecordedMotion
 
