@@ -73,40 +73,24 @@ def gravity_vector(name: str, gravity: ArrayLike) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class Joint(Description):
-    """A joint and what it carries; of a prismatic one m and N stand for rad and N m.
-
-    Attributes
-    ----------
-    name : str
-    kind : str
-        ``"revolute"`` or ``"prismatic"``.
-    axis : (3,)
-        Unit vector in the joint's own frame, which it turns about or slides along.
-    placement : (3, 4)
-        The joint's frame in that of the joint before, as rows: a rotation, and where [m].
-    inertia : (10,)
-        Of all that it carries: mass [kg], centre of mass [m], rotational inertia about the centre
-        of mass [kg m^2] xx, xy, yy, xz, yz, zz.
-    lower, upper : float
-        Position limits [rad].
-    effort, velocity : float
-        Limits [N m], [rad/s].
-    damping, friction, armature : float
-        Viscous [N m s/rad] and dry friction [N m], rotor inertia at the joint [kg m^2].
-    """
+    """A joint and what it carries; of a prismatic one m and N stand for rad and N m."""
 
     name: Annotated[str, Text]
     kind: Annotated[str, OneOf(*UNITS)]
+    #: Unit vector in the joint's own frame, which it turns about or slides along, (3,).
     axis: Annotated[ArrayLike, Check(_unit_vector)]
+    #: The joint's frame in that of the joint before, as rows: a rotation, and where [m], (3, 4).
     placement: Placement
+    #: Of all that it carries: mass [kg], centre of mass [m], rotational inertia about the centre of
+    #: mass [kg m^2] xx, xy, yy, xz, yz, zz.
     inertia: Annotated[ArrayLike, Array(shape=(10,))]
     lower: Annotated[float, Number("rad", finite=False)] = -math.inf
     upper: Annotated[float, Number("rad", finite=False)] = math.inf
     effort: Annotated[float, Number("N m", low=0.0, finite=False)] = math.inf
     velocity: Annotated[float, Number("rad/s", low=0.0, finite=False)] = math.inf
-    damping: Annotated[float, Number("N m s/rad", low=0.0)] = 0.0
-    friction: Annotated[float, Number("N m", low=0.0)] = 0.0
-    armature: Annotated[float, Number("kg m^2", low=0.0)] = 0.0
+    damping: Annotated[float, Number("N m s/rad", low=0.0)] = 0.0  # viscous
+    friction: Annotated[float, Number("N m", low=0.0)] = 0.0  # dry
+    armature: Annotated[float, Number("kg m^2", low=0.0)] = 0.0  # rotor inertia at the joint
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -126,37 +110,17 @@ class Frame(Description):
 
 @dataclass(frozen=True, eq=False)
 class Chain(Description):
-    """A serial chain, written out: a table of kind ``model``, whatever it was read from.
+    """A serial chain, written out: a table of kind ``model``, whatever it was read from."""
 
-    Attributes
-    ----------
-    joints
-        From the base on.
-    frames
-    shapes
-        What is drawn.
-    name : str
-    gravity : number (along -z) or (3,)
-        In the world's frame [m/s^2].
-    home : (n,), or None
-        None: the middle of the limits.
-    tool : str or None
-        A frame; None: the last link of the last joint.
-    inertia : str
-        ``"accept"``: inertias that no body has are let pass.
-    credit : str
-        Origin and licence.
-    """
-
-    joints: Sequence[Joint]
+    joints: Sequence[Joint]  # from the base on
     frames: Sequence[Frame] = ()
-    shapes: Sequence[Shape] = ()
+    shapes: Sequence[Shape] = ()  # what is drawn
     name: Annotated[str, Text] = "arm"
-    gravity: Annotated[ArrayLike, Check(gravity_vector, "m/s^2")] = 9.81
-    home: Annotated[ArrayLike | None, Array("rad", max_ndim=1)] = None
-    tool: Annotated[str | None, Text] = None
-    inertia: Annotated[str, OneOf(*INERTIA)] = "error"
-    credit: Annotated[str, Text] = ""
+    gravity: Annotated[ArrayLike, Check(gravity_vector, "m/s^2")] = 9.81  # along -z, or (3,)
+    home: Annotated[ArrayLike | None, Array("rad", max_ndim=1)] = None  # the middle of the limits
+    tool: Annotated[str | None, Text] = None  # a frame; None: the last link of the last joint
+    inertia: Annotated[str, OneOf(*INERTIA)] = "error"  # "accept": what no body has is let pass
+    credit: Annotated[str, Text] = ""  # origin and licence
 
     def __post_init__(self) -> None:
         super().__post_init__()

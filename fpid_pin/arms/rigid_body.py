@@ -256,12 +256,7 @@ def bodies_of(model: Any) -> Any:
     # It loads numba.
     from fpid_pin.kernels.records import BODY
 
-    n = model.nv
-    if model.njoints != n + 1 or model.nq != n:
-        wrong = next(k for k in range(1, model.njoints) if model.joints[k].nq != 1)
-        kind = model.joints[wrong].shortname().removeprefix("JointModel")
-        raise ArmError(f"expected revolute and prismatic joints, got {model.names[wrong]} ({kind})")
-    bodies = np.zeros(n, BODY)
+    bodies = np.zeros(model.nv, BODY)
     data, turned = model.createData(), [np.eye(3)]
     pin.computeJointJacobians(model, data, pin.neutral(model))
     for k in range(1, model.njoints):

@@ -11,7 +11,7 @@ import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -54,13 +54,10 @@ def urdf_tree(
     checks.instance("package_dirs", package_dirs, (list, tuple), "a list of folders")
     for k, place in enumerate(package_dirs):
         checks.instance(f"package_dirs.{k}", place, (str, Path), "a folder")
-    if urdf is None:
-        text: bytes | str = read_robot(cast("Path", path))
-    else:
-        text = checks.plain("urdf", urdf, str, "the text of a URDF")
+    given = None if urdf is None else checks.plain("urdf", urdf, str, "the text of a URDF")
     folder = None if path is None else Path(path).absolute().parent
     label = cut(str(path or "URDF"))
-    root = parse_xml(text, label, "robot")
+    root = parse_xml(read_robot(path or "") if given is None else given, label, "robot")
     _require_single(root, label)
     _require_few(root, label)
     remarks = list(_fix_limits(root))

@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fpid_pin.arms.rigid_body import bodies_of, inertial_numbers
-from fpid_pin.exceptions import ArmError
 from fpid_pin.kernels import plant, rigid_body, tick
 from fpid_pin.kernels.records import FRAME, LINK, PLANT, WORKSPACE
 
@@ -163,14 +162,6 @@ def test_derivatives_by_the_inertial_numbers_are_those_of_pinocchios_regressor(n
     more, less = (asked(model, q, v, w, a, own + x)[0] for x in (change, -change))
     slope = s @ (more - less) / 2.0
     assert slope == pytest.approx((found * change).sum(), rel=1e-10, abs=1e-10)
-
-
-def test_a_joint_of_another_kind_is_named():
-    model = pin.Model()
-    added = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
-    model.appendBodyToJoint(added, pin.Inertia.Random(), pin.SE3.Identity())
-    with pytest.raises(ArmError, match=r"revolute and prismatic joints, got ball \(Spherical\)"):
-        bodies_of(model)
 
 
 # ---------------------------------------------------------------------- dry friction
