@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -109,7 +110,7 @@ class RigidBody:
 
     def mass_matrix(self, q: ArrayLike) -> FloatArray:
         """Return M(q) [kg m^2], (n, n): symmetric, rotor inertia included."""
-        upper = np.triu(pin.crba(self.model, self._data, *self._checked(q=q)))
+        upper = np.triu(self._call(pin.crba, q=q))
         return np.asarray(upper + np.triu(upper, 1).T)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> FloatArray:
@@ -117,42 +118,36 @@ class RigidBody:
 
         The paper's C in eq. (35) is another matrix with the same C q'.
         """
-        given = self._checked(q=q, v=v)
-        return np.array(pin.computeCoriolisMatrix(self.model, self._data, *given))
+        return self._call(pin.computeCoriolisMatrix, q=q, v=v)
 
     def gravity_vector(self, q: ArrayLike) -> FloatArray:
         """Return G(q) [N m], (n,)."""
-        given = self._checked(q=q)
-        return np.array(pin.computeGeneralizedGravity(self.model, self._data, *given))
+        return self._call(pin.computeGeneralizedGravity, q=q)
 
     def inverse_dynamics(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
         """Return tau = M q'' + C q' + G [N m], (n,) (recursive Newton-Euler)."""
-        return np.array(pin.rnea(self.model, self._data, *self._checked(q=q, v=v, a=a)))
+        return self._call(pin.rnea, q=q, v=v, a=a)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> FloatArray:
         """Return q'' = M^-1 (tau - C q' - G) [rad/s^2], (n,) (articulated bodies)."""
-        given = self._checked(q=q, v=v, tau=tau)
-        return np.array(pin.aba(self.model, self._data, *given, pin.Convention.WORLD))
+        return self._call(pin.aba, pin.Convention.WORLD, q=q, v=v, tau=tau)
 
     def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> float:
         """Return 1/2 q'^T M q', J, rotor inertia included."""
-        (v,) = self._checked(v=v)
+        v = checks.vector("v", v, self.n)
         return float(0.5 * v @ self.mass_matrix(q) @ v)
 
     def potential_energy(self, q: ArrayLike) -> float:
         """Return the energy of gravity, J, zero when all mass is at the world's origin."""
-        given = self._checked(q=q)
-        return float(pin.computePotentialEnergy(self.model, self._data, *given))
+        return float(self._call(pin.computePotentialEnergy, q=q))
 
     def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
         """Return Y, (n, 10 n), with tau = Y @ inertial_parameters + armature * a.
 
         Rotor inertia is not among the ten parameters of a link, so it stands apart.
         """
-        given = self._checked(q=q, v=v, a=a)
-        found = pin.computeJointTorqueRegressor(self.model, self._data, *given)
         # Of one joint Pinocchio returns no matrix.
-        return np.array(found).reshape(self.n, -1)
+        return self._call(pin.computeJointTorqueRegressor, q=q, v=v, a=a).reshape(self.n, -1)
 
     @property
     def inertial_parameters(self) -> FloatArray:
@@ -162,7 +157,7 @@ class RigidBody:
 
     def tool_pose(self, q: ArrayLike) -> FloatArray:
         """Return the tool frame's pose in the world, a (4, 4) homogeneous matrix [m]."""
-        pin.forwardKinematics(self.model, self._data, *self._checked(q=q))
+        self._call(pin.forwardKinematics, q=q)
         pose = pin.updateFramePlacement(self.model, self._data, self.model.getFrameId(self.tool))
         return np.array(pose.homogeneous)
 
@@ -170,9 +165,7 @@ class RigidBody:
         """Return J, (6, n): the tool's linear then angular velocity in world axes is J q'."""
         frame = self.model.getFrameId(self.tool)
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        given = self._checked(q=q)
-        found = pin.computeFrameJacobian(self.model, self._data, *given, frame, axes)
-        return np.array(found).reshape(6, self.n)
+        return self._call(pin.computeFrameJacobian, frame, axes, q=q).reshape(6, self.n)
 
     def joint_index(self, joint: str | int) -> int:
         """Return the index of a joint given by name (or by index, which is checked).
@@ -212,8 +205,10 @@ class RigidBody:
     def _data(self) -> Any:
         return self.model.createData()
 
-    def _checked(self, **vectors: ArrayLike) -> list[FloatArray]:
-        return [checks.vector(name, value, self.n) for name, value in vectors.items()]
+    def _call(self, function: Callable[..., Any], *more: Any, **given: ArrayLike) -> FloatArray:
+        """Return what an algorithm of Pinocchio makes of these (n,) vectors, and of more."""
+        vectors = (checks.vector(name, value, self.n) for name, value in given.items())
+        return np.array(function(self.model, self._data, *vectors, *more))
 
     def _require_regular(self) -> None:
         """Refuse a massless link that leaves the mass matrix singular.
