@@ -248,7 +248,7 @@ def study(bench: Bench) -> None:
                 seen.outcome.completed
                 and (steady <= STEADY_RMS).all()
                 and (np.abs(last).max(axis=0) <= STEADY_ERROR).all()
-                and tool_distance(experiment.plant.arm, seen.q, seen.q_ref).max() <= TOOL_ERROR
+                and tool_distance(experiment.resolved.arm, seen.q, seen.q_ref).max() <= TOOL_ERROR
             )
             passed[name] += good
             errors[name].append(rms(seen.error).mean())
