@@ -119,10 +119,10 @@ def toml_of(e: Experiment, laws: Sequence[Law], names: Sequence[str]) -> Any:
 
     kept = ("q0", "v0", "step", "duration", "integrator", "seed", "runaway_speed")
     return _plain({
-        "arm": whole["arm"], "reference": whole["reference"],
-        "simulation": {key: whole[key] for key in kept} | {"dynamics": "compiled"},
+        "arm": whole["arm"], "reference": whole["reference"], "disturbance": others,
         "plant": without("plant", "disturbance", "kind"), "sensors": without("sensors", "kind"),
-        "others": others, "movable": movable, "controllers": controllers,
+        "simulation": {key: whole[key] for key in kept} | {"dynamics": "compiled"},
+        "movable": movable, "controllers": controllers,
         "import": [Path(file).name for file in own_files([law.controller for law in laws])],
     })  # fmt: skip
 

@@ -93,16 +93,16 @@ function tomlValue(value) {
 
 // The described configuration with what was moved in its place; of one law, see settingsOf.
 function toToml(S) {
-  const {controllers, others, movable, ...tables} = clone(PAGE.toml);
-  const start = settingsOf(PAGE.start, S.controller), moved = (key) => !same(S[key], start[key]);
-  const law = tables.law = controllers[S.controller], {sensors, simulation, arm} = tables;
+  const {controllers, movable, import: files, ...tables} = clone(PAGE.toml), {arm, simulation, sensors} = tables;
+  const law = controllers[S.controller], start = settingsOf(PAGE.start, S.controller);
+  const moved = (key) => !same(S[key], start[key]), places = {law, ...tables};
   const scaled = (x, factor) => (Array.isArray(x) ? x.map((y) => scaled(y, factor)) : x * factor);
   // Where a setting is in a configuration its slider says, and whether it is a factor of what is
   // described or comes on top; those that say nothing follow one by one.
   for (const {key, toml} of [...PAGE.laws[S.controller].groups, ...PAGE.groups].flatMap((x) => x.controls)) {
     if (!toml || !moved(key)) continue;
     const [path, how] = toml.split(" "), names = path.split("."), name = names.pop();
-    const table = names.reduce((inside, head) => inside[head] ??= {}, tables);
+    const table = names.reduce((inside, head) => inside[head] ??= {}, places);
     table[name] = how === "times" ? scaled(table[name], S[key])
       : how === "more" ? (table[name] ?? 0) + S[key] : S[key];
   }
@@ -118,15 +118,14 @@ function toToml(S) {
     arm.changes = [...(arm.changes ?? []), {limits: {effort: S.effort_limit}}];
   }
   if (movable || S.disturbance.some((x) => x > 0)) {
-    others.unshift({kind: "cosine", amplitude: S.disturbance, frequency: S.disturbance_frequency,
-      phase: ENGINE.disturbance.phase});
+    tables.disturbance.unshift({kind: "cosine", amplitude: S.disturbance,
+      frequency: S.disturbance_frequency, phase: ENGINE.disturbance.phase});
   }
-  const files = tables.import, heads = [["[arm]", arm], ["[reference]", tables.reference],
-    ...others.map((one) => ["[[disturbance]]", one]), ["[plant]", tables.plant], ["[sensors]", sensors],
-    ["[simulation]", simulation], ["[[controller]]", law]];
+  const section = (name, table) => ["", name,
+    ...Object.entries(table).map(([key, value]) => `${key} = ${tomlValue(value)}`)];
   return ["# From a playground of fpid_pin. Run it:  fpid-pin run THIS_FILE.toml",
     "format = 1", `title = ${tomlValue(PAGE.title)}`,
     ...(files.length ? [`import = ${tomlValue(files)}  # put it beside this file, and --allow-import`] : []),
-    ...heads.flatMap(([head, table]) => ["", head,
-      ...Object.entries(table).map(([key, value]) => `${key} = ${tomlValue(value)}`)]), ""].join("\n");
+    ...Object.entries({...tables, controller: [law]}).flatMap(([name, table]) => (Array.isArray(table)
+      ? table.flatMap((one) => section(`[[${name}]]`, one)) : section(`[${name}]`, table))), ""].join("\n");
 }
