@@ -160,13 +160,7 @@ class Controller(Description, ABC):
 
     @property
     def bandwidth(self) -> float:
-        """Of the one observer of law and supervisor [rad/s]; 0: none.
-
-        Raises
-        ------
-        ArgumentError
-            The two ask for different ones.
-        """
+        """Of the one observer of law and supervisor [rad/s]; 0: none."""
         other = 0.0 if self.supervisor is None else self.supervisor.observer
         if self.observer and other and self.observer != other:
             raise checks.ArgumentError(
@@ -287,13 +281,7 @@ def is_number(value: Any) -> bool:
 
 
 def observer_gains(bandwidth: float, step: float) -> tuple[float, float]:
-    """Return the gains of `kernels.supervisor.correct_observer`; 0 for no bandwidth.
-
-    Raises
-    ------
-    ArgumentError
-        An observer faster than the sampling allows.
-    """
+    """Return the gains of `kernels.supervisor.correct_observer`; 0 for no bandwidth."""
     if bandwidth * step > FASTEST + 1e-9:
         expected = f"at most {FASTEST:g}/step ({FASTEST / step:g} rad/s)"
         raise checks.ArgumentError("observer", expected, f"{bandwidth:g} rad/s")

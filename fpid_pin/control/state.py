@@ -57,18 +57,9 @@ def _order_table(design: Design, step: float, horizon: float) -> FloatArray:
 class State:
     """One robot under one law, for the longest time that it will run, `horizon` [s].
 
-    Attributes
-    ----------
-    arm, step, horizon, n
-        The nominal arm, sampling period and horizon [s]; number of joints.
-    c : kernels.records.Controller
-        All arrays of the controller.
-    joints : record array, (n,)
-        A record of each joint, by name: given numbers, the law's, what it remembers.
-    inputs, torque : ndarray, (5, n) and (n,)
-        Buffers of a tick: q, v, and the reference's q, v, a; the torque [N m].
-    memory, shown : dict
-        For laws in plain Python: what they remember; signals for the record, (n,) arrays.
+    `c` are all arrays of the controller, `joints` a record of each joint by name, (n,); `inputs`,
+    (5, n), are q, v, and the reference's q, v, a of a tick, `torque`, (n,) [N m], what it makes of
+    them. A law in plain Python has `memory`, and `shown` for signals to record, (n,) arrays.
     """
 
     def __init__(self, controller: Any, arm: Arm, *, step: float, horizon: float) -> None:
