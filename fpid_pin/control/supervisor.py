@@ -203,7 +203,7 @@ class Supervisor(Description):
             )
 
     def constants(self, step: float) -> dict[str, float]:
-        """Return the constants of `kernels.records.ROBOT`, by name; no look-ahead below the step."""
+        """Return the constants of `kernels.records.ROBOT`; a look-ahead is at least the step."""
         p, v_m = self.p, self.threshold
         found = {"p11": p[0, 0], "p12": p[0, 1], "p22": p[1, 1], "k0": self.k0, "k1": self.k1}
         if self.kind == "paper":
