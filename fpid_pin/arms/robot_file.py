@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from xml.parsers import expat
@@ -47,29 +47,21 @@ def parse_xml(text: bytes | str, label: str, *roots: str) -> ET.Element:
     parser = expat.ParserCreate("utf-8" if isinstance(text, str) else None)
     data = text.encode("utf-8", "replace") if isinstance(text, str) else text
     data = re.sub(rb"<!--.*?-->", b"", data.removeprefix(b"\xef\xbb\xbf").lstrip(), flags=re.DOTALL)
-    builder, depth = ET.TreeBuilder(), 0
-
-    def start(tag: str, attributes: Mapping[str, str]) -> None:
-        nonlocal depth
-        depth += 1
-        if depth > NESTED:
-            raise ArmError(
-                f"{label}: expected at most {NESTED} elements within one another, got more around "
-                f"<{cut(tag, _TAG)}>"
-            )
-        builder.start(tag, dict(attributes))
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(tag)
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
+    builder = ET.TreeBuilder()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
     try:
         parser.Parse(data, True)
         root = builder.close()
     except (expat.ExpatError, AssertionError, ValueError, LookupError) as error:
         raise ArmError(f"{label}: expected well-formed XML, got {error}") from None
+    level = [root]
+    for _ in range(NESTED):
+        level = [element for above in level for element in above]
+    if level:
+        raise ArmError(
+            f"{label}: expected at most {NESTED} elements within one another, got more around "
+            f"<{cut(level[0].tag, _TAG)}>"
+        )
     if any(element.tag.startswith("xacro:") for element in root.iter()):
         shell = label if " " not in label else f"'{label}'"
         raise ArmError(
