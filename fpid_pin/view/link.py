@@ -1,14 +1,14 @@
-"""Our end of the live page: starts its server, sends frames, hears keys."""
+"""Our end of the live page: starts meshcat's server, sends frames, hears keys."""
 
 from __future__ import annotations
 
-import contextlib
 import logging
 import os
 import secrets
-import select
 import subprocess
 import sys
+import tempfile
+import time
 import webbrowser
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -36,6 +36,8 @@ class LiveLink:
     def __init__(
         self, page: str, *, port: int | None = None, announce: Callable[[str], None] | None = None
     ) -> None:
+        import zmq
+
         asked = PORT if port is None else checks.integer("port", port, low=1, high=65535)
         self._announce = announce or _log.warning
         self._mention = announce or _log.info
@@ -43,42 +45,38 @@ class LiveLink:
         self.served, self.dropped = 0, 0
         self._keys, self._waiting = "", False
         token, once = secrets.token_urlsafe(18), secrets.token_urlsafe(18)
-        # Nobody else can write to the server or read what it says.
-        # A session of its own: Ctrl-C in the terminal is for us to handle, not for the server.
-        # -P: the script's folder must not be searched for modules.
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", str(Path(__file__).with_name("server.py")), str(asked)],
-            start_new_session=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        #: The server's process.
-        self.pid = self._process.pid
-        try:
-            self.port = int(self._answer(_START_LIMIT))
-            for message in (token, once, page):
-                self._write(message.encode())
-        except BaseException as error:
-            self.close()
-            if isinstance(error, (OSError, ValueError)):
-                raise FpidError("live view: the server did not start on 127.0.0.1") from None
-            raise
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.REQ)
+        # A socket in a private folder: nobody else can send frames or take keys.
+        with tempfile.TemporaryDirectory(prefix="fpid_pin-") as folder:
+            address, script = f"ipc://{folder}/frames", Path(__file__).with_name("server.py")
+            # A session of its own: Ctrl-C in the terminal is for us to handle, not for the server.
+            # -P: the script's folder must not be searched for modules.
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", str(script), str(asked), address, str(os.getpid())],
+                start_new_session=True, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+            )  # fmt: skip
+            #: The server's process.
+            self.pid = self._process.pid
+            try:
+                self._socket.connect(address)
+                self._socket.send_multipart([token.encode(), once.encode(), page.encode()])
+                limit = time.monotonic() + _START_LIMIT
+                while not self._socket.poll(50):
+                    if not self.alive or time.monotonic() > limit:
+                        raise FpidError("live view: the server did not start on 127.0.0.1")
+                self.port = int(self._socket.recv())
+            except BaseException as error:
+                self.close()
+                if isinstance(error, zmq.ZMQError):
+                    raise FpidError(f"live view: {address}: {error}") from None
+                raise
         self.url = f"http://127.0.0.1:{self.port}/{token}/"
         # A browser's arguments are in the list of processes, which every user can read.
         self._once = f"http://127.0.0.1:{self.port}/{once}/"
         if self.port != asked:
             self._announce(f"port {asked} is in use; taking {self.port}")
-
-    def _write(self, message: bytes) -> None:
-        assert self._process.stdin is not None
-        self._process.stdin.write(b"%d\n" % len(message) + message)
-        self._process.stdin.flush()
-
-    def _answer(self, seconds: float) -> str:
-        """Return the server's next line; empty where it says none in this time, or has ended."""
-        out = self._process.stdout
-        assert out is not None
-        ready = select.select([out], [], [], seconds)[0]
-        return out.readline().decode("utf-8", "replace").rstrip("\n") if ready else ""
 
     @property
     def alive(self) -> bool:
@@ -87,19 +85,19 @@ class LiveLink:
 
     def send(self, t: float, poses: Sequence[Sequence[FloatArray]]) -> None:
         """Send a frame: the time [s] and (q, q_ref, torque), (n,) each, of every run."""
+        import zmq
+
         if self._hear():
             rows = [np.array([t]), *(array for run in poses for array in run)]
+            self._socket.send(np.concatenate(rows).astype("<f4").tobytes(), zmq.NOBLOCK)
             self._waiting = True
-            # One that has ended takes no frame, and answers none.
-            with contextlib.suppress(BrokenPipeError):
-                self._write(np.concatenate(rows).astype("<f4").tobytes())
         else:
             self.dropped += 1
 
     def _hear(self) -> bool:
         """Take the server's answer, if there is one; return whether it is ready for a frame."""
-        if self._waiting and (answer := self._answer(0.0)):
-            count, _, keys = answer.partition(" ")
+        if self._waiting and self._socket.poll(0):
+            count, _, keys = self._socket.recv().decode("utf-8", "replace").partition(" ")
             self.served, self._keys, self._waiting = int(count), self._keys + keys, False
         return not self._waiting
 
@@ -120,9 +118,8 @@ class LiveLink:
     def close(self) -> None:
         """End the server; nothing is left behind."""
         self._process.kill()
-        # What a dead server has not taken cannot be flushed.
-        with contextlib.suppress(BrokenPipeError), self._process:
-            pass
+        self._process.wait()
+        self._context.destroy(linger=0)
 
     def __enter__(self) -> LiveLink:
         return self
