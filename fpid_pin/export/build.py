@@ -67,10 +67,14 @@ def _compile(folder: Path, sources: Sequence[str], to: Path, flags: Sequence[str
     return to
 
 
-def check(program: Path, vectors: Path, torques: Path | None = None) -> str:
+def check(folder: Path, flags: Sequence[str] = (), torques: Path | None = None) -> str:
     """Return what ``fpid_check`` says of the vectors; `torques` receives its own, as doubles."""
-    command = [str(program), str(vectors), *([str(torques)] if torques else [])]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=_SECONDS, check=False)
+    with tempfile.TemporaryDirectory() as there:
+        program = compile_check(folder, Path(there) / "check", flags)
+        command = [str(x) for x in (program, folder / "vectors.bin", torques) if x]
+        done = subprocess.run(
+            command, capture_output=True, text=True, timeout=_SECONDS, check=False
+        )
     if done.stderr or not done.stdout:
         raise ExportError(f"fpid_check: {done.stderr.strip()[:200]}")
     return done.stdout.strip()
@@ -105,14 +109,11 @@ def _measured(folder: Path) -> tuple[str, str]:
     rows, lines = [], []
     for what, flags in (("double", []), ("float", ["-DFPID_SINGLE"])):
         try:
-            with tempfile.TemporaryDirectory() as there:
-                program = compile_check(folder, Path(there) / what, flags)
-                said = check(program, folder / "vectors.bin")
+            found, state = check(folder, flags).split("; a state takes ")
             constants, code = (_size(folder, x, flags) for x in ("fpid_parameters.c", "fpid.c"))
         except ExportError as error:
             lines.append(f"- `{what}`: {error}")
             continue
-        found, state = said.split("; a state takes ")
         rows.append(f"| {what} | {state.split()[0]} | {constants} | {code} |")
         lines.append(f"- `{what}`: {found}.")
     return "\n".join(rows), "\n".join(lines)

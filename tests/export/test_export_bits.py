@@ -182,8 +182,7 @@ def write(controller, arm, folder, proof, step=1e-3):
 
 def torques(folder, flags=()):
     """Return what the compiled C answers to the vectors; it restarts half way."""
-    program = build.compile_check(folder, folder / "check", flags)
-    build.check(program, folder / "vectors.bin", folder / "torques.bin")
+    build.check(folder, flags, folder / "torques.bin")
     return np.fromfile(folder / "torques.bin")
 
 

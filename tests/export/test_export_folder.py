@@ -61,8 +61,7 @@ def test_the_folder_says_what_it_holds_and_rebuilds_its_controller(tmp_path):
     assert "`double`: 600 of 600 torques equal to the last bit" in text
     assert "may do here" in text
     for what, flags in (("double", []), ("float", ["-DFPID_SINGLE"])):
-        program = build.compile_check(folder, tmp_path / what, flags)
-        found, state = build.check(program, folder / "vectors.bin").split("; a state takes ")
+        found, state = build.check(folder, flags).split("; a state takes ")
         assert f"- `{what}`: {found}." in text
         assert f"| {what} | {state.split()[0]} |" in text
     table = tomllib.loads((folder / "controller.toml").read_text())
