@@ -196,9 +196,9 @@ class Comparison(ReprMixin):
     def _limits(self) -> list[str]:
         """Say of each controller where its runs ended early and which limits they passed."""
         told: dict[str, list[str]] = {}
-        for (condition, controller), run, limits in self._each():
-            where = f"{condition}, " if len(self.conditions) > 1 else ""
-            lines = told.setdefault(controller, [])
+        for labels, run, limits in self._each():
+            where = f"{labels['condition']}, " if len(self.conditions) > 1 else ""
+            lines = told.setdefault(labels["controller"], [])
             if not run.outcome.completed:
                 lines.append(f"{where}{run.outcome}")
             joints: dict[str, list[str]] = {}
@@ -215,16 +215,16 @@ class Comparison(ReprMixin):
             if lines
         ]
 
-    def _each(self) -> Iterator[tuple[tuple[str, str], Run, list[Exceedance]]]:
-        return zip(product(self.conditions, self.controllers), self.runs, self.limits, strict=True)
+    def _each(self) -> Iterator[tuple[dict[str, Any], Run, list[Exceedance]]]:
+        pairs = product(self.conditions, self.controllers)
+        labels = [{"condition": condition, "controller": law} for condition, law in pairs]
+        return zip(labels, self.runs, self.limits, strict=True)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each run: its figures over the joints, and whether it is the best."""
         rows = []
-        best = self.is_best.ravel()
-        for ((condition, controller), run, _), first in zip(self._each(), best, strict=True):
+        for (row, run, _), first in zip(self._each(), self.is_best.ravel(), strict=True):
             ended = not run.outcome.completed
-            row: dict[str, Any] = {"condition": condition, "controller": controller}
             for figure in _FIGURES:
                 if figure is not _COST or self._has_cost:
                     # Of those of whole runs, one that ended early has none.
@@ -252,25 +252,21 @@ class Comparison(ReprMixin):
         Where a column has a unit for each kind, the names of joints that slide say that they do.
         """
         return [
-            {
-                "condition": condition,
-                "controller": controller,
-                "joint": joint if unit == "rad" else f"{joint} [m, N]",
-            }
+            labels
+            | {"joint": joint if unit == "rad" else f"{joint} [m, N]"}
             | {
                 head_for(metric.head, self.angles): metric.scale * getattr(run.metrics, name)[j]
                 for name, metric in METRICS.items()
             }
-            for (condition, controller), run, _ in self._each()
+            for labels, run, _ in self._each()
             for j, (joint, unit) in enumerate(zip(run.arm.joint_names, run.arm.units, strict=True))
         ]
 
     def limit_rows(self) -> list[dict[str, Any]]:
         """Return a row for each limit that a run passed, or that its torque stood at."""
         return [
-            {
-                "condition": condition,
-                "controller": controller,
+            labels
+            | {
                 "joint": e.joint,
                 "quantity": f"{e.passed} [{e.unit}]",
                 "limit": e.limit,
@@ -278,7 +274,7 @@ class Comparison(ReprMixin):
                 "worst": e.value,
                 "part [%]": 100.0 * e.part,
             }
-            for (condition, controller), _, limits in self._each()
+            for labels, _, limits in self._each()
             for e in limits
         ]
 
