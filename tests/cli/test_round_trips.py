@@ -15,6 +15,7 @@ from fpid_pin import descriptions
 from fpid_pin.cli.configuration import demo_config, load, parse
 from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError
+from fpid_pin.simulation.toml import toml_text
 from fpid_pin.view.document import asset
 
 URDF = Path(__file__).parents[2] / "urdf" / "two_link.urdf"
@@ -206,3 +207,8 @@ def test_paths_follow_their_file_and_comments_stay(tmp_path, quote):
     again = tomllib.loads(load(tmp_path / "c.toml").at(tmp_path / "out").text)
     assert again["controller"][-1]["name"] == "arm.urdf"
     assert again["arm"]["path"] == "../arm.urdf"
+
+
+def test_lists_of_lists_of_tables_and_of_odd_texts_are_written_as_they_are():
+    table = {"a": [[1, 2], [3.5]], "b": [[{"c": [1, 2]}, {"d": 2}]], "e": [], "s": ['x,\n["]', "["]}
+    assert tomllib.loads(toml_text(table)) == table
