@@ -25,8 +25,10 @@ def supervisor(**changes):
     return fp.Supervisor(**(values | changes))
 
 
-def test_p_is_the_paper_s():
+def test_p_and_the_threshold_are_those_of_equations_15_and_16():
     assert np.abs(lyapunov_matrix(0.5, 1.0) - [[1.75, 1.0], [1.0, 1.5]]).max() < 1e-14
+    smallest = (3.25 - np.sqrt(0.25**2 + 4.0)) / 2.0
+    assert supervisor().threshold == pytest.approx(0.5 * smallest * 16.0, rel=1e-12)
 
 
 @pytest.mark.parametrize(("k0", "k1"), [(0.5, 1.0), (4.0, 0.3), (100.0, 20.0)])
@@ -35,11 +37,6 @@ def test_p_solves_the_lyapunov_equation(k0, k1):
     p, a = lyapunov_matrix(k0, k1, weight), np.array([[0.0, 1.0], [-k0, -k1]])
     assert np.abs(a.T @ p + p @ a + weight).max() < 1e-12 * np.abs(p).max() * (1 + k0)
     assert np.linalg.eigvalsh(p)[0] > 0
-
-
-def test_the_threshold_is_equation_16():
-    smallest = (3.25 - np.sqrt(0.25**2 + 4.0)) / 2.0
-    assert supervisor().threshold == pytest.approx(0.5 * smallest * 16.0, rel=1e-12)
 
 
 # A push that is announced to the supervisor; without one V leaves the set (`largest`, below).

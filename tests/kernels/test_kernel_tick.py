@@ -149,27 +149,15 @@ def test_a_joint_that_was_cut_tells_nothing_where_adapting_would_ask_for_more():
 # ---------------------------------------------------------------------- supervisor and observer
 
 
-def records(n=2, **robot):
-    robots, joints = np.zeros(1, ROBOT), np.zeros(n, GIVEN)
-    robots["h"] = H
-    for name, value in robot.items():
+@pytest.mark.parametrize("error", [0.0, 10.0])
+def test_no_error_is_left_alone_and_where_the_least_v_is_beyond_v_t_the_ball_is_its_centre(error):
+    robots, joints, direction = np.zeros(1, ROBOT), np.zeros(1, GIVEN), np.full(1, np.nan)
+    given = {"h": H, "p11": 1.75, "p12": 1.0, "p22": 1.5, "lookahead": H, "target": 0.5}
+    for name, value in given.items():
         robots[name] = value
-    return robots[0], joints
-
-
-def test_where_even_the_least_v_is_beyond_v_t_the_ball_is_its_centre():
-    robot, joints = records(1, p11=1.75, p12=1.0, p22=1.5, lookahead=H, target=0.5)
-    joints["e"] = 10.0
-    direction = np.zeros(1)
+    robot, joints["e"] = robots[0], error
     supervisor.find_correction(robot, joints, np.zeros(1), direction)
-    assert robot.radius == 0.0
+    assert bool(robot.correcting) == (error > 0.0)
+    assert (robot.radius == 0.0) == (error > 0.0)
     supervisor.least_correction(robot, joints, np.zeros(1), direction)
-    assert abs(direction[0]) == pytest.approx(robot.distance, rel=1e-14)
-
-
-def test_an_error_at_rest_where_it_should_be_is_left_alone():
-    robot, joints = records(p11=1.75, p12=1.0, p22=1.5, lookahead=H, target=0.5)
-    direction = np.full(2, np.nan)
-    supervisor.find_correction(robot, joints, np.zeros(2), direction)
-    assert not robot.correcting
-    assert (direction == 0.0).all()
+    assert abs(direction[0]) == pytest.approx(robot.distance if error else 0.0, rel=1e-14, abs=0)
