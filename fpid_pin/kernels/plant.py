@@ -164,6 +164,20 @@ def apply_actuators(joints, q, v, torque, forces, motion, k, tau):
 
 
 @kernel
+def integrate_velocity(v, a, h):
+    """Take the first half of a step of semi-implicit Euler: v+ = v + h a."""
+    for j in range(v.size):
+        v[j] += h * a[j]
+
+
+@kernel
+def integrate_position(q, v, h):
+    """Take its second half: q+ = q + h v+."""
+    for j in range(q.size):
+        q[j] += h * v[j]
+
+
+@kernel
 def runge_kutta_stage(joints, q, v, tau, stages, forces, k, i, h):
     """Write where stage i, 1 to 3, of the classical Runge-Kutta rule looks, and its torques.
 
@@ -218,12 +232,10 @@ def move(plant, has_dry_friction, forces, k, h):
     if plant.workspace.shape[0] > WORKSPACE + 2 * plant.q.size:
         runge_kutta(plant, forces, k, h)
     else:
-        for j in range(plant.q.size):
-            plant.v[j] += h * plant.a[j]
+        integrate_velocity(plant.v, plant.a, h)
         if has_dry_friction:
             apply_dry_friction(plant.mass, plant.joints, plant.v, plant.workspace, h)
-        for j in range(plant.q.size):
-            plant.q[j] += h * plant.v[j]
+        integrate_position(plant.q, plant.v, h)
 
 
 @kernel
