@@ -387,6 +387,7 @@ def _read_fields(
 
 
 def _join(path: str, key: str) -> str:
+    key = key or '""'  # as TOML writes a name of no letters
     return f"{path}.{key}" if path else key
 
 

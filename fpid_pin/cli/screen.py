@@ -218,7 +218,8 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
                 told_at = now
                 left = timedelta(seconds=round(progress.seconds_left))
                 console.print(f"{told}, {left} left")
-        if not bar.live.is_started and now - began > _PATIENCE and progress.part < 1.0:
+        late = now - began > _PATIENCE and progress.part < 1.0
+        if console.is_terminal and late and not bar.live.is_started:
             bar.start()
         bar.update(task, completed=progress.part, description=told)
 

@@ -5,6 +5,7 @@ import pytest
 from rich.console import Console
 
 from fpid_pin.cli import screen
+from fpid_pin.progress import Progress
 
 NAMES = [
     "adaptive FPID with a long name", "a_name_without_any_place_to_break_it_at_all", "PID", "x" * 60
@@ -90,3 +91,11 @@ def test_a_terminal_breaks_sentences_between_words_and_addresses_nowhere(capsys)
     assert all(len(line) <= 60 or address in line for line in lines)
     screen.say(sentence, console=Console(width=60))  # a pipe
     assert capsys.readouterr().out == f"{sentence}\n"
+
+
+def test_without_a_terminal_there_is_no_bar_and_no_empty_line(capsys, monkeypatch):
+    monkeypatch.setattr(screen, "_PATIENCE", -1.0)
+    with screen.progress_bar("simulating") as advance:
+        for part in (0.1, 0.5, 1.0):
+            advance(Progress(part))
+    assert capsys.readouterr().err == ""

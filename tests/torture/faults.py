@@ -68,13 +68,17 @@ COMMANDS = {
 }  # fmt: skip
 
 
+class Refused(Exception):
+    """What a command said on standard error, all lines of it."""
+
+
 def command(words):
     rounds = itertools.count()
 
     def run():
         own = str(next(rounds))
         if main([word.replace("#", own) for word in words]):
-            raise FpidError(sys.stderr.getvalue())
+            raise Refused(sys.stderr.getvalue())
 
     return lambda folder: run
 
@@ -103,7 +107,7 @@ def attempt(work):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 work()
-        except FpidError as error:
+        except (FpidError, Refused) as error:
             lines = [line for line in str(error).splitlines() if " of " not in line[:28]]
             return "refused" if len(lines) == 1 and "Traceback" not in lines[0] else str(error)
         except Exception as error:

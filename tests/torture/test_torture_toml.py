@@ -10,7 +10,7 @@ import tomllib
 import pytest
 import tomli_w
 from bounded import FULL
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fpid_pin.cli.campaign import read_campaign
@@ -145,6 +145,7 @@ def test_a_key_of_any_table_may_be_called_as_an_argument_is(tmp_path, tally):
 
 
 @MANY
+@example(f'"" = 0\n{TEXT}')
 @given(spoilt())
 def test_tables_that_are_spoilt(tmp_path, tally, text):
     fault = fault_of(text, tmp_path)
