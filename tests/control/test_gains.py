@@ -239,3 +239,24 @@ def test_only_what_there_is_to_warn_of_is_warned_of():
     ):
         with pytest.warns(fp.FpidWarning, match=words):
             suggest_gains(arm, adaptive=False)
+
+
+def test_the_ceiling_of_ki_is_that_of_the_least_kp_and_kd_that_projection_allows():
+    """By Routh it is in proportion to both, where nothing but Kd damps: (1/2)(1/3)."""
+    free = fp.AdaptiveFpid(90.0, 5.0, 6.0, learning_rate=1.0)
+    least = [np.full(2, x) for x in (45.0, 0.0, 2.0)]
+    bound = dataclasses.replace(free, safeguards=Safeguards(minimum=np.stack(least)))
+    ratio = gain_ceilings(TWO, bound).ki / gain_ceilings(TWO, free).ki
+    assert ratio == pytest.approx(1.0 / 6.0, rel=1e-12)
+
+
+def test_where_all_of_the_box_is_damped_gains_may_go_from_seven_tenths_to_four_times():
+    found = explain_gains(TWO)
+    assert not any("projection" in note for note in found.notes)
+    law = found.controller
+    start = np.stack([law.kp, law.ki, law.kd])
+    low, high = Safeguards.bounds_of(law.safeguards, 2)
+    ceilings = gain_ceilings(TWO, dataclasses.replace(law, safeguards=Safeguards(minimum=low)))
+    most = np.minimum(4.0 * start, np.stack([ceilings.kp, ceilings.ki, ceilings.kd]))
+    assert low == pytest.approx(0.7 * start, rel=1e-12)
+    assert high == pytest.approx(np.maximum(most, start), rel=1e-9)

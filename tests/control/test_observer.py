@@ -162,5 +162,9 @@ def test_every_law_may_have_one():
 def test_late_measurements_cost_bandwidth_and_then_all_of_it():
     arm, law, omega = suggested("two_link")
     assert omega >= suggest_observer(arm, law, delay=0.004) > 0.0
+    # A part of a step counts as a whole one, a whole one as no more.
+    some = suggest_observer(arm, law, delay=3.5 * STEP)
+    assert some == suggest_observer(arm, law, delay=4.0 * STEP)
+    assert some > suggest_observer(arm, law, delay=4.5 * STEP)
     with pytest.warns(FpidWarning, match="two_link: the law alone is not stable .* 60 ms late"):
         assert suggest_observer(arm, law, delay=0.06) == 0.0
