@@ -73,6 +73,13 @@ def test_a_pd_is_its_own_line_scaled_and_clipped_in_every_form(form, scale, limi
     assert (cut > 50) == (limit is not None)
 
 
+def test_a_pd_in_every_form_has_the_model_s_part_and_the_observer_s():
+    experiment, options = paper(), {"feedforward": True, "observer": 40.0}
+    first, *others = fp.simulate(experiment, [form(30.0, 7.0, **options) for form in PDS])
+    for other in others:
+        same_run(first, other)
+
+
 def test_the_model_is_asked_as_the_package_s_laws_ask_it():
     experiment = paper()
     gains = {"kp": (40.0, 30.0), "kd": (20.0, 5.0), "scale": (0.7, 1.9)}
