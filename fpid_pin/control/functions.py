@@ -112,9 +112,10 @@ def _fault(function: Any, error: Exception) -> tuple[str, str]:
         # All that numba says of a number that a record has not is its name.
         name = str(error.args[0])
         return _place_of_attribute(function, name) or place, f"the law has no number '{name}'"
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    text = re.sub(r"\x1b\[[\d;]*m", "", str(error))  # numba colours it where colorama is there
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
     # The innermost function comes first.
-    found = re.search(r'File "(.+)", line (\d+):', str(error))
+    found = re.search(r'File "(.+)", line (\d+):', text)
     if found is not None:
         place = f"line {found[2]} of {PurePath(found[1]).name}"
     reason = next((x for x in lines if not x.startswith(("Failed", "File"))), type(error).__name__)

@@ -4,6 +4,7 @@ break. Judged by simulations and by closed forms."""
 import dataclasses
 import itertools
 import logging
+import re
 import warnings
 
 import numpy as np
@@ -260,3 +261,14 @@ def test_where_all_of_the_box_is_damped_gains_may_go_from_seven_tenths_to_four_t
     most = np.minimum(4.0 * start, np.stack([ceilings.kp, ceilings.ki, ceilings.kd]))
     assert low == pytest.approx(0.7 * start, rel=1e-12)
     assert high == pytest.approx(np.maximum(most, start), rel=1e-9)
+
+
+def test_a_part_of_the_box_ends_at_its_square_below(kinova):
+    arm, found = kinova
+    law, share = found.controller, re.search(r"goes (\d+) % of the way", str(found))
+    start = np.stack([law.kp, law.ki, law.kd])
+    low, high = Safeguards.bounds_of(law.safeguards, arm.n)
+    part = np.log((high / start).max()) / np.log(4.0)
+    assert 0.0 < part < 1.0
+    assert part == pytest.approx(float(share[1]) / 100.0, abs=0.005)
+    assert low == pytest.approx(start * 0.7**part**2, rel=1e-9)

@@ -216,15 +216,16 @@ def test_the_loop_breaks_at_its_gain_margin(kind):
     assert growth[0] < 1.0 < growth[1]
 
 
+@pytest.mark.parametrize("kind", [PdGravity, fp.Pid])  # one holds the weight, the other does not
 @pytest.mark.parametrize("bandwidth", [5.0, 300.0])
-def test_on_the_exact_model_an_observer_adds_two_poles_p_and_moves_none(bandwidth):
+def test_on_the_exact_model_an_observer_adds_two_poles_p_and_moves_none(bandwidth, kind):
     arm = fp.Arm.two_link()
     # h F_v is 3 M_jj for one joint: friction stops it within a step.
     arm = arm.with_friction(viscous=np.diag(arm.mass_matrix(arm.home)) * (3.0, 0.1) / STEP)
-    law = PdGravity(kp=100.0, kd=20.0, scale="inertia")
-    plant, found = linear_arm(arm, arm.home, step=STEP), []
+    law, pose = kind(kp=100.0, ki=0.0, kd=20.0, scale="inertia"), np.array([0.4, 0.9])
+    plant, found = linear_arm(arm, pose, step=STEP), []
     for one in (law, dataclasses.replace(law, observer=bandwidth)):
-        linear = linearised(one, arm, arm.home, step=STEP, horizon=1.0)
+        linear = linearised(one, arm, pose, step=STEP, horizon=1.0)
         found.append(np.linalg.eigvals(linear.open_loop(plant).closed(np.eye(arm.n))))
     p = np.exp(-bandwidth * STEP)
     alone = np.sort_complex(np.concatenate([found[0], [p, p, p, p]]))
