@@ -204,6 +204,7 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
     bar = rich.Progress(
         rich.TextColumn("{task.description}", markup=False), rich.BarColumn(bar_width=None),
         rich.TaskProgressColumn(), rich.TimeRemainingColumn(), console=console, transient=True,
+        disable=not console.is_terminal,
     )  # fmt: skip
     task = bar.add_task(title, total=1.0)
     began = time.monotonic()
@@ -218,8 +219,7 @@ def progress_bar(title: str) -> Iterator[Callable[[Progress], None]]:
                 told_at = now
                 left = timedelta(seconds=round(progress.seconds_left))
                 console.print(f"{told}, {left} left")
-        late = now - began > _PATIENCE and progress.part < 1.0
-        if console.is_terminal and late and not bar.live.is_started:
+        if not bar.live.is_started and now - began > _PATIENCE and progress.part < 1.0:
             bar.start()
         bar.update(task, completed=progress.part, description=told)
 
