@@ -33,28 +33,28 @@ PAGE = Path(__file__).parent / "configuration.md"
 INTRODUCTION = """\
 # Every table and key of a configuration
 
-Written by `docs/configuration.py` from the package's own descriptions; not edited by hand.
+All tables and keys that a configuration file can have. `fpid-pin init ARM` writes a commented
+file to start from. (`docs/configuration.py` generates this page from the code.)
 
 ```toml
 format = 1                 # always
-title = "My study"         # of reports; default: the file's name
-import = "mine.py"         # kinds of one's own; read only with --allow-import
+title = "My study"         # title of reports; default: the file's name
+import = "mine.py"         # your own laws, costs, ...; only with --allow-import
 
-[arm]                      # which arm the controllers believe in
-[reference]                # what it is to follow
+[arm]                      # the arm that the controllers know
+[reference]                # the motion to follow
 [simulation]               # step, duration, integrator, ...
-[plant]                    # the true robot, where it is another
+[plant]                    # the true robot, if it differs from the arm
 [sensors]                  # imperfect measurements
-[[disturbance]]            # torques from outside; several add up
-[[controller]]             # one table a law
-[[condition]]              # name, and plant, sensors, disturbance in place of those above
-[tune]                     # what `fpid-pin tune` does
-[campaign]                 # what `fpid-pin campaign run` does
+[[disturbance]]            # external torques; several add up
+[[controller]]             # one table for each law
+[[condition]]              # a name, and its own plant, sensors, disturbance
+[tune]                     # what `fpid-pin tune` searches
+[campaign]                 # what `fpid-pin campaign run` draws
 ```
 
-`fpid-pin init ARM` writes such a file. Keys are the constructors' arguments, so what holds here
-holds in Python. A number that may differ from joint to joint is one number, or a list with one for
-each joint. Files' paths start at the folder of the file that names them.
+The keys are the arguments of the Python classes. "Or one per joint" means a list with one number
+for each joint. Relative paths start at the folder of the file that names them.
 """
 
 
@@ -67,9 +67,12 @@ def described_fields(*things: Any) -> dict[str, str]:
     found: dict[str, str] = {}
     for base in things:
         text = inspect.cleandoc(base.__doc__ or "")
-        section = re.search(r"^Parameters\n-+\n(.*?)(?=^\w[^\n]*\n-{3,}$|\Z)", text, re.M | re.S)
+        # Arm has the arguments that all of its constructors share in its notes.
+        sections = re.findall(
+            r"^(?:Parameters|Notes)\n-+\n(.*?)(?=^\w[^\n]*\n-{3,}$|\Z)", text, re.M | re.S
+        )
         for names, body in re.findall(
-            r"^(\S[^\n]*)\n((?:[ ]{4}[^\n]*\n?|\n)+)", section[1] + "\n" if section else "", re.M
+            r"^(\S[^\n]*)\n((?:[ ]{4}[^\n]*\n?)+)", "\n".join([*sections, ""]), re.M
         ):
             said = " ".join(body.split())
             for name in names.split(" : ")[0].split(", "):
@@ -113,7 +116,7 @@ def allowed(key: descriptions.Key) -> str:
             shape = str(bounds.get("shape", "")).replace("None", "K")
             what = "a whole number" if check.function is checks.integer else "a number"
             what = f"numbers {shape}".strip() if check.function is checks.floats else what
-            each = ", or one a joint" if check.function is checks.scalar_or_joints else ""
+            each = ", or one per joint" if check.function is checks.scalar_or_joints else ""
             said.append(f"{what} {where}".strip() + each)
         elif "expected" in bounds:
             said.append(str(bounds["expected"]))
@@ -132,13 +135,14 @@ def cell(text: str) -> str:
 def fields(cls: type, leave: Iterable[str] = ()) -> list[str]:
     """Return the table of a description's keys."""
     said = described_fields(ALSO.get(cls), *reversed(cls.__mro__))
-    lines = ["| key | what | unit | default | |", "| --- | --- | --- | --- | --- |"]
+    lines = ["| key | value | default | |", "| --- | --- | --- | --- |"]
     for key in descriptions.keys(cls).values():
         if key.name in leave:
             continue
         name = "variant" if key.name == "kind" else key.name
         default = "**needed**" if key.required else brief(key.default)
-        row = (f"`{name}`", allowed(key), key.unit, default, said.get(key.name, ""))
+        unit = rf" \[{key.unit}\]" if key.unit else ""
+        row = (f"`{name}`", allowed(key) + unit, default, said.get(key.name, ""))
         lines.append(f"| {' | '.join(map(cell, row))} |")
     return [*lines, ""] if lines[2:] else []
 
@@ -160,7 +164,12 @@ def family(title: str, base: type, words: str, leave: Iterable[str] = ()) -> lis
 
 def arms() -> list[str]:
     """Return the section on arms, whose keys are the arguments of `Arm`'s constructors."""
-    lines = ["## `[arm]`", "", "Which arm: one kind, and `changes`, a list of tables.", ""]
+    lines = [
+        "## `[arm]`",
+        "",
+        "One `kind`, and optionally `changes`, a list of tables.",
+        "",
+    ]
     for kind, make in KINDS.items():
         said = described_fields(*fp.Arm.__mro__, make)
         what = first_line(make).removeprefix("Return ")
@@ -179,33 +188,33 @@ def arms() -> list[str]:
 def page() -> str:
     """Return the whole page."""
     lines = [INTRODUCTION, *arms()]
-    lines += family("`[reference]`", Reference, "The trajectory to follow: one kind.")
+    lines += family("`[reference]`", Reference, "The motion to follow: one `kind`.")
     simulation = ("arm", "reference", "plant", "sensors")
-    lines += ["## `[simulation]`", "", "Clock, start and integration.", ""]
+    lines += ["## `[simulation]`", "", "Time, start and integration.", ""]
     lines += fields(fp.Experiment, simulation)
     lines += ["## `[plant]`", "", first_line(fp.Plant), "", *fields(fp.Plant)]
     lines += ["### `payload`", "", first_line(Payload), "", *fields(Payload)]
     lines += ["## `[sensors]`", "", first_line(fp.Sensors), "", *fields(fp.Sensors)]
-    lines += family("`[[disturbance]]`", Disturbance, "Torques from outside; several add up.")
+    lines += family("`[[disturbance]]`", Disturbance, "External torques; several add up.")
     common = [name for name in descriptions.keys(fp.Controller) if name != "name"]
-    lines += ["## `[[controller]]`", "", "What every law has, beside its own keys:", ""]
+    lines += ["## `[[controller]]`", "", "Every law has these keys, and its own:", ""]
     lines += fields(fp.Controller)
-    lines += family("Laws", fp.Controller, "One kind each.", (*common, "name"))[2:]
+    lines += family("Laws", fp.Controller, "One `kind` for each law.", (*common, "name"))[2:]
     for title, cls in (("supervisor", fp.Supervisor), ("safeguards", fp.Safeguards)):
         lines += [f"### `{title}`", "", first_line(cls), "", *fields(cls)]
-    lines += family("`design` of an adaptive FPID", Design, "How its operators are made.")
+    lines += family("`design` of an adaptive FPID", Design, "How its operators are realised.")
     lines += ["## `[tune]`", "", "What `fpid-pin tune` searches.", "", *fields(TuneTable)]
-    lines += family("`[tune.cost]`", fp.costs.Cost, "What is made small.")
+    lines += family("`[tune.cost]`", fp.costs.Cost, "The cost to minimise.")
     lines += ["## `[campaign]`", "", "What `campaign run` draws.", "", *fields(CampaignTable)]
     lines += ["## `[campaign.success]`", "", first_line(Success), "", *fields(Success)]
-    words = "A distribution for each of these quantities, all of them or a few:"
+    words = "A distribution for any of these quantities:"
     quantities = [
-        f"| `{name}` | {quantity.unit} | {'one number' if quantity.single else 'one a joint'} |"
+        f"| `{name}` | {quantity.unit} | {'one number' if quantity.single else 'one per joint'} |"
         for name, quantity in QUANTITIES.items()
     ]
     heads = ["| quantity | unit | |", "| --- | --- | --- |"]
     lines += ["## `[campaign.uncertain]`", "", words, "", *heads, *quantities, ""]
-    lines += family("Distributions", Distribution, "One kind each.")[2:]
+    lines += family("Distributions", Distribution, "One `kind` for each distribution.")[2:]
     return "\n".join(lines).rstrip() + "\n"
 
 

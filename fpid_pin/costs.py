@@ -165,7 +165,7 @@ class MetricCost(Cost):
     joint_weights
         Scalar or (n,).
     joints
-        ``"sum"`` over them, the ``"worst"`` one's, or their root mean square, ``"rms"``.
+        ``"sum"`` over the joints, the ``"worst"`` joint, or the root mean square, ``"rms"``.
     """
 
     metric: Annotated[str, OneOf(*METRICS)]

@@ -65,12 +65,12 @@ class Arm(ArmChanges):
         Joints to hold still, and where: ``{"finger": 0.02}`` [rad], prismatic ones [m]. A joint
         that mimics another follows it.
     keep : str or list of str
-        The link at the arm's tip, or the arm's joints: all other joints are held where they are
-        drawn.
+        The last link of the arm, or a list of its joints; all other joints are held in the pose
+        of the file.
     gravity : number (along -z) or (3,)
-        [m/s^2]
+        Gravity [m/s^2]; a number points along -z.
     tool : str
-        The frame that `Arm.tool_pose` means; None: one called ``tool``, else the last link.
+        The frame of `Arm.tool_pose` and payloads; None: one called ``tool``, else the last link.
     inertia : str
         What to do where a link that moves has a rotational inertia that no body has (a principal
         moment below 0, or above the sum of the others): ``"error"``; ``"nearest"`` takes the
@@ -203,7 +203,7 @@ class Arm(ArmChanges):
         package_dirs
             Folders to look up ``package://`` meshes in, besides those at and above the file.
         urdf
-            The text of the URDF; `path` then says no more than where its meshes are.
+            The text of the URDF; `path` then only says where its meshes are.
 
         Raises
         ------
@@ -246,7 +246,7 @@ class Arm(ArmChanges):
         lock, gravity, keep, inertia, tool
             See `Arm`; gravity None is the file's.
         arm
-            The body at the arm's base, where the world holds several with joints.
+            The body of the arm's base, if several bodies of the world have joints.
 
         Raises
         ------

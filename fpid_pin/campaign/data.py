@@ -36,7 +36,7 @@ _MOST_LINES = 15
 @described("success")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Success(Description):
-    """When a run of a campaign counts as a success; it has come to its end in any case.
+    """When a run of a campaign counts as a success; it must have reached its end.
 
     Parameters
     ----------

@@ -192,7 +192,7 @@ class Scenarios(Description):
         ``"sobol"``: one scrambled Sobol sequence (Owen, 1998); ``"latin_hypercube"``: one of every
         256 runs. Both by ``scipy.stats.qmc``.
     seed
-        What the samples derive from, noise included.
+        Seed of the samples and of the noise.
     points
         Runs' points of the unit cube, (runs, numbers), in place of samples: run k has the
         quantiles at ``points[k]``; all have the same noise.
@@ -374,7 +374,7 @@ class CampaignTable(Scenarios):
     Parameters
     ----------
     runs
-        Plants.
+        Number of plants.
     dynamics
         ``"compiled"``, or ``"pinocchio"``: slower, the same within rounding.
     controllers

@@ -24,15 +24,15 @@ if TYPE_CHECKING:
     from fpid_pin.cli.configuration import Config
 
 app = typer.Typer(
-    help="The same controllers on thousands of other plants.",
+    help="The same controllers on thousands of different plants.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
 
-LedgerFile = Annotated[Path, typer.Argument(metavar="LEDGER", help="Of a campaign.")]
-Runs = Annotated[int | None, typer.Option(help="Plants; those that are there are kept.")]
-Chunk = Annotated[int, typer.Option(help="Plants of a task.")]
-NewLedger = Annotated[Path | None, typer.Option("--out", help="The ledger.")]
+LedgerFile = Annotated[Path, typer.Argument(metavar="LEDGER", help="The ledger of a campaign.")]
+Runs = Annotated[int | None, typer.Option(help="Number of plants; recorded ones are kept.")]
+Chunk = Annotated[int, typer.Option(help="Plants in one task.")]
+NewLedger = Annotated[Path | None, typer.Option("--out", help="The ledger to write.")]
 
 
 @app.command()
@@ -45,7 +45,7 @@ def run(
     chunk: Chunk = 64,
     allow_import: AllowImport = False,
 ) -> None:
-    """Simulate a campaign, or go on where its ledger ends."""
+    """Simulate a campaign, or continue where its ledger ends."""
     from fpid_pin.cli.configuration import load
 
     executor = executor_of(workers, dask)
@@ -63,7 +63,7 @@ def resume(
     chunk: Chunk = 64,
     allow_import: AllowImport = False,
 ) -> None:
-    """Go on with a campaign, also to more plants than at first."""
+    """Continue a campaign, also with more plants than before."""
     from fpid_pin.campaign.ledger import Ledger
 
     own_code.allowed.set(allow_import)
@@ -130,7 +130,7 @@ def export(
     ledger: LedgerFile,
     out: Annotated[Path, typer.Option("--out", help="A .csv or .parquet file.")],
 ) -> None:
-    """Write a ledger as a table."""
+    """Write the ledger as a table."""
     from fpid_pin import campaign
 
     say_written(campaign.export(campaign.load(ledger), out))
@@ -140,14 +140,14 @@ def export(
 def replay(
     ledger: LedgerFile,
     run: Annotated[int, typer.Option(help="Number of the plant.")],
-    controller: Annotated[str | None, typer.Option(help="By name; none: the first.")] = None,
+    controller: Annotated[str | None, typer.Option(help="Controller; default: the first.")] = None,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("replay.html"),
     save: Annotated[
-        Path | None, typer.Option(help="And the run, as .npz: `view` reads it.")
+        Path | None, typer.Option(help="Also save the run as .npz, for `view`.")
     ] = None,
     allow_import: AllowImport = False,
 ) -> None:
-    """Simulate a run again, beside its nominal twin."""
+    """Simulate one run again, next to the same run of the nominal arm."""
     from fpid_pin import campaign
 
     own_code.allowed.set(allow_import)
@@ -163,13 +163,13 @@ def replay(
 def attack(
     config: ConfigFile,
     out: NewLedger = None,
-    population: Annotated[int, typer.Option(help="Plants of a generation.")] = 32,
-    generations: Annotated[int, typer.Option(help="Generations.")] = 40,
+    population: Annotated[int, typer.Option(help="Plants in a generation.")] = 32,
+    generations: Annotated[int, typer.Option(help="Number of generations.")] = 40,
     workers: Workers = None,
     dask: Dask = None,
     allow_import: AllowImport = False,
 ) -> None:
-    """Search the plant that hurts each controller most."""
+    """Search the worst plant for each controller."""
     from fpid_pin import campaign
     from fpid_pin.cli.configuration import load
 
@@ -197,11 +197,11 @@ def report(
     ledger: LedgerFile,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("report.html"),
     no_replays: Annotated[
-        bool, typer.Option("--no-replays", help="Of the worst runs, none beside it.")
+        bool, typer.Option("--no-replays", help="Write no replays of the worst runs.")
     ] = False,
     allow_import: AllowImport = False,
 ) -> None:
-    """Write a page: success, distributions, the worst runs."""
+    """Write a page with success rates, distributions and the worst runs."""
     from fpid_pin import campaign
 
     own_code.allowed.set(allow_import)
@@ -234,9 +234,9 @@ def _write_replay(again: Replay, path: Path) -> Path:
 
 @app.command()
 def cluster(
-    workers: Annotated[int, typer.Option(help="Of one thread each.")] = 2,
+    workers: Annotated[int, typer.Option(help="Number of workers, one thread each.")] = 2,
 ) -> None:
-    """Start a Dask cluster on this machine, until Ctrl-C."""
+    """Run a Dask cluster on this machine, until Ctrl-C."""
     from fpid_pin import campaign
 
     with campaign.local_cluster(workers) as started:

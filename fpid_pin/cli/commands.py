@@ -41,7 +41,7 @@ def _version(asked: bool) -> None:
 @app.callback()
 def top(
     version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print it.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Adaptive fractional-order PID control of robot arms on Pinocchio."""
@@ -91,7 +91,7 @@ def compare(
     out: option.OutputPath = None,
     metric: Annotated[
         str,
-        typer.Option(help="What decides: tail, rms, peak_error, cost, energy, variation or peak."),
+        typer.Option(help="Rank by tail, rms, peak_error, cost, energy, variation or peak."),
     ] = "tail",
     every: option.Every = 1,
     no_runs: option.NoRuns = False,
@@ -131,7 +131,7 @@ def _compare(
 def tune(
     config: ConfigFile,
     out: option.OutputPath = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue from the checkpoint.")] = False,
     controller: option.Chosen = None,
     condition: option.Condition = None,
     workers: option.Workers = None,
@@ -139,7 +139,7 @@ def tune(
     png: option.Png = False,
     allow_import: AllowImport = False,
 ) -> None:
-    """Search orders and gains, as the table [tune] says, under all conditions or one."""
+    """Search better orders and gains, as set in the table [tune]."""
     from fpid_pin.cli.tune import run_tuning
 
     out = out or results_path(config, "-tuned")
@@ -148,18 +148,18 @@ def tune(
 
 @app.command()
 def operators(
-    order: Annotated[list[float] | None, typer.Option(help="An order in [0, 1]; repeat.")] = None,
+    order: Annotated[list[float] | None, typer.Option(help="Order in [0, 1]; repeatable.")] = None,
     step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
     horizon: Annotated[float, typer.Option(help="Longest time [s].")] = 20.0,
     design: Annotated[str, typer.Option(help="exponential_sum or crone.")] = "exponential_sum",
     modes: Annotated[int | None, typer.Option(help="Modes of the exponential sum.")] = None,
-    tolerance: Annotated[float | None, typer.Option(help="Or the accuracy wanted.")] = None,
-    band: Annotated[tuple[float, float], typer.Option(help="Of CRONE [rad/s].")] = (1e-2, 1e3),
-    n: Annotated[int, typer.Option("--n", help="Of CRONE: order 2n+1.")] = 5,
-    widening: Annotated[float, typer.Option(help="Of CRONE's band [decades].")] = 0.0,
-    plot: Annotated[Path | None, typer.Option(help="Figure of the errors.")] = None,
+    tolerance: Annotated[float | None, typer.Option(help="Accuracy, instead of modes.")] = None,
+    band: Annotated[tuple[float, float], typer.Option(help="CRONE band [rad/s].")] = (1e-2, 1e3),
+    n: Annotated[int, typer.Option("--n", help="CRONE: 2N+1 poles.")] = 5,
+    widening: Annotated[float, typer.Option(help="CRONE: extra band [decades].")] = 0.0,
+    plot: Annotated[Path | None, typer.Option(help="Draw the errors into this file.")] = None,
 ) -> None:
-    """Say how good a fractional operator is."""
+    """Print how accurate a fractional operator is."""
     from fpid_pin import checks
     from fpid_pin.fractional import Crone, ExponentialSum, report
 
@@ -179,7 +179,7 @@ def operators(
 
 @app.command()
 def arms() -> None:
-    """List the arms that work by name, with limits and friction."""
+    """List the arms that have a name, with limits and friction."""
     from fpid_pin.cli.arms import arm_rows
 
     print_table(arm_rows(), "Arms")
@@ -189,15 +189,15 @@ def arms() -> None:
 def inspect(
     arm: option.ArmName,
     lock: option.Locks = None,
-    bandwidth: Annotated[float, typer.Option(help="Of the gains [rad/s].")] = 10.0,
+    bandwidth: Annotated[float, typer.Option(help="Of the suggested gains [rad/s].")] = 10.0,
     step: Annotated[float, typer.Option(help="Sampling step [s].")] = 1e-3,
-    picture: Annotated[Path | None, typer.Option(help="Draw it: .svg, .png or .pdf.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Draw the arm: .svg, .png or .pdf.")] = None,
     keep: option.Tip = None,
     package_dir: option.PackageDirs = None,
     tool: option.Tool = None,
     inertia: option.Inertia = None,
 ) -> None:
-    """Say what there is to know of an arm, with suggested gains."""
+    """Print joints, limits, inertia and suggested gains of an arm."""
     from fpid_pin.cli.arms import arm_table, run_inspect
 
     table = arm_table(arm, lock, keep=keep, package_dirs=package_dir, tool=tool, inertia=inertia)
@@ -214,7 +214,7 @@ def init(
     tool: option.Tool = None,
     inertia: option.Inertia = None,
 ) -> None:
-    """Write a configuration that `compare` runs as it is."""
+    """Write a commented configuration that `compare` can run."""
     from fpid_pin.cli.arms import arm_table, run_init
 
     table = arm_table(arm, lock, keep=keep, package_dirs=package_dir, tool=tool, inertia=inertia)
@@ -225,12 +225,12 @@ def init(
 def view(
     files: Annotated[list[Path], typer.Argument(metavar="RUN.npz ...", help="Recorded runs.")],
     html: option.Page = None,
-    caption: Annotated[list[str] | None, typer.Option(help="A caption a run; repeat.")] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second.")] = 30.0,
+    caption: Annotated[list[str] | None, typer.Option(help="Caption of each run.")] = None,
+    fps: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
     browser: option.Browser = True,
     port: option.Port = None,
 ) -> None:
-    """Show recorded runs in meshcat: in a browser, or as one page."""
+    """Show recorded runs in 3D, in a browser or as one page."""
     from fpid_pin.simulation import Run
     from fpid_pin.view import export_html, play
 
@@ -247,11 +247,11 @@ def view(
 def playground(
     config: ConfigFile,
     html: Annotated[Path, typer.Option(help="The page to write.")] = Path("playground.html"),
-    controller: Annotated[str | None, typer.Option(help="Which controller; none: all.")] = None,
+    controller: Annotated[str | None, typer.Option(help="Controller; default: all.")] = None,
     condition: option.Condition = None,
     allow_import: AllowImport = False,
 ) -> None:
-    """Write one page with sliders that simulates as they move."""
+    """Write one page with sliders that simulates as you move them."""
     from fpid_pin.cli.configuration import load
 
     require_file(html)
@@ -285,16 +285,16 @@ def live(
     config: ConfigFile,
     controller: option.Chosen = None,
     condition: option.Condition = None,
-    duration: Annotated[float | None, typer.Option(help="[s]; none: until Ctrl-C.")] = None,
-    fps: Annotated[float, typer.Option(help="Frames a second.")] = 40.0,
+    duration: Annotated[float | None, typer.Option(help="[s]; default: until Ctrl-C.")] = None,
+    fps: Annotated[float, typer.Option(help="Frames per second.")] = 40.0,
     browser: option.Browser = True,
     port: option.Port = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
-    push: Annotated[float | None, typer.Option(help="Of a push [N m], of a slide [N].")] = None,
-    baseline: Annotated[float, typer.Option(help="Run so long without the view first [s].")] = 0.0,
+    push: Annotated[float | None, typer.Option(help="[N m], of a slide [N].")] = None,
+    baseline: Annotated[float, typer.Option(help="First run without the view [s].")] = 0.0,
     allow_import: AllowImport = False,
 ) -> None:
-    """Run the control loop in real time; keys push a joint."""
+    """Run the control loop in real time; press keys to push a joint."""
     from fpid_pin import checks
     from fpid_pin.cli.configuration import load
     from fpid_pin.view.live_session import HELP
@@ -318,10 +318,10 @@ def live(
 @app.command()
 def export(
     config: ConfigFile,
-    out: Annotated[Path, typer.Option("--out", help="A new folder.")],
+    out: Annotated[Path, typer.Option("--out", help="Folder to create.")],
     controller: option.Chosen = None,
-    horizon: Annotated[float, typer.Option(help="Longest time that it will run [s].")] = 3600.0,
-    ticks: Annotated[int, typer.Option(help="Length of its test vectors.")] = 2000,
+    horizon: Annotated[float, typer.Option(help="Longest running time [s].")] = 3600.0,
+    ticks: Annotated[int, typer.Option(help="Number of ticks in the test vectors.")] = 2000,
     allow_import: AllowImport = False,
 ) -> None:
     """Write a controller as C99, with test vectors."""

@@ -47,7 +47,7 @@ class Safeguards(Description):
     Parameters
     ----------
     minimum, maximum
-        Projection: each of Kp, Ki, Kd stays within, initial ones included; scalars, (n,) or
+        Projection: bounds of Kp, Ki, Kd, which limit the initial gains too; scalars, (n,) or
         (3, n).
     sigma
         Leakage towards the initial gains [1/s]: ``K' = ... - sigma (K - K(0))``
@@ -116,21 +116,21 @@ class AdaptiveFpid(Controller):
     regressors
         ``"law"``: the gradient of (10) itself; ``"integer"``: e, int e, e' as printed.
     design
-        How the fractional operators are realised: one with modes.
+        How the fractional operators are realised; a design with modes.
     initialisation
-        What the operators take the error to have been before t = 0: ``"caputo"`` or
-        ``"grunwald_letnikov"``; see `fpid_pin.fractional.Bank`.
+        The error before t = 0: ``"caputo"``, always e(0), or ``"grunwald_letnikov"``, 0; see
+        `fpid_pin.fractional.Bank`.
     safeguards
         Bounds and leakage for the adapted gains; None: none, as in the paper.
     order_learning_rate
-        Of the orders, gamma_o; 0: they stay. Scalar, (n,), or (2, n), a row each for lambda and
+        gamma_o of the orders; 0: fixed orders. Scalar, (n,), or (2, n), a row each for lambda and
         mu: ``lambda' = -gamma_o S s Ki dI^lambda e/dlambda`` and likewise mu, the gradient that
-        moves the gains, its last factor one sample old. Wants a design with shared poles.
-        Safeguards' dead zone and leakage count for orders, too. `fpid_pin.control.adapt_orders`
-        has rates and bounds to begin with.
+        moves the gains, its last factor one sample old. Needs a design with shared
+        poles. Safeguards' dead zone and leakage apply to orders, too.
+        `fpid_pin.control.adapt_orders` gives rates and bounds to start with.
     integral_order_bounds, derivative_order_bounds
-        What orders that move stay within, in [0, 1], from their start. Should mu fall to 0, its
-        term is Caputo's limit e - e(0).
+        Bounds of adapting orders, in [0, 1]; they limit the initial orders too. If mu falls to 0,
+        its term is Caputo's limit e - e(0).
     scale, feedforward, observer, supervisor, name
         See `Controller`.
     """

@@ -110,12 +110,12 @@ class Controller(Description, ABC):
         Whether the nominal model's torque for the reference, M q''_d + C q'_d + G + F_v q'_d, is
         added. Not for laws that ask the model themselves.
     observer
-        Bandwidth [rad/s] of an observer of what the nominal model lacks, whose estimate is
-        cancelled; 0: none.
+        Bandwidth [rad/s] of an observer that estimates and cancels what the nominal model lacks;
+        0: none.
     supervisor
         None: no supervisory torque.
     name
-        What tables and figures call it; the kind of law if empty.
+        Name in tables and figures; if empty, the kind of law.
 
     Attributes
     ----------

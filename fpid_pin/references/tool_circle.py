@@ -35,18 +35,18 @@ class ToolCircle(Description):
     Parameters
     ----------
     arm
-        Whose tool.
+        The arm whose tool moves.
     radius
-        [m].
+        Radius of the circle [m].
     period
-        Of one turn [s].
+        Time of one turn [s].
     normal
-        Of the circle's plane, (3,), world axes; the turn is right-handed about it. The default
-        is the plane x-z, in which planar arms move.
+        Normal of the circle's plane, (3,), world axes; the turn is right-handed about it. By
+        default the plane is x-z, in which planar arms move.
     centre
-        [m], (3,), world axes; None: so that the tool at home is on the circle.
+        Centre [m], (3,), world axes; None: chosen so that the tool at home is on the circle.
     orientation
-        Whether the tool keeps the orientation that it has at home.
+        Whether the tool keeps its orientation at home.
     ramp
         Time in which the speed rises smoothly from 0 [s]; 0: full speed from the start.
 

@@ -32,7 +32,7 @@ DYNAMICS = ("pinocchio", "compiled")
 @described("payload")
 @dataclass(frozen=True, eq=False)
 class Payload(Description):
-    """A body that the plant holds, and no controller knows of; a number in its place is its mass.
+    """A load of the plant that no controller knows; a number instead of a table is its mass.
 
     Parameters
     ----------
@@ -59,16 +59,16 @@ class Plant(Description):
     Parameters
     ----------
     arm
-        The true inertias and gravity; None: those of the nominal arm.
+        The true arm; None: the nominal one, which the controllers know.
     viscous_friction, dry_friction
         F_v [N m s/rad] and F_d [N m], scalar or (n,); None: the arm's own.
     disturbance
-        d(t).
+        The external torques d(t).
     effort_limit
-        Where the drives clip [N m], scalar or (n,); None: the arm's own; inf: nowhere.
+        Limit of the drives [N m], scalar or (n,); None: the arm's own; inf: none.
     payload
-        What the arm holds besides: its mass at the tool [kg], or a table of mass [kg], com [m] and
-        frame, as in a file.
+        A load that no controller knows: its mass at the tool [kg], or a table of mass [kg],
+        com [m] and frame.
     """
 
     _path = "plant"
@@ -118,7 +118,7 @@ class ResolvedPlant:
 @described("sensors")
 @dataclass(frozen=True, eq=False)
 class Sensors(Description):
-    """Imperfect measurements, in the order in which they spoil: delay, noise, bias, quantisation.
+    """Imperfect measurements, applied in this order: delay, noise, bias, quantisation.
 
     Parameters
     ----------
@@ -129,12 +129,12 @@ class Sensors(Description):
     velocity_bias
         Constant error of the velocity sensors [rad/s], scalar or (n,).
     velocity
-        ``"measured"``: by a sensor of its own; ``"differentiated"``: from the measured position
+        ``"measured"``: by its own sensor; ``"differentiated"``: from the measured position
         by a first-order filtered difference.
     velocity_cutoff
-        Of that filter [rad/s].
+        Cutoff of that filter [rad/s].
     delay
-        Whole samples by which everything measured is late.
+        Delay of all measurements [samples], a whole number.
     """
 
     _path = "sensors"
@@ -169,7 +169,7 @@ class Experiment(Description):
     step
         Sampling period and integration step [s], from 1 ns to 10 s.
     duration
-        [s]; a run has ``round(duration/step) + 1`` rows.
+        Length of a run [s]; it has ``round(duration/step) + 1`` rows.
     integrator
         ``"semi_implicit_euler"`` or ``"rk4"``; the torque is held over the step in both.
     dynamics
@@ -178,7 +178,7 @@ class Experiment(Description):
         None: Pinocchio's where runs are recorded (`simulate`), compiled where thousands are
         compared (`evaluate`, `tune`, campaigns). The two agree within rounding, not to the bit.
     seed
-        Of the sensors' noise.
+        Seed of the sensors' noise.
     runaway_speed
         A joint faster than this [rad/s] ends the run.
     """

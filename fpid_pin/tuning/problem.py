@@ -42,7 +42,7 @@ class SearchSettings(Description):
     crossover, mutation
         Probability that two parents are crossed, and that a parameter is mutated.
     seeds
-        A search of its own for each; all run together as one larger population. A seed's result
+        One search for each seed; all run together as one larger population. A seed's result
         does not depend on the others.
     initial
         Controllers that take part in the first generation of every seed.
