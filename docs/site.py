@@ -32,7 +32,7 @@ def on_files(files: Any, config: Any) -> Any:
             files.append(File.generated(config, name, abs_src_path=str(path)))
     for path in sorted((ROOT / "examples").glob("*.ipynb")):
         page = "\n\n".join(shown(json.loads(path.read_text(encoding="utf-8"))))
-        page = page.replace(".ipynb)", ".md)")
+        page = page.replace(".ipynb)", ".md)").replace("](../docs/", "](../")
         files.append(File.generated(config, f"examples/{path.stem}.md", content=page))
     return files
 
@@ -46,9 +46,11 @@ def shown(notebook: dict[str, Any]) -> Iterator[str]:
             kinds = {kind: "".join(data) for kind, data in output.get("data", {}).items()}
             image = next((kind for kind in kinds if kind.startswith("image/")), None)
             if image:
-                yield f'<img alt="" src="data:{image};base64,{kinds[image].strip()}">'
+                yield f'<img alt="Figure" src="data:{image};base64,{kinds[image].strip()}">'
             elif "text/html" in kinds:
-                yield re.sub(r"\n\s*\n", "\n", kinds["text/html"])
+                page = re.sub(r"\n\s*\n", "\n", kinds["text/html"])
+                # A caption would be as wide as its table, of which a phone shows a part.
+                yield re.sub(r"(<table[^>]*>\s*)<caption>(.*?)</caption>", r"<p>\2</p>\1", page)
             else:
                 printed = "".join(output.get("text", kinds.get("text/plain", "")))
                 yield f"```text\n{printed.rstrip()}\n```"

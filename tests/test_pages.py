@@ -146,6 +146,18 @@ def test_the_law_that_is_quoted_is_the_law_that_runs():
             where = source.index(line.strip(), where) + 1
 
 
+def test_each_equation_of_the_paper_has_its_function_in_the_file_that_is_named():
+    page = (ROOT / "docs/reading-the-paper.md").read_text(encoding="utf-8")
+    named = re.findall(
+        r"((?:`\w+`,? )+)[^|`]*\[`[\w/.]+`\]\(\.\./([^)]*py)\)", page.split("## Misprints")[0]
+    )
+    assert len(named) >= 20
+    for functions, path in named:
+        source = (ROOT / path).read_text(encoding="utf-8")
+        for name in re.findall(r"\w+", functions):
+            assert re.search(rf"^ *(def|class) {name}\b", source, re.M), f"{path}: {name}"
+
+
 def test_it_is_read_in_one_sitting():
     assert len(README.splitlines()) <= 150
 
