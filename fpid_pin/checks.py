@@ -4,8 +4,6 @@ Functions check arguments; the same checks are declared with a description's fie
 ``kp: Annotated[ArrayLike, PerJoint("N m/rad", low=0.0)]``; `fpid_pin.descriptions` applies them.
 """
 
-from __future__ import annotations
-
 import difflib
 import math
 import operator

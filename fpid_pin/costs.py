@@ -1,7 +1,5 @@
 """What a run is worth: figures of merit of each joint, and costs, one number for a run."""
 
-from __future__ import annotations
-
 import copy
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -117,7 +115,7 @@ class Cost(Description, ABC):
     def of(self, metrics: Metrics) -> float:
         """Return the cost of a completed run."""
 
-    def streamed(self) -> RowCost | None:
+    def streamed(self) -> "RowCost | None":
         """Return what takes the run's rows in place of `of`; None: its metrics are enough."""
         return None
 
@@ -267,7 +265,7 @@ class RowCost(Cost):
         """Return the cost of a completed run: the state, where nothing else is said."""
         return state  # type: ignore[no-any-return]
 
-    def streamed(self) -> RowCost | None:
+    def streamed(self) -> "RowCost | None":
         """See `Cost.streamed`."""
         return self
 

@@ -14,8 +14,6 @@ written as TOML. Fields that are None are left out. Reading one back goes throug
 so a file is checked exactly as an argument is, and nothing in it is ever executed.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import types
 import typing

@@ -1,7 +1,5 @@
 """Disturbance torques: d(t) in M q'' = U - C q' - G + d(t), after eq. (35)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Protocol, runtime_checkable

@@ -4,9 +4,8 @@ Every message is one line: what, what was expected, what came. Whatever it quote
 is visible, and cut where it would be too long for a line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
+from typing import Self
 
 from fpid_pin.text import MOST, cut, visible
 
@@ -77,7 +76,7 @@ class ConfigError(FpidError):
         Exception.__init__(self, "\n".join(cut(visible(line), _LONGEST) for line in lines))
 
     @classmethod
-    def of(cls, path: object, faults: Iterable[object]) -> ConfigError:
+    def of(cls, path: object, faults: Iterable[object]) -> Self:
         """Return the error of a file: a line for every fault, also where a name has a line end."""
         return cls("\n".join(visible(f"{path}: {fault}") for fault in faults))
 

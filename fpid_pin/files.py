@@ -4,8 +4,6 @@ What is new is written into a hidden folder beside its place, brought to the dis
 into its place in one step. A killed process leaves at most that hidden folder, ``.fpid_pin-*``.
 """
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import os

@@ -4,8 +4,6 @@ Nothing in it is pickled, and `numpy.load` reads it without this package. The ch
 for damage, not for forgery: whoever can write the file can write a new checksum too.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import json

@@ -4,8 +4,6 @@ A configuration is data, and nothing in it is executed; with ``import = "my_laws
 code to be run, which is done only where the user has allowed it.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from collections.abc import Sequence

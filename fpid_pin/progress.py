@@ -1,7 +1,5 @@
 """Where a long piece of work stands: what every ``progress=`` is called with."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What work needs of this machine: packages that may be missing, memory, time."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import os

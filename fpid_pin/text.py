@@ -4,8 +4,6 @@ Terminals obey control characters, and some characters turn a line around or hid
 what is shown has them written out. What a message quotes may be as long as a file.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from html import escape

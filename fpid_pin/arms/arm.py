@@ -1,7 +1,5 @@
 """The arm: a fixed-base chain of joints on Pinocchio, with the terms of eq. (5)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

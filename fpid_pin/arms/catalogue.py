@@ -1,7 +1,5 @@
 """Arms by name: of example-robot-data those that work, of robot_descriptions by its modules."""
 
-from __future__ import annotations
-
 import importlib
 import pkgutil
 import tomllib

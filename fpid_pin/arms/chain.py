@@ -4,8 +4,6 @@ A reader's tree, a file and a planar arm's lengths all become a `Chain`, which c
 `Arm` keeps is the model, and its table is read from the model again.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

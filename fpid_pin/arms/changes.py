@@ -1,7 +1,5 @@
 """Arms made from other arms: payload, friction, limits, gravity, inertias."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Reading MJCF: MuJoCo's own compiler resolves it, and the compiled model becomes a tree."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What an arm is made of, as plain numbers and as Pinocchio's objects: joints, links, shapes."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Planar n-R arms from lengths and masses: the n-link generalisation of eq. (35)."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

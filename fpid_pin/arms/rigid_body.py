@@ -1,7 +1,5 @@
 """The rigid-body terms of eq. (5), by Pinocchio, a call each; and the bodies that kernels move."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable
@@ -32,7 +30,7 @@ _UPPER = np.triu_indices(3)
 
 
 def _column(key: str) -> cached_property[FloatArray]:
-    def read(arm: RigidBody) -> FloatArray:
+    def read(arm: "RigidBody") -> FloatArray:
         return checks.read_only(column(arm.model, key))
 
     return cached_property(read)

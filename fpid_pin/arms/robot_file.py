@@ -1,7 +1,5 @@
 """What the readers of robot files share: their text, which kind it is, errors on one line."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator

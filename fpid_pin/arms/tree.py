@@ -1,7 +1,5 @@
 """What a robot's file says, a tree of joints (`Tree`), and the serial chain that is left of it."""
 
-from __future__ import annotations
-
 import json
 import shlex
 import warnings
@@ -63,7 +61,7 @@ class HoldError(ArmError):
         ways = [keeping.format(quote(keep))] * bool(keep) + [locking.format(held)] * bool(held)
         super().__init__(what + (f" ({' or '.join(ways)})" if ways else ""))
 
-    def written(self, form: str) -> HoldError:
+    def written(self, form: str) -> "HoldError":
         """Return the error with its hint in one of the forms ``script``, ``toml``, ``shell``."""
         return HoldError(self.what, self.lock, self.keep, form)
 

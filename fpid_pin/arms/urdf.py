@@ -1,7 +1,5 @@
 """From a URDF to a `Tree`: urdfdom and Pinocchio make the model, and say what is wrong with it."""
 
-from __future__ import annotations
-
 import math
 import os
 import re

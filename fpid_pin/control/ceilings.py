@@ -1,15 +1,14 @@
 """How far gains may go in a sampled loop, over poses: ceilings, and boxes that are damped."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
 from fpid_pin.control.linear import feedback, linear_arm, linear_terms
@@ -24,9 +23,6 @@ from fpid_pin.control.poses import (
 from fpid_pin.control.stability import critical_derivative
 from fpid_pin.fractional import ExponentialSum
 from fpid_pin.resources import one_blas_thread
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: Part of the sampled-data bound that Kd may be raised to: a gain margin of 2, the usual least one
 #: (Åström and Murray, *Feedback Systems*, 2008, section 9.3).

@@ -10,17 +10,15 @@ circle, no sequence destabilises the loop: the small gain theorem, for deltas co
 (Khalil, *Nonlinear Systems*, 2002, section 5.4; scalings: Doyle, IEE Proceedings D 129, 1982).
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.ceilings import DerivativeBound, gain_table
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
@@ -33,9 +31,6 @@ from fpid_pin.control.linear import (
     linear_terms,
 )
 from fpid_pin.resources import one_blas_thread
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: What of the proved reach is used: rounding must not decide.
 PART = 0.999

@@ -1,23 +1,19 @@
 """The adaptive fractional PID: eqs. (9), (10), (22) and (30)-(32)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import Check, FloatArray, Number, OneOf, PerJoint
 from fpid_pin.control.law import INITIALISATIONS, Controller, Derivative, Integral, Operator
 from fpid_pin.descriptions import Description, described
 from fpid_pin.fractional import Design, ExponentialSum
 from fpid_pin.kernels.functions import clip, winds_up
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 
 def rows_on(name: str, value: ArrayLike, rows: int, n: int) -> FloatArray:
@@ -76,7 +72,7 @@ class Safeguards(Description):
             )
 
     @staticmethod
-    def bounds_of(guard: Safeguards | None, n: int) -> tuple[FloatArray, FloatArray]:
+    def bounds_of(guard: "Safeguards | None", n: int) -> tuple[FloatArray, FloatArray]:
         """Return the least and the largest Kp, Ki, Kd of an arm with n joints, (3, n) each."""
         if guard is None:
             return np.full((3, n), -np.inf), np.full((3, n), np.inf)

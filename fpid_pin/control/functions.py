@@ -4,8 +4,6 @@ What a law's function compiles to is kept on disk under a name made of its own c
 it uses, so that an edited law is another one, and a moved or deleted one harms nobody.
 """
 
-from __future__ import annotations
-
 import dis
 import hashlib
 import itertools

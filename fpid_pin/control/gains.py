@@ -1,16 +1,15 @@
 """Gains for an arm that nobody has tuned yet, and how far adaptation may move them."""
 
-from __future__ import annotations
-
 import dataclasses
 import logging
 import warnings
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import Flag, FloatArray, Number, OneOf
 from fpid_pin.control.ceilings import (
     SLACK,
@@ -28,9 +27,6 @@ from fpid_pin.descriptions import described
 from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.resources import one_blas_thread
 from fpid_pin.text import shown
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: Derivative orders that are tried, from the best damping to the least demand on the step: below
 #: 0.6 the derivative hardly damps.

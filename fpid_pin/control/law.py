@@ -1,27 +1,23 @@
 """What a control law is: a frozen description, and one joint's arithmetic."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import Flag, FloatArray, Number, OneOf, PerJoint
+from fpid_pin.control.loop import Loop
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.descriptions import Description
 from fpid_pin.fractional import Design, ExponentialSum
 from fpid_pin.kernels.records import GIVEN_NAMES
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
-    from fpid_pin.control.loop import Loop
 
 #: What a law may take its signals to have been before t = 0: see `fpid_pin.fractional.Bank`.
 INITIALISATIONS = ("caputo", "grunwald_letnikov")
@@ -243,7 +239,7 @@ class Controller(Description, ABC):
     def begin(self, state: Any) -> None:
         """Prepare what a law in plain Python remembers; see `control.state.State`."""
 
-    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> Controller:
+    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> "Controller":
         """Return the law that this is on an arm: itself, unless its gains depend on the arm."""
         return self
 
@@ -263,8 +259,7 @@ class Controller(Description, ABC):
         -------
         Loop
         """
-        # Imported late: they load numba.
-        from fpid_pin.control.loop import Loop
+        # Imported late: it loads numba.
         from fpid_pin.control.state import start_all
 
         return Loop(lambda: start_all([self], arm, step=step, horizon=horizon)[0], self)

@@ -6,16 +6,15 @@ differences, beside which its operators have their exact recursions: their slowe
 little in a tick that differences would put their poles on the unit circle.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import BoolArray, FloatArray
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.law import Controller
@@ -23,9 +22,6 @@ from fpid_pin.control.poses import gravity_stiffness
 from fpid_pin.fractional import Design
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.kernels.records import FEEDFORWARD, GIVEN, INTEGRAL
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 ComplexArray = NDArray[np.complex128]
 #: Width of differences [rad, rad/s, and the units of what a law remembers]: small beside any
@@ -132,7 +128,7 @@ class LinearLaw:
         others = np.linalg.solve(np.eye(inner.shape[1]) - inner[:, :, known:], inner[:, :, :known])
         return np.asarray(self.torque[:, :known] + self.torque[:, known:] @ others)
 
-    def remembering(self, rows: FloatArray, basis: FloatArray) -> LinearLaw:
+    def remembering(self, rows: FloatArray, basis: FloatArray) -> "LinearLaw":
         """Return the law that remembers r = rows m in place of m = basis r."""
         known = self.torque.shape[1] - len(self.following)
 

@@ -1,7 +1,5 @@
 """A law on one robot, a tick at a time, and the record of what it sees and does."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
@@ -10,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.exceptions import FpidWarning
 
 if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
     from fpid_pin.control.state import State
 
 #: What a tick is given, in the order of `State.inputs`.
@@ -29,7 +27,7 @@ class Loop:
     `controller.start` makes one, of a function that starts the law anew; `state` is where it is.
     """
 
-    def __init__(self, start: Callable[[], State], controller: Any) -> None:
+    def __init__(self, start: Callable[[], "State"], controller: Any) -> None:
         self.controller, self._start = controller, start
         self._record: Record | None
         self.reset()
@@ -106,7 +104,7 @@ class Loop:
         """Return copies of the law's inner signals at the last tick, (n,) or scalars."""
         return {name: np.array(value) for name, value in self.state.signals().items()}
 
-    def record(self, rows: int = ROWS) -> Record:
+    def record(self, rows: int = ROWS) -> "Record":
         """Keep every tick from now on, until the next `record` or `reset`.
 
         Parameters
@@ -122,7 +120,7 @@ class Loop:
         self._record = self.new_record(rows)
         return self._record
 
-    def new_record(self, rows: int = ROWS) -> Record:
+    def new_record(self, rows: int = ROWS) -> "Record":
         """Return a record of this law that somebody else fills."""
         state, rows = self.state, checks.integer("rows", rows, low=1)
         return Record(state.arm, state.step, self.controller, state.signals(), rows)

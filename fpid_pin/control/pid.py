@@ -1,7 +1,5 @@
 """Laws that adapt nothing: PID, PD control beside the weight, computed torque, the weight alone."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 

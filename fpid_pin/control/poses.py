@@ -1,17 +1,12 @@
 """Poses of an arm at which it is looked at: home, drawn ones, and the worst by some measure."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
+from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: Searches for a worst pose: the best of so many is within 0.2 % of that of 24 on every arm tried.
 STARTS = 12

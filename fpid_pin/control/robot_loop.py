@@ -1,24 +1,20 @@
 """A law on a real robot: its own order of joints, angles only, ticks that come late or never."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray, Number, PerJoint
 from fpid_pin.control.loop import INPUTS, ROWS, Loop, Record
 from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import listed
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: A tick counts as late from this part of a step on.
 LATE = 0.1
@@ -87,7 +83,7 @@ class EncoderRate(Description):
         finite = np.where(np.isinf(turn), 0.0, turn)
         return np.asarray(angle - finite * np.round((angle - to) / turn))
 
-    def by_joint(self, arm: Arm) -> EncoderRate:
+    def by_joint(self, arm: Arm) -> "EncoderRate":
         """Return it with a turn for each joint; one number is for revolute joints alone."""
         if self.turn is None:
             return self
@@ -96,7 +92,7 @@ class EncoderRate(Description):
             turn = np.where(np.array(arm.joint_kinds) == "revolute", turn, np.inf)
         return replace(self, turn=checks.per_joint("rate.turn", turn, arm.n, finite=False))
 
-    def start(self, step: float) -> EncoderRateState:
+    def start(self, step: float) -> "EncoderRateState":
         """Start it at a sampling period `step` [s]."""
         return EncoderRateState(self, checks.number("step", step, above=0.0))
 

@@ -1,24 +1,20 @@
 """Laws on a sliding surface S = q' - v_r: sliding mode, and the adaptive one of Slotine and Li."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fpid_pin.arms import Arm
 from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.checks import Flag, FloatArray, Number, PerJoint
 from fpid_pin.control.law import Controller
 from fpid_pin.descriptions import described
 from fpid_pin.kernels.functions import winds_up
 from fpid_pin.kernels.records import ESTIMATES
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: Reference speed below which dry friction counts as smooth, rad/s: a few times what an encoder
 #: resolves, so that the estimate's torque does not chatter where v_r crosses zero.

@@ -1,7 +1,5 @@
 """What the linearised, sampled loop says: its margins, and how fast an observer may be in it."""
 
-from __future__ import annotations
-
 import dataclasses
 import warnings
 from bisect import bisect_left
@@ -9,11 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import FASTEST, Controller, observer_gains
 from fpid_pin.control.linear import ComplexArray, LinearLaw, linear_arm, linearised
@@ -23,9 +22,6 @@ from fpid_pin.fractional import Design, ExponentialSum
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.resources import one_blas_thread
 from fpid_pin.text import ReprMixin
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: Frequencies per decade. Crossings between them are interpolated, which at 1.2 % apart costs less
 #: than 1e-4 of a margin.

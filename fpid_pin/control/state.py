@@ -1,15 +1,14 @@
 """What changes while a law runs on one robot: numbers of its joints, operators, model, torque."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python
@@ -27,9 +26,6 @@ from fpid_pin.kernels.records import (
     record_type,
 )
 from fpid_pin.kernels.tick import tick_parts
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: Rates of given signals.
 RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
@@ -226,7 +222,7 @@ class State:
             self.prepare()
         self._step(self.c, self.inputs, self.torque, parts)
 
-    def tick(self, model: Callable[[State], None] | None = None) -> None:
+    def tick(self, model: Callable[["State"], None] | None = None) -> None:
         """Advance by one tick: from `inputs` to `torque`.
 
         `model` writes what the nominal model says (`kernels.tick.evaluate_model`); None: the

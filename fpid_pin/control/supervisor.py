@@ -1,22 +1,18 @@
 """What a supervisor is: the torque that keeps the error inside a set, eqs. (14)-(20)."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint
 from fpid_pin.control.poses import seeded_poses
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import FpidWarning
-
-if TYPE_CHECKING:
-    from fpid_pin.arms import Arm
 
 #: At how many poses, home and seeded ones, M^-1 is looked at for `Supervisor.warn`.
 POSES = 32
@@ -132,7 +128,7 @@ class Supervisor(Description):
         lyapunov_matrix(self.k0, self.k1, self.weight)
 
     @classmethod
-    def quiet(cls, m_x: float, reference_bound: float, **others: Any) -> Supervisor:
+    def quiet(cls, m_x: float, reference_bound: float, **others: Any) -> Self:
         """Return the setting that hardly shows: it looks 10 ms ahead and learns what to expect.
 
         Nothing is reserved for a worst case (d_u = 0): an observer of 100 rad/s estimates what

@@ -1,7 +1,5 @@
 """The streaming operator: D^alpha of many signals at once, one sample at a time."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

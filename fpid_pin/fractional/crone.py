@@ -9,8 +9,6 @@ whose poles depend on the order: the same bank runs it. It never goes through po
 coefficients, in s or in z, whose roots leave the unit circle already at N = 5.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -13,8 +13,6 @@ Designs with modes give what a `Bank` gives sample by sample. The two that sum o
 are here, for recorded signals alone, by FFT.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -17,11 +17,9 @@ it does in a loop. With q = p h and theta running back from the newest sample it
     b1, b0, b2 = h int_0^1 exp(-q theta) {1 - theta, theta, 6 theta (1 - theta)} dtheta
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import scipy
@@ -141,7 +139,7 @@ class Modes:
     @classmethod
     def of_kernel(
         cls, order: FloatArray, step: float, poles: FloatArray, weights: FloatArray
-    ) -> Modes:
+    ) -> Self:
         """Return modes whose newest step is that of the exact kernel, t^-alpha/Gamma(1 - alpha).
 
         Parameters

@@ -17,8 +17,6 @@ which small orders (whose kernel hardly decays) cannot be met. The spread was fo
 minimising the largest relative error over orders 0.1 and 0.9.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import lru_cache
@@ -90,7 +88,7 @@ class ExponentialSum(Design):
         """Return the largest relative error of the kernel over all orders and fitted lags."""
         return self._table(step, horizon).worst_error()
 
-    def _table(self, step: float, horizon: float) -> _Table:
+    def _table(self, step: float, horizon: float) -> "_Table":
         grid = check_grid(step, horizon)
         if self.tolerance is None:
             assert self.modes is not None

@@ -1,7 +1,5 @@
 """A design's errors, gains and cost, against the exact operator, and it as a linear system."""
 
-from __future__ import annotations
-
 import math
 from functools import partial
 from pathlib import Path

@@ -5,8 +5,6 @@ whose functions it calls. So the cache lies in a folder named after the contents
 edit of any of them is a new folder.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dis
 import hashlib

@@ -3,8 +3,6 @@
 Importing this module does not load numba, so a file with a law loads at once.
 """
 
-from __future__ import annotations
-
 import math
 
 

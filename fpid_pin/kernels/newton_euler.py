@@ -11,8 +11,6 @@ an array of their own, (n, 10): m, h (3), j00 j01 j02 j11 j12 j22, as in `record
 are linear in them; `gradient` has the derivatives. Plain Python, compiled by whoever calls it.
 """
 
-from __future__ import annotations
-
 import math
 
 

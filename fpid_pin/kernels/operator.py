@@ -10,8 +10,6 @@ measured rates and integrates to the measured change of f, so that over a step
 with E = exp(-p h). A trailing underscore is the value one sample ago.
 """
 
-from __future__ import annotations
-
 import math
 
 from fpid_pin.kernels.compiled import kernel

@@ -8,8 +8,6 @@ by block principal pivoting (Júdice and Pires, Computers & Operations Research 
 which joints stick, solve, exchange those at fault, repeat.
 """
 
-from __future__ import annotations
-
 import math
 
 from fpid_pin.kernels.compiled import kernel

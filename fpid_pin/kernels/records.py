@@ -1,7 +1,5 @@
 """What a controller and its plant are in memory: records, and all arrays of one robot."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 

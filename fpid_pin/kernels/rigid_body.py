@@ -9,8 +9,6 @@ Records are BODY and FRAME of `records`. Of the n + 1 frames the first is the wo
 which body i - 1 carries, has number i + 1.
 """
 
-from __future__ import annotations
-
 import math
 
 from fpid_pin.kernels.compiled import kernel

@@ -4,8 +4,6 @@ What the controller is told has delay, noise, bias, encoder steps and differenti
 What figures of merit are made of, sums and peaks, is gathered a row at a time.
 """
 
-from __future__ import annotations
-
 import math
 
 from fpid_pin.kernels.compiled import kernel

@@ -11,8 +11,6 @@ Luenberger observer of the speed with a constant disturbance as its second state
 at p (Franklin, Powell and Workman, *Digital Control of Dynamic Systems*, 1998, section 8.2).
 """
 
-from __future__ import annotations
-
 import math
 
 from fpid_pin.kernels.functions import clip, sign

@@ -11,8 +11,6 @@ To read it, begin at the end, with `tick_parts`. `ctrl` are all arrays of one ro
 address (`compiled.call_law`); 0 stands for none.
 """
 
-from __future__ import annotations
-
 from fpid_pin.kernels import newton_euler
 from fpid_pin.kernels.compiled import call_law, kernel
 from fpid_pin.kernels.functions import clip, winds_up

@@ -1,13 +1,11 @@
 """What a reference is, a trajectory for the joints: by formulas, through points, as recorded."""
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -257,7 +255,7 @@ class RecordedMotion(_Points):
             )
 
     @classmethod
-    def from_csv(cls, path: str | Path) -> RecordedMotion:
+    def from_csv(cls, path: str | Path) -> Self:
         """Read a file of ``t, q_1, ..., q_n`` ([s], [rad]): ``RecordedMotion(path=path)``."""
         return cls(path=str(path))
 

@@ -1,7 +1,5 @@
 """A circle for the tool, turned into joint angles by inverse kinematics."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any

@@ -1,7 +1,5 @@
 """Controllers beside each other: who is best where, each one's worst case, and limits passed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -6,8 +6,6 @@ The loop over ticks is `kernels.rollout.rollout`, one compiled call, and the sam
 Robots do not see each other: a run has the same bits whatever runs beside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

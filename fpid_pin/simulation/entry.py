@@ -1,7 +1,5 @@
 """`simulate` and `evaluate`: the ways into the engine, for one robot or thousands."""
 
-from __future__ import annotations
-
 import dataclasses
 import warnings
 from collections.abc import Callable, Sequence
@@ -23,7 +21,7 @@ from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.workers import distribute, executor_of, workers_of
 
 if TYPE_CHECKING:
-    from fpid_pin.simulation.engine import Block, Robot
+    from fpid_pin.simulation.engine import Robot
 
 #: Numbers in a row of a record, for each joint: motion, torque, and six signals of a law.
 _NUMBERS = 11
@@ -292,7 +290,7 @@ def start_robots(
     experiments: Sequence[Experiment],
     controllers: Sequence[Controller],
     keep: Sequence[str] | None = None,
-) -> list[Robot]:
+) -> list["Robot"]:
     """Start a robot for each pair; their laws' operators are fitted together.
 
     `keep` names the signals to record while figures of merit are summed up, by compiled dynamics
@@ -319,7 +317,7 @@ def start_robots(
 
 
 def advance_all(
-    robots: Sequence[Robot],
+    robots: Sequence["Robot"],
     take: Callable[[int, Rows], None] | None = None,
     progress: ProgressCallback | None = None,
 ) -> list[Outcome]:

@@ -3,8 +3,6 @@
 Below: the paper's experiment, section 5.1, and its controllers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -80,7 +78,7 @@ class Plant(Description):
     effort_limit: Annotated[ArrayLike | None, PerJoint("N m", above=0.0, finite=False)] = None
     payload: Payload | float | dict[str, Any] | None = None
 
-    def resolve(self, nominal: Arm) -> ResolvedPlant:
+    def resolve(self, nominal: Arm) -> "ResolvedPlant":
         """Fill what is left open from `nominal` and check every length against it."""
         arm = nominal if self.arm is None else self.arm
         if arm.n != nominal.n:
@@ -243,7 +241,7 @@ class Experiment(Description):
         )
         return joints_that_fall(arm, np.asarray(self.q0), limit, "at the start")
 
-    def with_dynamics(self, dynamics: str) -> Experiment:
+    def with_dynamics(self, dynamics: str) -> "Experiment":
         """Return the experiment with its dynamics written out: these where it does not say."""
         return self if self.dynamics is not None else replace(self, dynamics=dynamics)
 

@@ -1,7 +1,5 @@
 """What is made of a run: arrays on a uniform clock, its origin, figures of merit, limits passed."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -127,7 +125,7 @@ def metrics_from(sums: Any, planned: int, step: float) -> Metrics:
         )
 
 
-def metrics_of(run: Run, band: float = SETTLING_BAND) -> Metrics:
+def metrics_of(run: "Run", band: float = SETTLING_BAND) -> Metrics:
     """Return the metrics of a recorded run: the same bits as while it ran.
 
     Parameters
@@ -206,7 +204,7 @@ class Exceedance:
         )
 
 
-def asks_degrees(arm: Arm, run: Run) -> str:
+def asks_degrees(arm: Arm, run: "Run") -> str:
     """Return a line where a start or a reference of a joint that turns is too far for radians.
 
     That is beyond a whole turn, or five times as far as the joint's limits. Empty: nowhere.
@@ -225,7 +223,7 @@ def asks_degrees(arm: Arm, run: Run) -> str:
     )
 
 
-def limit_report(run: Run) -> list[Exceedance]:
+def limit_report(run: "Run") -> list[Exceedance]:
     """Return every limit of the nominal arm that `run` passed, the earliest first.
 
     Position and velocity limits do not stop a simulated joint; they are watched. A torque cannot

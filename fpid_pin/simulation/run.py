@@ -1,13 +1,11 @@
 """A recorded run: its arrays, how it ended, what is known of it; as a file, as a table."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Callable, Mapping
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, Self, TypeVar, cast
 
 from numpy.typing import ArrayLike
 
@@ -178,13 +176,13 @@ class Run:
         return own | {f"{SIGNAL}{name}": array for name, array in self.signals.items()}
 
     @classmethod
-    def _of(cls, arrays: Mapping[str, Any], **about: Any) -> Run:
+    def _of(cls, arrays: Mapping[str, Any], **about: Any) -> Self:
         """Make a run of what `_arrays` returns."""
         signals = {n.removeprefix(SIGNAL): a for n, a in arrays.items() if n.startswith(SIGNAL)}
         return cls(**{name: arrays[name] for name in ("t", *MOTION)}, signals=signals, **about)
 
     @classmethod
-    def load(cls, path: str | Path) -> Run:
+    def load(cls, path: str | Path) -> Self:
         """Read a run; nothing in the file is executed.
 
         Raises
@@ -198,7 +196,7 @@ class Run:
         own = {name: meta.pop(name) for name in ("step", "planned_rows")}
         return cls._of(arrays, outcome=Outcome(**meta.pop("outcome")), **own, meta=meta)
 
-    def thinned(self, every: int) -> Run:
+    def thinned(self, every: int) -> Self:
         """Return the run with one row in `every`, the first among them.
 
         Its step is as many times longer, and its metrics are those of the rows that are left:
@@ -327,7 +325,7 @@ class Run:
         controller: Controller | None = None,
         name: str = "recorded",
         resample: float | None = None,
-    ) -> Run:
+    ) -> Self:
         """Make a run of what another simulator or a robot recorded: it is as good as ours.
 
         Parameters
@@ -369,7 +367,7 @@ class Run:
         )  # fmt: skip
 
     @classmethod
-    def from_record(cls, record: Record, name: str = "recorded") -> Run:
+    def from_record(cls, record: Record, name: str = "recorded") -> Self:
         """Make a run of what a loop has recorded (`Loop.record`)."""
         about: dict[str, Any] = record.arrays() | {"signals": record.signals()}
         return cls.from_arrays(**about, arm=record.arm, controller=record.controller, name=name)

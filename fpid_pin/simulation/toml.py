@@ -1,7 +1,5 @@
 """Configurations written: experiments and controllers as TOML that `fpid-pin` reads."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 import sys

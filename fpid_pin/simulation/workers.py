@@ -3,8 +3,6 @@
 Processes are for what holds the interpreter's lock: Python laws, Pinocchio's dynamics.
 """
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import pickle
