@@ -14,19 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.arms.parts import (
-    UNITS,
-    Placement,
-    Shape,
-    axis_of,
-    inertia_of,
-    joint_model,
-    kind_of,
-    placement_of,
-    require_physical,
-    row_of,
-    rows_of,
-)
+from fpid_pin.arms import parts
 from fpid_pin.checks import Array, Check, FloatArray, Number, OneOf, Text, Whole
 from fpid_pin.descriptions import Description, without_defaults
 from fpid_pin.exceptions import ArgumentError
@@ -74,11 +62,11 @@ class Joint(Description):
     """A joint and what it carries; of a prismatic one m and N stand for rad and N m."""
 
     name: Annotated[str, Text]
-    kind: Annotated[str, OneOf(*UNITS)]
+    kind: Annotated[str, OneOf(*parts.UNITS)]
     #: Unit vector in the joint's own frame, which it turns about or slides along, (3,).
     axis: Annotated[ArrayLike, Check(_unit_vector)]
     #: The joint's frame in that of the joint before, as rows: a rotation, and where [m], (3, 4).
-    placement: Placement
+    placement: parts.Placement
     #: Of all that it carries: mass [kg], centre of mass [m], rotational inertia about the centre of
     #: mass [kg m^2] xx, xy, yy, xz, yz, zz.
     inertia: Annotated[ArrayLike, Array(shape=(10,))]
@@ -103,7 +91,7 @@ class Frame(Description):
     name: Annotated[str, Text]
     joint: Annotated[int, Whole(low=-1)]
     type: Annotated[str, OneOf(*FRAMES)]
-    placement: Placement
+    placement: parts.Placement
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +100,7 @@ class Chain(Description):
 
     joints: Sequence[Joint]  # from the base on
     frames: Sequence[Frame] = ()
-    shapes: Sequence[Shape] = ()  # what is drawn
+    shapes: Sequence[parts.Shape] = ()  # what is drawn
     name: Annotated[str, Text] = "arm"
     gravity: Annotated[ArrayLike, Check(gravity_vector, "m/s^2")] = 9.81  # along -z, or (3,)
     home: Annotated[ArrayLike | None, Array("rad", max_ndim=1)] = None  # the middle of the limits
@@ -138,7 +126,7 @@ class Chain(Description):
             checks.choice("tool", self.tool, names)
         if self.inertia != "accept":
             rows = np.array([joint.inertia for joint in self.joints])
-            require_physical(names[:n], rows, cut(self.name))
+            parts.require_physical(names[:n], rows, cut(self.name))
 
     @property
     def tool_frame(self) -> str:
@@ -152,11 +140,11 @@ class Chain(Description):
         model = pin.Model()
         model.name, model.gravity.linear = self.name, np.array(self.gravity)
         for k, joint in enumerate(self.joints):
-            kind = joint_model(joint.kind, np.array(joint.axis))
-            at = model.addJoint(k, kind, placement_of(joint.placement), joint.name)
+            kind = parts.joint_model(joint.kind, np.array(joint.axis))
+            at = model.addJoint(k, kind, parts.placement_of(joint.placement), joint.name)
             model.addJointFrame(at)
         for frame in self.frames:
-            at, place = frame.joint + 1, placement_of(frame.placement)
+            at, place = frame.joint + 1, parts.placement_of(frame.placement)
             # No inertia of its own: the joints' are whole.
             model.addFrame(pin.Frame(frame.name, at, place, FRAMES[frame.type]), False)
         columns = {key: [getattr(joint, key) for joint in self.joints] for key in VECTORS}
@@ -169,7 +157,7 @@ class Chain(Description):
 def column(model: Any, key: str) -> FloatArray:
     """Return a field of `Joint` of all joints of a model, (n,) or (n, 10)."""
     if key == "inertia":
-        return np.array([row_of(body) for body in list(model.inertias)[1:]])
+        return np.array([parts.row_of(body) for body in list(model.inertias)[1:]])
     return np.array(getattr(model, VECTORS[key]), dtype=np.float64)
 
 
@@ -179,7 +167,7 @@ def set_columns(model: Any, **columns: Any) -> None:
         if key == "inertia":
             for k, row in enumerate(values, start=1):
                 # Set, not appended: appending adds to a zero inertia and rounds.
-                model.inertias[k] = inertia_of(row)
+                model.inertias[k] = parts.inertia_of(row)
             continue
         name, numbers = VECTORS[key], np.array(values, dtype=np.float64)
         setattr(model, name, numbers)
@@ -190,11 +178,11 @@ def set_columns(model: Any, **columns: Any) -> None:
 def joint_row(model: Any, k: int) -> Row:
     """Return joint `k` of a model as the table of a `Joint`; of one of no kind, what there is."""
     joint = model.joints[k]
-    row: Row = {"name": str(model.names[k]), "kind": kind_of(joint),
-                "placement": rows_of(model.jointPlacements[k])}  # fmt: skip
-    if row["kind"] not in UNITS:
+    row: Row = {"name": str(model.names[k]), "kind": parts.kind_of(joint),
+                "placement": parts.rows_of(model.jointPlacements[k])}  # fmt: skip
+    if row["kind"] not in parts.UNITS:
         return row
-    row |= {"axis": axis_of(joint).tolist(), "inertia": row_of(model.inertias[k])}
+    row |= {"axis": parts.axis_of(joint).tolist(), "inertia": parts.row_of(model.inertias[k])}
     for key, name in VECTORS.items():
         row[key] = float(getattr(model, name)[joint.idx_q if "Position" in name else joint.idx_v])
     # Of coordinates (cos, sin) there are no limits.
@@ -207,7 +195,7 @@ def frame_rows(model: Any) -> list[Row]:
     return [
         {"name": own_name(str(frame.name), types[frame.type], taken),
          "joint": int(frame.parentJoint) - 1, "type": types[frame.type],
-         "placement": rows_of(frame.placement)}
+         "placement": parts.rows_of(frame.placement)}
         for frame in list(model.frames)[1:] if frame.type in types
     ]  # fmt: skip
 
@@ -220,7 +208,7 @@ def own_name(name: str, kind: str, taken: set[str]) -> str:
     return name
 
 
-def table_of(model: Any, shapes: Sequence[Shape], **fields: Any) -> Row:
+def table_of(model: Any, shapes: Sequence[parts.Shape], **fields: Any) -> Row:
     """Return the table of the `Chain` that a model is; what is as by default is left out."""
     gravity = np.array(model.gravity.linear).tolist()
     down = gravity[:2] == [0, 0] and gravity[2] <= 0
@@ -229,7 +217,7 @@ def table_of(model: Any, shapes: Sequence[Shape], **fields: Any) -> Row:
     fields |= {
         "joints": [without_defaults(Joint, row) for row in joints],
         "frames": frame_rows(model),
-        "shapes": [without_defaults(Shape, vars(shape)) for shape in shapes],
+        "shapes": [without_defaults(parts.Shape, vars(shape)) for shape in shapes],
         "name": str(model.name),
         "home": poses.get("home"),
     }

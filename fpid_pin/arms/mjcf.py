@@ -8,16 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin import checks
+from fpid_pin.arms import parts
 from fpid_pin.arms.chain import Row, own_name
-from fpid_pin.arms.parts import (
-    PRISMATIC,
-    REVOLUTE,
-    UNITS,
-    Numbers,
-    displacement,
-    moved,
-    rows_of,
-)
 from fpid_pin.arms.robot_file import one_line, parse_xml, read_robot
 from fpid_pin.arms.tree import Body, Keep, Tree
 from fpid_pin.checks import FloatArray
@@ -26,7 +18,7 @@ from fpid_pin.resources import needed
 from fpid_pin.text import cut, listed, named
 
 #: By MuJoCo's enumerations mjtJoint and mjtGeom.
-_KINDS = ("FreeFlyer", "Spherical", PRISMATIC, REVOLUTE)
+_KINDS = ("FreeFlyer", "Spherical", parts.PRISMATIC, parts.REVOLUTE)
 _SOLIDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 #: Groups of geoms that MuJoCo's viewers show at first; the others are for contacts.
 _SHOWN = 2
@@ -56,7 +48,7 @@ def mjcf_tree(path: str | Path, arm: str | None = None, keep: Keep | None = None
 class _Reader:
     """Reads a compiled model, an ``MjModel``."""
 
-    def __init__(self, model: Any, label: str, gravity: Numbers) -> None:
+    def __init__(self, model: Any, label: str, gravity: parts.Numbers) -> None:
         self.model = model
         self.bodies = [model.body(k).name or f"body{k}" for k in range(model.nbody)]
         self.joints = [model.joint(k).name or f"joint{k}" for k in range(model.njnt)]
@@ -168,31 +160,31 @@ class _Reader:
         self.at[body] = carrier, place
         xx, yy, zz = (float(x) for x in model.body_inertia[body])
         principal = (float(model.body_mass[body]), 0.0, 0.0, 0.0, xx, 0.0, yy, 0.0, 0.0, zz)
-        inertia = moved(principal, place * self._place("body", body, "i"))
+        inertia = parts.moved(principal, place * self._place("body", body, "i"))
         tree.bodies.append(Body(name, carrier, inertia))
         self._add_frame(own_name(name, "link", taken), "link", carrier, place)
         if model.body_gravcomp[body] and carrier >= 0:
             tree.remark(name, "left out: gravity compensation")
 
     def _add_frame(self, name: str, kind: str, joint: int, place: Any) -> None:
-        frame = {"name": name, "joint": joint, "type": kind, "placement": rows_of(place)}
+        frame = {"name": name, "joint": joint, "type": kind, "placement": parts.rows_of(place)}
         self.result.frames.append(frame)
 
     def _add_joint(self, j: int, carrier: int, place: Any) -> Any:
         """Add a joint; return its body's frame in the joint's, but for the joint's own place."""
         model, name, tree = self.model, self.joints[j], self.result
         kind, at = _KINDS[int(model.jnt_type[j])], int(model.jnt_qposadr[j])
-        row: Row = {"name": name, "kind": kind, "placement": rows_of(place)}
+        row: Row = {"name": name, "kind": kind, "placement": parts.rows_of(place)}
         tree.joints.append(row)
         tree.parents.append(carrier)
-        if kind not in UNITS:
+        if kind not in parts.UNITS:
             return pin.SE3.Identity()
         row |= {"axis": np.array(model.jnt_axis[j])} | self._numbers(j)
         # A coordinate is measured from qpos0, where the file draws the body.
         tree.rest[name] = float(model.qpos0[at])
         if self.home is not None:
             tree.home[name] = float(self.home[at])
-        return displacement(kind, row["axis"], -tree.rest[name])
+        return parts.displacement(kind, row["axis"], -tree.rest[name])
 
     def _numbers(self, j: int) -> dict[str, float]:
         """Return a joint's limits, friction and rotor inertia; note what they leave out."""
@@ -262,7 +254,7 @@ class _Reader:
             size = (size[0], 2.0 * size[1])
         elif kind == "sphere":
             size = size[:1]
-        yield {"joint": joint, "placement": rows_of(place), "kind": kind, "size": size,
+        yield {"joint": joint, "placement": parts.rows_of(place), "kind": kind, "size": size,
                "colour": _floats(colour), "path": path}  # fmt: skip
 
 
@@ -275,5 +267,5 @@ def _span(limited: Any, ranges: Any, k: int) -> FloatArray:
     return np.array(ranges[k] if limited[k] else _ANY)
 
 
-def _floats(values: Any) -> Numbers:
+def _floats(values: Any) -> parts.Numbers:
     return tuple(float(x) for x in values)

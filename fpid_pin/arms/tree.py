@@ -11,22 +11,8 @@ import numpy as np
 import pinocchio as pin
 
 from fpid_pin import checks, descriptions
+from fpid_pin.arms import parts
 from fpid_pin.arms.chain import INERTIA, Chain, Row, frame_rows, joint_row
-from fpid_pin.arms.parts import (
-    UNITS,
-    Numbers,
-    displacement,
-    impossible,
-    link_of,
-    moved,
-    nearest_possible,
-    placement_of,
-    require_physical,
-    row_of,
-    rows_of,
-    shape_rows,
-    summed,
-)
 from fpid_pin.exceptions import ArgumentError, ArmError, FpidWarning
 from fpid_pin.text import cut, listed, named, shown
 
@@ -71,7 +57,7 @@ class Body(NamedTuple):
 
     name: str
     joint: int
-    inertia: Numbers
+    inertia: parts.Numbers
 
 
 @dataclass
@@ -124,17 +110,17 @@ class Tree:
         joints = list[Row]()
         for k, row in enumerate(self.joints):
             carrier, place = at[self.parents[k]]
-            place = place * placement_of(row["placement"])
+            place = place * parts.placement_of(row["placement"])
             if k in held:
-                if row["kind"] in UNITS:
-                    place = place * displacement(row["kind"], np.array(row["axis"]), held[k])
+                if row["kind"] in parts.UNITS:
+                    place = place * parts.displacement(row["kind"], np.array(row["axis"]), held[k])
                 at[k] = carrier, place
             else:
                 at[k] = len(joints), pin.SE3.Identity()
-                joints.append(row | {"placement": rows_of(place)})
+                joints.append(row | {"placement": parts.rows_of(place)})
         bodies = self._bodies(at, inertia)
         for k, joint in enumerate(joints):
-            joint["inertia"] = summed([body.inertia for body in bodies if body.joint == k])
+            joint["inertia"] = parts.summed([body.inertia for body in bodies if body.joint == k])
         # The frame called tool, if there is one; else the tip, where the arm was named by a link.
         free_frames = {frame["name"] for frame in self.frames if frame["joint"] in free}
         tip = keep if isinstance(keep, str) and keep in free_frames else None
@@ -183,7 +169,7 @@ class Tree:
         for name, value in lock.items():
             values[checks.choice("lock", name, names)] = checks.number(f"lock.{name}", value)
             kind = self.joints[names.index(name)]["kind"]
-            if kind not in UNITS:
+            if kind not in parts.UNITS:
                 raise ArmError(
                     f"{self.label}: joint {named(name)}: expected a joint with one coordinate "
                     f"to lock, got {_WORDS.get(kind, kind)}"
@@ -241,7 +227,7 @@ class Tree:
         others = [names[k] for k in free if k not in chain]
         rest = {name: self.rest.get(name, 0.0) for name in others
                 if name not in self.followers or self.followers[name][0] not in others}  # fmt: skip
-        if any(self.joints[k]["kind"] not in UNITS for k in free):
+        if any(self.joints[k]["kind"] not in parts.UNITS for k in free):
             rest = {}
         # What stands on a joint that no arm has is not to be had by its tip either.
         stands = chain and not any(map(self._joint_fault, self._path(chain[-1])))
@@ -253,7 +239,7 @@ class Tree:
         name, kind, fault = self.joints[k]["name"], self.joints[k]["kind"], ""
         if name in self.followers and not self.followers_move:
             fault = f"a joint of its own, got one that mimics {named(self.followers[name][0])}"
-        elif kind not in UNITS:
+        elif kind not in parts.UNITS:
             fault = f"revolute, continuous or prismatic, got {_WORDS.get(kind, kind)}"
         return fault and f"joint {named(name)}: expected {fault}"
 
@@ -265,16 +251,16 @@ class Tree:
         if moving and inertia != "accept":
             names, rows = [b.name for b in moving], np.array([b.inertia for b in moving])
             if inertia == "nearest":
-                for k in np.flatnonzero(np.isfinite(rows).all(axis=1) & impossible(rows)):
-                    rows[k], far = nearest_possible(moving[k].inertia)
+                for k in np.flatnonzero(np.isfinite(rows).all(axis=1) & parts.impossible(rows)):
+                    rows[k], far = parts.nearest_possible(moving[k].inertia)
                     moving[k] = moving[k]._replace(inertia=tuple(rows[k].tolist()))
                     self.remark(
                         names[k],
                         f"inertia changed by {100.0 * far:.2g} % to the closest that a body has",
                     )
-            require_physical(names, rows, self.label)
+            parts.require_physical(names, rows, self.label)
         places = [(body, *at[body.joint]) for body in moving]
-        return [Body(body.name, joint, moved(body.inertia, place)) for body, joint, place in places]
+        return [Body(b.name, joint, parts.moved(b.inertia, place)) for b, joint, place in places]
 
 
 def _main_chain(below: Mapping[int, list[int]]) -> list[int]:
@@ -299,7 +285,7 @@ def _carried(rows: Sequence[Row], at: Mapping[int, tuple[int, Any]]) -> list[Row
     for row in rows:
         joint, place = at[row["joint"]]
         if not place.isIdentity(0.0):
-            row = row | {"placement": rows_of(place * placement_of(row["placement"]))}
+            row = row | {"placement": parts.rows_of(place * parts.placement_of(row["placement"]))}
         carried.append(row | {"joint": joint})
     return carried
 
@@ -314,20 +300,20 @@ def tree_of(model: Any, geometry: Any = None) -> Tree:
         checks.instance("geometry", geometry, pin.GeometryModel, "a pinocchio.GeometryModel")
     name, gravity = str(model.name), np.array(model.gravity.linear)
     tree = Tree(cut(name) or "model", name, gravity, frames=frame_rows(model))
-    tree.shapes = [] if geometry is None else shape_rows(geometry)
+    tree.shapes = [] if geometry is None else parts.shape_rows(geometry)
     poses = {pair.key(): pair.data() for pair in model.referenceConfigurations}
     home = np.array(poses.get("home", ()), dtype=np.float64)
     for k, joint in enumerate(list(model.joints)[1:], start=1):
         row = joint_row(model, k)
         for key in {"effort", "velocity"} & {*row}:
             row[key] = np.inf if row[key] == 0.0 or row[key] > 1e300 else row[key]
-        if row["kind"] in UNITS:
+        if row["kind"] in parts.UNITS:
             none = row["lower"] >= row["upper"]
             row["lower"] = -np.inf if none or row["lower"] < -UNREACHABLE else row["lower"]
             row["upper"] = np.inf if none or row["upper"] > UNREACHABLE else row["upper"]
         tree.joints.append(row)
         tree.parents.append(int(model.parents[k]) - 1)
-        tree.bodies.append(Body(link_of(model, k), k - 1, row_of(model.inertias[k])))
+        tree.bodies.append(Body(parts.link_of(model, k), k - 1, parts.row_of(model.inertias[k])))
         if home.shape == (model.nq,) and np.isfinite(home).all() and joint.nv == 1:
             at = home[joint.idx_q : joint.idx_q + joint.nq]
             tree.home[row["name"]] = float(at[0] if joint.nq == 1 else np.arctan2(at[1], at[0]))

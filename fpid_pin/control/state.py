@@ -17,14 +17,6 @@ from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import modes_of
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
-from fpid_pin.kernels.records import (
-    DERIVATIVES,
-    ESTIMATES,
-    GIVEN,
-    GIVEN_NAMES,
-    INERTIA,
-    record_type,
-)
 from fpid_pin.kernels.tick import tick_parts
 
 #: Rates of given signals.
@@ -35,12 +27,12 @@ SIGNALS, MODEL, TORQUES, ADAPT = 1, 2, 4, 8
 #: grid is within 1e-7 of the operator, as the operator of 24 modes is of the exact one.
 NODES = 201
 #: Signals that are there before a law's surface, and so operators of them.
-EARLY = {*GIVEN_NAMES} - {"s", "a", "w"}
+EARLY = {*records.GIVEN_NAMES} - {"s", "a", "w"}
 
 
 @lru_cache(maxsize=256)
 def _record(own: tuple[str, ...]) -> Any:
-    return record_type(dict.fromkeys((*GIVEN_NAMES, *own), ""))
+    return records.record_type(dict.fromkeys((*records.GIVEN_NAMES, *own), ""))
 
 
 @lru_cache(maxsize=8)
@@ -66,7 +58,7 @@ class State:
         controller.check_declared(list(given))
         # Operators of given signals come first; the others follow the law's surface.
         self._operators = sorted(controller.operators.items(), key=lambda x: x[1].of not in EARLY)
-        names = [*ESTIMATES, *DERIVATIVES] if controller.estimates_model else []
+        names = [*records.ESTIMATES, *records.DERIVATIVES] if controller.estimates_model else []
         names += [*given, *controller.memory]
         for output, operator in self._operators:
             names += [output, f"{output}_by_order"] if operator.adapts else [output]
@@ -80,7 +72,7 @@ class State:
                 raise ArgumentError(f"shown.{name}", "a number of the law", field)
         numbers = np.zeros((n, len(self.record.names)))
         self.joints = numbers.view(self.record)[:, 0]
-        numbers[:, INERTIA : INERTIA + 10] = inertial_numbers(arm.bodies)
+        numbers[:, records.INERTIA : records.INERTIA + 10] = inertial_numbers(arm.bodies)
         for name, value in given.items():
             try:
                 self.joints[name] = value
@@ -92,7 +84,7 @@ class State:
         zeros = np.zeros
         self.c = records.Controller(
             robot=zeros(1, records.ROBOT),
-            joints=np.ndarray((n,), GIVEN, buffer=numbers, strides=numbers.strides[:1]),
+            joints=np.ndarray((n,), records.GIVEN, buffer=numbers, strides=numbers.strides[:1]),
             numbers=numbers,
             own=np.ascontiguousarray(controller.arrays(arm, step, horizon), dtype=np.float64),
             ops=zeros((n, 0), records.OPERATOR),
@@ -129,9 +121,9 @@ class State:
         robot["h"], robot["threshold"] = self.step, np.inf
         robot["feedforward"] = law.feedforward
         robot["uses_model"] = law.uses_model and law.torques is None
-        robot["inertia"], robot["estimates"] = INERTIA, law.estimates_model
+        robot["inertia"], robot["estimates"] = records.INERTIA, law.estimates_model
         if law.estimates_model:
-            robot["inertia"] = self._columns[ESTIMATES[0]]
+            robot["inertia"] = self._columns[records.ESTIMATES[0]]
         robot["observes"], robot["compensates"] = law.bandwidth > 0.0, law.observer > 0.0
         if law.bandwidth:
             robot["l1"], robot["l2"] = law.observer_gains(self.step)

@@ -14,17 +14,6 @@ from fpid_pin.fractional.exponential_sum import ExponentialSum
 from fpid_pin.fractional.operator_report import OperatorReport, report, state_space
 
 __all__ = [
-    "L1",
-    "Bank",
-    "Crone",
-    "Design",
-    "ExponentialSum",
-    "GrunwaldLetnikov",
-    "Modes",
-    "OperatorReport",
-    "caputo",
-    "grunwald_letnikov",
-    "report",
-    "riemann_liouville",
-    "state_space",
-]
+    "L1", "Bank", "Crone", "Design", "ExponentialSum", "GrunwaldLetnikov", "Modes",
+    "OperatorReport", "caputo", "grunwald_letnikov", "report", "riemann_liouville", "state_space",
+]  # fmt: skip

@@ -10,16 +10,8 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
+from concurrent.futures import Executor, Future
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from itertools import islice
@@ -41,7 +33,7 @@ AHEAD = 2
 PATIENCE = 8.0
 
 
-class WorkerPool(ProcessPoolExecutor):
+class WorkerPool(futures.ProcessPoolExecutor):
     """Worker processes for ``executor=``, wherever there is one.
 
     Where a worker dies, all tasks under way fail with `BrokenExecutor`, and the next task has new
@@ -82,7 +74,7 @@ class WorkerPool(ProcessPoolExecutor):
         with without_ctrl_c():
             try:
                 return super().submit(fn, *args, **kwargs)
-            except BrokenExecutor:
+            except futures.BrokenExecutor:
                 # An executor that is broken stays so; made anew it has new workers.
                 WorkerPool.__init__(self, workers_of(self))
                 return super().submit(fn, *args, **kwargs)
@@ -165,7 +157,7 @@ def executor_of(
         return nullcontext(executor)
     holds = any(c.control is not None for c in controllers)
     holds = holds or any(e.dynamics == "pinocchio" for e in experiments)
-    return WorkerPool(workers) if holds else ThreadPoolExecutor(workers)
+    return WorkerPool(workers) if holds else futures.ThreadPoolExecutor(workers)
 
 
 def workers_of(executor: Executor | None) -> int:
@@ -192,12 +184,13 @@ def distribute(
             for k, task in islice(waiting, AHEAD * workers_of(executor) - len(running)):
                 try:
                     running[executor.submit(call, *task)] = k
-                except BrokenExecutor:
+                except futures.BrokenExecutor:
                     lost.append(k)
             if not running:
                 break
             # What there is comes before what was lost.
-            for future in sorted(wait(running, return_when=FIRST_COMPLETED).done, key=_failed):
+            ended = futures.wait(running, return_when=futures.FIRST_COMPLETED).done
+            for future in sorted(ended, key=_failed):
                 k = running.pop(future)
                 try:
                     result = future.result()
@@ -209,7 +202,7 @@ def distribute(
                     yield k, result
         for k in [*lost, *(k for k, _ in waiting)]:
             yield k, executor.submit(call, *tasks[k]).result()
-    except CancelledError:
+    except futures.CancelledError:
         # Nobody here cancels what is waited for.
         raise FpidError(
             "executor: expected one that lasts, got tasks cancelled, as where a scheduler is lost"
@@ -234,7 +227,7 @@ def _failed(future: Future[Any]) -> bool:
 
 def _worker_died(error: Exception) -> bool:
     # Dask's, which need not be installed.
-    return isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker"
+    return isinstance(error, futures.BrokenExecutor) or type(error).__name__ == "KilledWorker"
 
 
 @contextmanager
