@@ -37,38 +37,17 @@ DEFAULT_HORIZON = 3600.0
 #: What the modes hold of f(0) at t = 0: nothing where the signal had always been f(0), else all.
 INITIAL_MODES = {"caputo": 0.0, "riemann_liouville": 1.0, "grunwald_letnikov": 1.0}
 INITIALISATIONS = tuple(INITIAL_MODES)
-# Below this q the closed forms of b1, b0, b2 cancel and the power series converges within its
-# length.
-_SERIES_BELOW = 1.0
-_SERIES_TERMS = 20
 
 
 def integrate_step(poles: FloatArray, step: float) -> Any:
     """Return E, b1, b0, b2 of decay rates [1/s], records `POLE` of their shape, to rounding."""
     q = np.asarray(poles, dtype=np.float64) * step
-    small = q < _SERIES_BELOW
-    near = np.where(small, q, 0.0)
-    far = np.where(small, 1.0, q)
-
-    # int exp(-q theta) theta^n: closed forms for large q, integrated by parts.
-    e_far = np.exp(-far)
-    i0 = -np.expm1(-far) / far
-    i1 = (i0 - e_far) / far
-    i2 = (2.0 * i1 - e_far) / far
-
-    # The same three as power series, whose terms are combined before they are summed.
-    b1, b0, b2 = np.zeros((3, *q.shape))
-    term = np.ones_like(q)
-    for k in range(_SERIES_TERMS):
-        b1 += term / ((k + 1) * (k + 2))
-        b0 += term / (k + 2)
-        b2 += term * (6.0 / ((k + 2) * (k + 3)))
-        term = term * (-near / (k + 1))
     found = np.zeros(q.shape, POLE)
     found["decay"] = np.exp(-q)
-    found["b1"] = step * np.where(small, b1, i0 - i1)
-    found["b0"] = step * np.where(small, b0, i1)
-    found["b2"] = step * np.where(small, b2, 6.0 * (i1 - i2))
+    # Kummer's integral: of exp(-q x) x^(a-1) (1-x)^(b-a-1) it is B(a, b - a) 1F1(a; b; -q).
+    found["b1"] = 0.5 * step * scipy.special.hyp1f1(1.0, 3.0, -q)
+    found["b0"] = 0.5 * step * scipy.special.hyp1f1(2.0, 3.0, -q)
+    found["b2"] = step * scipy.special.hyp1f1(2.0, 4.0, -q)
     return found
 
 
