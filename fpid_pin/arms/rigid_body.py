@@ -130,29 +130,6 @@ class RigidBody:
         """Return q'' = M^-1 (tau - C q' - G) [rad/s^2], (n,) (articulated bodies)."""
         return self._call(pin.aba, pin.Convention.WORLD, q=q, v=v, tau=tau)
 
-    def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> float:
-        """Return 1/2 q'^T M q', J, rotor inertia included."""
-        v = checks.vector("v", v, self.n)
-        return float(0.5 * v @ self.mass_matrix(q) @ v)
-
-    def potential_energy(self, q: ArrayLike) -> float:
-        """Return the energy of gravity, J, zero when all mass is at the world's origin."""
-        return float(self._call(pin.computePotentialEnergy, q=q))
-
-    def regressor(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> FloatArray:
-        """Return Y, (n, 10 n), with tau = Y @ inertial_parameters + armature * a.
-
-        Rotor inertia is not among the ten parameters of a link, so it stands apart.
-        """
-        # Of one joint Pinocchio returns no matrix.
-        return self._call(pin.computeJointTorqueRegressor, q=q, v=v, a=a).reshape(self.n, -1)
-
-    @property
-    def inertial_parameters(self) -> FloatArray:
-        """The links' parameters, (10 n,): m, m c (3), and I about the joint xx xy yy xz yz zz."""
-        bodies = list(self.model.inertias)[1:]
-        return np.concatenate([body.toDynamicParameters() for body in bodies])
-
     def tool_pose(self, q: ArrayLike) -> FloatArray:
         """Return the tool frame's pose in the world, a (4, 4) homogeneous matrix [m]."""
         self._call(pin.forwardKinematics, q=q)

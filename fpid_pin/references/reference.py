@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Protocol, Self, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -253,11 +253,6 @@ class RecordedMotion(_Points):
                 f"a step like the others ({np.median(steps):.3g} s)",
                 f"a gap of {steps[widest]:.3g} s after t = {times[widest]:g} s",
             )
-
-    @classmethod
-    def from_csv(cls, path: str | Path) -> Self:
-        """Read a file of ``t, q_1, ..., q_n`` ([s], [rad]): ``RecordedMotion(path=path)``."""
-        return cls(path=str(path))
 
 
 def _read_csv(path: str) -> FloatArray:

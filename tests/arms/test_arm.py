@@ -5,6 +5,7 @@ import pickle
 import tomllib
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import tomli_w
 from hypothesis import given, settings
@@ -36,14 +37,6 @@ def test_mass_rate_less_twice_coriolis_is_skew(arm):
     rate = (arm.mass_matrix(q + h * v) - arm.mass_matrix(q - h * v)) / (2 * h)
     c = arm.coriolis_matrix(q, v)
     np.testing.assert_allclose(c + c.T, rate, atol=1e-6)
-
-
-@every_arm
-def test_regressor_times_parameters_is_the_torque(arm):
-    q, v, a = state(arm)
-    tau = arm.regressor(q, v, a) @ arm.inertial_parameters + arm.armature * a
-    assert arm.regressor(q, v, a).shape == (arm.n, 10 * arm.n)
-    np.testing.assert_allclose(tau, arm.inverse_dynamics(q, v, a), rtol=0, atol=1e-10)
 
 
 @every_arm
@@ -105,11 +98,13 @@ def test_payload_is_the_composition_of_inertias(arm):
         speed = twist[:3] + np.cross(twist[3:], lever)
         spin = pose[:3, :3].T @ twist[3:]
         energy = 0.5 * mass * speed @ speed + 0.5 * spin @ about @ spin
-        expected = arm.kinetic_energy(q, v) + energy
-        assert loaded.kinetic_energy(q, v) == pytest.approx(expected, rel=1e-10)
+        expected = 0.5 * v @ arm.mass_matrix(q) @ v + energy
+        assert 0.5 * v @ loaded.mass_matrix(q) @ v == pytest.approx(expected, rel=1e-10)
         height = mass * arm.gravity * (pose[:3, 3] + lever)[2]
-        rise = loaded.potential_energy(q) - arm.potential_energy(q)
-        assert rise == pytest.approx(height, rel=1e-9, abs=1e-10)
+        before, after = (
+            pin.computePotentialEnergy(a.model, a.model.createData(), q) for a in (arm, loaded)
+        )
+        assert after - before == pytest.approx(height, rel=1e-9, abs=1e-10)
     assert arm.with_payload(0.0) == arm
 
 

@@ -103,7 +103,7 @@ def test_a_recording_is_read_from_csv_with_or_without_names(tmp_path):
     for head in ([], ["t, shoulder, elbow"]):
         path = tmp_path / "motion.csv"
         path.write_text("\n".join([*head, *lines, ""]))
-        motion = RecordedMotion.from_csv(path)
+        motion = RecordedMotion(path=str(path))
         q, _, _ = motion.sample(np.array([0.2, 0.3]))
         assert q == pytest.approx(np.array([[0.3, 0.0], [0.2, 0.1]]))
         table = {"kind": "recorded", "path": str(path)}
@@ -124,7 +124,7 @@ def test_a_csv_with_gaps_is_refused_with_its_line(tmp_path, text, message):
     path = tmp_path / "motion.csv"
     path.write_text(text)
     with pytest.raises(ArgumentError, match=message):
-        RecordedMotion.from_csv(path)
+        RecordedMotion(path=str(path))
 
 
 @pytest.mark.parametrize("orientation", [False, True])
@@ -173,7 +173,7 @@ def test_a_circle_with_a_ramp_starts_at_rest_and_loses_half_of_it():
             "reference.positions.1: expected 2 angles, as in the first row, got 1",
         ),
         (
-            lambda: RecordedMotion.from_csv("no-such-file.csv"),
+            lambda: RecordedMotion(path="no-such-file.csv"),
             "no-such-file.csv: expected a CSV file",
         ),
     ],
