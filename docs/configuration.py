@@ -121,7 +121,8 @@ def allowed(key: descriptions.Key) -> str:
         elif "expected" in bounds:
             said.append(str(bounds["expected"]))
     if key.family is not None:
-        kinds = list(descriptions.kinds(key.family))
+        arms, known = sorted([*KINDS, "model"]), descriptions.kinds(key.family)
+        kinds = arms if key.family is fp.Arm else [*known]
         many = {None: "a table", list: "tables"}.get(key.several, "tables")
         said.append(f"{many}: {', '.join(f'`{kind}`' for kind in kinds)}" if kinds else many)
     return "; ".join(said)

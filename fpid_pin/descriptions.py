@@ -209,7 +209,7 @@ def without_defaults(cls: type, fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _is_family(cls: type) -> bool:
-    return issubclass(cls, Description) or bool(kinds(cls))
+    return issubclass(cls, Description) or hasattr(cls, "from_table") or bool(kinds(cls))
 
 
 def _types(hint: Any) -> list[Any]:
@@ -334,6 +334,7 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
         faults.append(ArgumentError(path or "description", "a table", shown(table)))
         return None
     known, cls, fields = kinds(family), family, dict(table)
+    own = getattr(family, "from_table", None)
     if known:
         kind = fields.pop("kind", getattr(family, "_kind", None))
         try:
@@ -343,7 +344,6 @@ def build(table: Any, family: type, path: str, faults: list[FpidError]) -> Any:
             return None
     if "variant" in fields and "kind" in {field.name for field in dataclasses.fields(cls)}:
         fields["kind"] = fields.pop("variant")
-    own = getattr(cls, "from_table", None)
     if own is None:
         # A key at fault is left out, so that the constructor can find what else is wrong.
         fields = _read_fields(cls, fields, path, faults)

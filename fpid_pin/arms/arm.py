@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from importlib import resources
 from pathlib import Path
 from typing import Any, Self
@@ -353,11 +352,28 @@ class Arm(ArmChanges):
         path, where = catalogue.described_file(name)
         return cls.from_file(path, lock, gravity, keep=keep, inertia=inertia, tool=tool, **where)
 
+    @classmethod
+    def from_table(cls, table: Mapping[str, Any]) -> "Arm":
+        """Build the arm of a file's ``[arm]`` table, which `to_dict` returns.
 
-# ---------------------------------------------------------------------- how files name arms
+        It has a ``kind``, whose keys are the arguments in `KINDS` or the fields of a `Chain`, and
+        ``changes``, a list of what `with_changes` takes.
+        """
+        kind = checks.choice("kind", table.get("kind"), sorted([*KINDS, "model"]))
+        changes = table.get("changes", ())
+        checks.instance("changes", changes, (list, tuple), "a list of tables")
+        fields = {key: value for key, value in table.items() if key not in ("kind", "changes")}
+        try:
+            if kind == "model":
+                arm = Arm._of(descriptions.from_dict(fields, Chain))
+            else:
+                arm = call(KINDS[kind], fields, "arm")
+        except HoldError as error:
+            raise error.written("toml") from None
+        return arm.with_changes(*changes)
 
-#: By the kind of an ``[arm]`` table, what makes the arm; its arguments are the table's keys. There
-#: is also ``model``, whose keys are the fields of `Chain`.
+
+#: What makes the arm of a file's ``[arm]`` table, by its kind; there is also ``model``.
 KINDS: dict[str, Callable[..., Arm]] = {
     "two_link": Arm.two_link,
     "planar": Arm.planar,
@@ -366,32 +382,3 @@ KINDS: dict[str, Callable[..., Arm]] = {
     "example": Arm.from_example,
     "description": Arm.from_description,
 }
-
-
-def arm_of(table: Mapping[str, Any]) -> Arm:
-    """Build the arm of a table; raises `ArgumentError` for an unknown or missing key.
-
-    Each kind may have ``changes``, a list of what `Arm.with_changes` takes.
-    """
-    kind = checks.choice("kind", table.get("kind"), [*KINDS, "model"])
-    changes = table.get("changes", ())
-    checks.instance("changes", changes, (list, tuple), "a list of tables")
-    fields = {key: value for key, value in table.items() if key not in ("kind", "changes")}
-    if kind == "model":
-        arm = Arm._of(descriptions.from_dict(fields, Chain))
-    else:
-        arm = call(KINDS[kind], fields, "arm")
-    return arm.with_changes(*changes)
-
-
-def _from_table(kind: str, fields: Mapping[str, Any]) -> Arm:
-    try:
-        return arm_of({"kind": kind, **fields})
-    except HoldError as error:
-        raise error.written("toml") from None
-
-
-for _kind in (*KINDS, "model"):
-    # Reading one gives an `Arm`; none of these classes ever has an instance.
-    _members = {"from_table": staticmethod(partial(_from_table, _kind))}
-    descriptions.described(_kind)(type(f"_{_kind}", (Arm,), _members))

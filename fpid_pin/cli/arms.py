@@ -18,7 +18,6 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm, catalogue, robot_file
-from fpid_pin.arms.arm import arm_of
 from fpid_pin.arms.catalogue import ENDING
 from fpid_pin.arms.parts import PRISMATIC
 from fpid_pin.arms.tree import HoldError
@@ -81,7 +80,7 @@ def _lock(item: str) -> tuple[str, float]:
 def arm_of_table(table: dict[str, Any]) -> Arm:
     """Build the arm of `arm_table`; an error is written as the command line has it."""
     try:
-        return arm_of(table)
+        return Arm.from_table(table)
     except HoldError as error:
         raise error.written("shell") from None
     except ArgumentError as error:

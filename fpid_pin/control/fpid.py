@@ -211,12 +211,13 @@ class AdaptiveFpid(Controller):
         found["d_sign"] = -1.0 if self.on_measurement else 1.0
         for name in ("sigma", "e_modification", "dead_zone"):
             found[name] = 0.0 if guard is None else getattr(guard, name)
-        orders, bounds = self.orders(n), self.order_bounds(n)
+        orders = self.orders(n)
         for k, name in enumerate(("integral_order", "derivative_order")):
             found[name] = orders[k]
             if self.moves_orders:
+                low, high = self.order_bounds(n)[:, k]
                 found |= {f"{name}_0": orders[k], f"{name}_rate": rates[3 + k]}
-                found |= {f"{name}_min": bounds[0, k], f"{name}_max": bounds[1, k]}
+                found |= {f"{name}_min": low, f"{name}_max": high}
         return found
 
     # ----------------------------------------------------------------- the description
@@ -249,9 +250,10 @@ class AdaptiveFpid(Controller):
         """Return lambda and mu, (2, n); projection of those that adapt counts from the start."""
         lam = checks.per_joint("integral_order", self.integral_order, n)
         mu = checks.per_joint("derivative_order", self.derivative_order, n)
-        if self.moves_orders:
-            # D^0 e is e, but the limit for mu that falls to 0 is e - e(0): the one to start from.
-            mu = np.maximum(mu, np.finfo(float).tiny)
+        if not self.moves_orders:
+            return np.stack([lam, mu])
+        # D^0 e is e, but the limit for mu that falls to 0 is e - e(0): the one to start from.
+        mu = np.maximum(mu, np.finfo(float).tiny)
         return np.asarray(np.clip(np.stack([lam, mu]), *self.order_bounds(n)))
 
 

@@ -4,6 +4,7 @@ import dataclasses
 import logging
 import warnings
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Annotated, Any
 
 import numpy as np
@@ -130,12 +131,9 @@ class SuggestedFpid(Controller):
             expected = 'no scale ("none"): it is found with the gains'
             raise ArgumentError("scale", expected, shown(self.scale))
 
-    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> AdaptiveFpid:
-        """Return the controller that this is on `arm`."""
-        found = self.explained(arm, step, horizon)
-        for note in found.notes:
-            _log.info("%s: %s", arm.name, note)
-        return found.controller
+    def on(self, arm: Arm, *, step: float = 1e-3) -> AdaptiveFpid:
+        """Return the controller that this is on `arm`, found once."""
+        return _found(self, arm, step)
 
     @one_blas_thread()
     def explained(self, arm: Arm, step: float, horizon: float) -> GainSuggestion:
@@ -191,6 +189,8 @@ class SuggestedFpid(Controller):
             law = adapt_orders(law, arm)
         else:
             law = dataclasses.replace(law, order_learning_rate=rate)
+        for note in notes:
+            _log.info("%s: %s", arm.name, note)
         return GainSuggestion(
             controller=law,
             bandwidth=checks.read_only(np.sqrt(kp)),
@@ -225,17 +225,21 @@ class SuggestedFpid(Controller):
         return law, bound
 
 
+@lru_cache(maxsize=64)
+def _found(asked: SuggestedFpid, arm: Arm, step: float) -> AdaptiveFpid:
+    """Return what a suggestion is on an arm, a second's work; a run's length changes no gain."""
+    return asked.explained(arm, step, 3600.0).controller
+
+
 def suggest_gains(
     arm: Arm, bandwidth: float = 10.0, *, step: float = 1e-3, horizon: float = 3600.0,
     **options: Any,
 ) -> AdaptiveFpid:  # fmt: skip
     """Return an adaptive FPID that follows slow references on `arm` without any tuning.
 
-    The same as `explain_gains`, without the explanation: that goes to the logger ``fpid_pin``,
-    level INFO.
+    The same as `explain_gains`, whose notes also go to the logger ``fpid_pin``, level INFO.
     """
-    asked = SuggestedFpid(bandwidth, **{"name": ""} | options)
-    return asked.on(arm, step=step, horizon=horizon)
+    return explain_gains(arm, bandwidth, step=step, horizon=horizon, **options).controller
 
 
 def explain_gains(

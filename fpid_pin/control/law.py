@@ -164,10 +164,6 @@ class Controller(Description, ABC):
             )
         return self.observer or other
 
-    def observer_gains(self, step: float) -> tuple[float, float]:
-        """Return the gains of the observer: see the function of this name."""
-        return observer_gains(self.bandwidth, step)
-
     # ------------------------------------------------------------- what the engine asks
 
     @property
@@ -239,7 +235,7 @@ class Controller(Description, ABC):
     def begin(self, state: Any) -> None:
         """Prepare what a law in plain Python remembers; see `control.state.State`."""
 
-    def on(self, arm: Arm, *, step: float = 1e-3, horizon: float = 3600.0) -> "Controller":
+    def on(self, arm: Arm, *, step: float = 1e-3) -> "Controller":
         """Return the law that this is on an arm: itself, unless its gains depend on the arm."""
         return self
 
@@ -260,9 +256,9 @@ class Controller(Description, ABC):
         Loop
         """
         # Imported late: it loads numba.
-        from fpid_pin.control.state import start_all
+        from fpid_pin.control.state import State
 
-        return Loop(lambda: start_all([self], arm, step=step, horizon=horizon)[0], self)
+        return Loop(lambda: State(self, arm, step=step, horizon=horizon), self)
 
 
 _OPTIONS = {field.name for field in dataclasses.fields(Controller)}

@@ -195,12 +195,13 @@ class _Tick:
         law = dataclasses.replace(law, supervisor=None, feedforward=False)
         free = arm.with_limits(effort=np.zeros(arm.n))
         self._engine: Any = engine
-        self.state = state = engine.State(law, free, step=step, horizon=horizon)
-        self.pose, self.n, self._held = np.asarray(q, dtype=float), arm.n, np.zeros(arm.n)
-        self.design = law.fractional_design if design is None else design
-        if state.orders.size:
-            modes = modes_of(self.design, state.orders, step=step, horizon=horizon)
-            state.use_modes(*modes.records())
+        state = engine.State(law, free, step=step, horizon=horizon, design=design)
+        self.state, self.pose, self.n, self._held = (
+            state,
+            np.asarray(q, dtype=float),
+            arm.n,
+            np.zeros(arm.n),
+        )
         self.ops, robot = state.c.ops, state.c.robot
         # Operators of given signals come first, before the law's surface.
         self._early = np.arange(self.ops.shape[1]) < robot["first_operators"][0]
@@ -300,7 +301,7 @@ def _with_operators(tick: _Tick, slopes: FloatArray) -> LinearLaw:
             now[1] = before[1] = (sources[k] - before[0]) / state.step
         last[2 * k : 2 * k + 2] = now
         order = state.orders[j, i]
-        modes = modes_of(tick.design, order, step=state.step, horizon=state.horizon)
+        modes = modes_of(state.design, order, step=state.step, horizon=state.horizon)
         rule = modes.recursion()
         direct[k] = rule.now @ now + rule.before @ before
         drive.append(rule.drive_now @ now + rule.drive_before @ before)

@@ -12,9 +12,10 @@ from fpid_pin.arms import Arm
 from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python
+from fpid_pin.control.law import observer_gains
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
-from fpid_pin.fractional.design import modes_of
+from fpid_pin.fractional.design import Records, modes_of
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
 from fpid_pin.kernels.tick import tick_parts
@@ -42,17 +43,32 @@ def _order_table(design: Design, step: float, horizon: float) -> FloatArray:
     return np.ascontiguousarray(modes_of(design, nodes, step=step, horizon=horizon).table())
 
 
+@lru_cache(maxsize=64)
+def _operators(
+    design: Design, initialisation: str, orders: bytes, n: int, step: float, horizon: float
+) -> Records:
+    """Return the records of operators for n joints; most populations have the same ones."""
+    alpha = np.frombuffer(orders).reshape(n, -1)
+    return modes_of(design, alpha, step=step, horizon=horizon).records(initialisation)
+
+
 class State:
     """One robot under one law, for the longest time that it will run, `horizon` [s].
 
+    `design` is for the law's fractional operators, in place of its own.
     `c` are all arrays of the controller, `joints` a record of each joint by name, (n,); `inputs`,
     (5, n), are q, v, and the reference's q, v, a of a tick, `torque`, (n,) [N m], what it makes of
     them. A law in plain Python has `memory`, and `shown` for signals to record, (n,) arrays.
     """
 
-    def __init__(self, controller: Any, arm: Arm, *, step: float, horizon: float) -> None:
-        self.controller, self.arm, self.n = controller, arm, arm.n
+    def __init__(
+        self, controller: Any, arm: Arm, *, step: float, horizon: float,
+        design: Design | None = None,
+    ) -> None:  # fmt: skip
         self.step = checks.number("step", step, above=0.0)
+        controller = controller.on(arm, step=step)
+        self.controller, self.arm, self.n = controller, arm, arm.n
+        self.design = design or controller.fractional_design
         self.horizon, n = horizon, arm.n
         given = controller.numbers(arm, step, horizon)
         controller.check_declared(list(given))
@@ -107,6 +123,8 @@ class State:
         self._ticked = False
         self._step: Any = None
         self.orders = self._initial_orders()
+        if self.orders.size:
+            self._fit_operators()
         self._fill_robot()
         self.in_python = controller.control is not None
         if self.in_python:
@@ -126,7 +144,7 @@ class State:
             robot["inertia"] = self._columns[records.ESTIMATES[0]]
         robot["observes"], robot["compensates"] = law.bandwidth > 0.0, law.observer > 0.0
         if law.bandwidth:
-            robot["l1"], robot["l2"] = law.observer_gains(self.step)
+            robot["l1"], robot["l2"] = observer_gains(law.bandwidth, self.step)
         guard = law.supervisor
         if guard is not None:
             robot["supervised"], robot[guard.kind] = 1, 1
@@ -178,8 +196,11 @@ class State:
         self.c.robot["first_operators"] = sum(x.of in EARLY for _, x in self._operators)
         return orders
 
-    def use_modes(self, ops: Any, poles: Any, modes: Any) -> None:
-        """Take the operators' records: see `fractional.design.Records`."""
+    def _fit_operators(self) -> None:
+        """Make the operators' records, which know where in a joint's record their signals are."""
+        start, grid = self.controller.fractional_initialisation, (self.step, self.horizon)
+        fitted = _operators(self.design, start, self.orders.tobytes(), self.n, *grid)
+        ops, poles, modes = (part.copy() for part in fitted)
         table, columns = np.zeros((3 + modes.shape[-1], 4)), self._columns
         ops["kind"], ops["order_column"] = records.DERIVATIVE, -1
         for i, (output, operator) in enumerate(self._operators):
@@ -193,13 +214,11 @@ class State:
                     column["kind"] = records.INTEGRAL_OF_ERROR
                     column["source"], column["rate"] = columns["int_e"], columns["e"]
             if operator.adapts:
-                design = self.controller.fractional_design
                 if len(poles) > 1:
-                    kind = type(design).__name__
+                    kind = type(self.design).__name__
                     raise DesignError(f"orders: expected a design with shared poles, got {kind}")
                 column["variable"], column["order_column"] = 1, columns[str(operator.order)]
-                table = _order_table(design, self.step, self.horizon)
-        ops, modes = np.ascontiguousarray(ops), np.ascontiguousarray(modes)
+                table = _order_table(self.design, *grid)
         self.c = self.c._replace(ops=ops, poles=poles, modes=modes, table=table)
 
     # ------------------------------------------------------------------------- a tick
@@ -278,37 +297,4 @@ class State:
     def operator(self, order: ArrayLike, *, rate: str = "measured") -> Bank:
         """Return a streaming fractional derivative of (n,) signals: see `fractional.Bank`."""
         orders = checks.per_joint("order", order, self.n)
-        design = self.controller.fractional_design
-        return Bank(design, orders, step=self.step, horizon=self.horizon, rate=rate)
-
-
-def start_all(controllers: Sequence[Any], arm: Arm, *, step: float, horizon: float) -> list[State]:
-    """Start laws on robots of one arm, each in a state of its own.
-
-    The modes of laws with the same operators are fitted together, which costs hardly more than
-    one.
-    """
-    # A suggestion takes a second, and most populations have one description many times. It is not
-    # fitted to a horizon: a run's gains must not depend on how long it lasts.
-    known = {id(c): c for c in controllers}
-    laws = {key: law.on(arm, step=step) for key, law in known.items()}
-    each = [laws[id(c)] for c in controllers]
-    states = [State(law, arm, step=step, horizon=horizon) for law in each]
-    groups: dict[Any, list[State]] = {}
-    for state in states:
-        if state.orders.size:
-            law = state.controller
-            key = (law.fractional_design, law.fractional_initialisation)
-            groups.setdefault((*key, state.orders.shape), []).append(state)
-    for (design, initialisation, _), members in groups.items():
-        grid = {"step": step, "horizon": horizon}
-        modes = modes_of(design, np.array([state.orders for state in members]), **grid)
-        if modes.shared_poles:
-            ops, poles, values = modes.records(initialisation)
-            for state, own, value in zip(members, ops, values, strict=True):
-                state.use_modes(own, poles, value)
-        else:
-            for state in members:
-                alone = modes_of(design, state.orders, **grid)
-                state.use_modes(*alone.records(initialisation))
-    return states
+        return Bank(self.design, orders, step=self.step, horizon=self.horizon, rate=rate)

@@ -2,6 +2,7 @@
 
 import warnings
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Annotated, Any, Self
 
 import numpy as np
@@ -125,7 +126,7 @@ class Supervisor(Description):
         if self.m_x <= self.reference_bound:
             expected = f"more than reference_bound ({self.reference_bound:g})"
             raise checks.ArgumentError("supervisor.m_x", expected, f"{self.m_x:g}")
-        lyapunov_matrix(self.k0, self.k1, self.weight)
+        _ = self.p  # refuses a weight that is none
 
     @classmethod
     def quiet(cls, m_x: float, reference_bound: float, **others: Any) -> Self:
@@ -143,7 +144,7 @@ class Supervisor(Description):
         setting = {"lookahead": 0.01, "observer": 100.0, "target": 0.98, "trigger": 0.9}
         return cls(m_x, reference_bound, **(setting | others))
 
-    @property
+    @cached_property
     def p(self) -> FloatArray:
         """P of (15), (2, 2)."""
         return lyapunov_matrix(self.k0, self.k1, self.weight)

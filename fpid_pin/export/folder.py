@@ -84,7 +84,7 @@ def export_c(
     step = checks.number("step", step, above=0.0)
     ticks = checks.integer("ticks", ticks, low=1, high=MOST_TICKS)
     checks.instance("controller", controller, Controller, "a controller")
-    controller = controller.on(arm, step=step, horizon=horizon)
+    controller = controller.on(arm, step=step)
     state = start(controller, arm, step, horizon)
     source = CSource(state)
     ticks = min(ticks, round(horizon / step))

@@ -42,11 +42,11 @@ _COPIED = ("example.c", "fpid_check.c", "CMakeLists.txt")
 
 def start(controller: Controller, arm: Arm, step: float, horizon: float) -> State:
     """Return the state at t = 0 of a controller that can be printed; ExportError if none can."""
-    from fpid_pin.control.state import start_all
+    from fpid_pin.control.state import State
 
     if arm.n > MOST_JOINTS:
         raise ExportError(f"arm: expected at most {MOST_JOINTS} joints, got {arm.n}")
-    state = start_all([controller], arm, step=step, horizon=horizon)[0]
+    state = State(controller, arm, step=step, horizon=horizon)
     if state.in_python:
         raise ExportError(
             f"{type(state.controller).__name__}: expected a law by its functions surface, torque, "

@@ -14,7 +14,7 @@ import pinocchio as pin
 from fpid_pin import checks
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.law import Controller
-from fpid_pin.control.state import State, start_all
+from fpid_pin.control.state import State
 from fpid_pin.costs import BLOCK_ROWS, SETTLING_BAND, Rows
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.kernels import records
@@ -184,7 +184,7 @@ class PinocchioDynamics:
 class Robot:
     """One experiment under one controller, advanced a block of rows at a time.
 
-    `state` is the controller's (`control.state.start_all`), `keep` names its signals to record,
+    `state` is the controller's (`control.state.State`), `keep` names its signals to record,
     and `limit` is that of the torque [N m], (n,), which figures of merit are measured against, by
     `sums`; None: they are not wanted. `row` is the number of the next row, `arrays` are the true
     arm's, of which `q`, `v` and `torque`, (n,), are those of now and of the last tick, live, and
@@ -358,7 +358,7 @@ class Simulation:
         self, experiment: Experiment, controller: Controller, *, horizon: float | None = None
     ) -> None:
         longest = horizon_of(experiment.duration if horizon is None else horizon)
-        state = start_all([controller], experiment.arm, step=experiment.step, horizon=longest)[0]
+        state = State(controller, experiment.arm, step=experiment.step, horizon=longest)
         self.robot = Robot(experiment, state, dynamics=experiment.dynamics or "compiled")
         self._block = Block(experiment, 0, BLOCK_ROWS)
         self._push_ends = np.zeros(experiment.arm.n, dtype=np.int64)

@@ -291,25 +291,18 @@ def start_robots(
     controllers: Sequence[Controller],
     keep: Sequence[str] | None = None,
 ) -> list["Robot"]:
-    """Start a robot for each pair; their laws' operators are fitted together.
+    """Start a robot for each pair.
 
     `keep` names the signals to record while figures of merit are summed up, by compiled dynamics
     where experiments do not say; None: all that laws show, by Pinocchio's, and no figures.
     """
     # Imported late, here and below: they load numba.
-    from fpid_pin.control.state import start_all
+    from fpid_pin.control.state import State
     from fpid_pin.simulation.engine import Robot, horizon_of
 
-    groups: dict[Any, list[int]] = {}
-    for i, e in enumerate(experiments):
-        groups.setdefault((id(e.arm), e.step, horizon_of(e.duration)), []).append(i)
-    states: dict[int, Any] = {}
-    for (_, step, horizon), members in groups.items():
-        arm, laws = experiments[members[0]].arm, [controllers[i] for i in members]
-        states |= zip(members, start_all(laws, arm, step=step, horizon=horizon), strict=True)
     dynamics, robots = "pinocchio" if keep is None else "compiled", []
-    for i, e in enumerate(experiments):
-        state = states[i]
+    for e, law in zip(experiments, controllers, strict=True):
+        state = State(law, e.arm, step=e.step, horizon=horizon_of(e.duration))
         names = [*state.controller.shown, *state.shown] if keep is None else keep
         limit = None if keep is None else e.torque_limit
         robots.append(Robot(e, state, dynamics=e.dynamics or dynamics, keep=names, limit=limit))

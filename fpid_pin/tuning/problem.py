@@ -166,7 +166,6 @@ class Problem:
         *costs: Cost | None,
     ) -> None:
         # Imported late: it loads numba.
-        from fpid_pin.simulation.engine import horizon_of
 
         experiments = checks.several("experiment", experiment, Experiment, "an Experiment")
         if not experiments:
@@ -182,7 +181,7 @@ class Problem:
         self._given = costs
         self.experiments = [each.with_dynamics("compiled") for each in experiments]
         first = self.experiments[0]
-        law = controller.on(first.arm, step=first.step, horizon=horizon_of(first.duration))
+        law = controller.on(first.arm, step=first.step)
         has_all = set(space.genes) <= set(descriptions.keys(type(law)))
         self.space = space.bind(law if has_all else controller, sizes[0])
         self._executor: Executor | None = None

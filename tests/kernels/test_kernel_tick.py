@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.control.state import start_all
+from fpid_pin.control.state import State
 from fpid_pin.kernels import supervisor, tick
 from fpid_pin.kernels.records import GIVEN, ROBOT
 
@@ -117,7 +117,7 @@ def test_torques_are_those_of_the_equations(name, limited):
     inputs = np.stack(
         [q_ref - error, v_ref - np.gradient(error, H, axis=0), q_ref, v_ref, a_ref], axis=1
     )
-    state, written = start_all([law], arm, step=H, horizon=10.0)[0], Supervised(law, arm)
+    state, written = State(law, arm, step=H, horizon=10.0), Supervised(law, arm)
     found, expected, acted, cut = [], [], 0, 0
     for row in inputs:
         state.inputs[:] = row
