@@ -17,6 +17,7 @@ from fpid_pin.control.ceilings import DerivativeBound
 from fpid_pin.control.poses import gravity_instability, heaviness
 from fpid_pin.disturbances import Pulse
 from fpid_pin.references import Hold
+from fpid_pin.tuning.problem import Problem
 
 TWO = fp.Arm.two_link()
 
@@ -226,6 +227,23 @@ def test_a_description_and_the_function_make_the_same_law_with_all_that_was_aske
     assert fp.to_toml(fp.paper_experiment(), law) == fp.to_toml(fp.paper_experiment(), same)
     asked = [getattr(law, name) for name in list(options)[1:]]
     assert asked == list(options.values())[1:]
+
+
+def test_they_are_found_once_for_an_arm_and_a_step_whatever_a_run_s_or_a_search_s_length(
+    monkeypatch,
+):
+    asked, found, explained = fp.SuggestedFpid(8.0), [], fp.SuggestedFpid.explained
+    monkeypatch.setattr(
+        fp.SuggestedFpid, "explained", lambda *given: found.append(given) or explained(*given)
+    )
+    short, long = (fp.paper_experiment(duration=d, step=5e-3) for d in (0.01, 20.5))
+    runs = fp.simulate([short, long], asked)
+    base = Problem(short, asked, fp.tuning.Space(kp=(1.0, 2.0)), None).space.base
+    assert len(found) == 1
+    law = suggest_gains(TWO, 8.0, step=5e-3, name=asked.name)
+    assert fp.to_toml(short, base) == fp.to_toml(short, law)
+    for run in runs:
+        assert run.kp[0] == pytest.approx(np.broadcast_to(law.kp, 2))
 
 
 def test_only_what_there_is_to_warn_of_is_warned_of():
