@@ -166,11 +166,10 @@ def impossible(rows: FloatArray, rounding: float = _ROUNDING) -> NDArray[np.bool
     sizes = np.abs(matrices).max(axis=(1, 2))
     sizes = np.where(sizes > 0.0, sizes, 1.0)
     low, middle, high = np.linalg.eigvalsh(matrices / sizes[:, None, None]).T
-    least = np.minimum(low, low + middle - high)
     negative = np.diagonal(matrices, axis1=1, axis2=2).min(axis=1)
     negligible = _NEGLIGIBLE**2 * np.maximum(rows[:, 0], 0.0)
     # Rounding makes no sign.
-    bad = (least < -rounding * high - negligible / sizes) | (negative < -negligible)
+    bad = (low + middle - high < -rounding * high - negligible / sizes) | (negative < -negligible)
     return np.asarray(bad)
 
 

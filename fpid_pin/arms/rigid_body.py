@@ -38,14 +38,7 @@ def _column(key: str) -> cached_property[FloatArray]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RigidBody:
-    """A chain of n joints and links, without friction.
-
-    Its terms are those of
-
-        M(q) q'' + C(q, q') q' + G(q) = tau                                             (5)
-
-    Vectors of joints are (n,) and checked; results are fresh arrays. See `Arm` for the attributes.
-    """
+    """The terms of (5): vectors of joints are (n,) and checked, results are fresh arrays."""
 
     model: Any
     tool: str

@@ -16,12 +16,12 @@ from fpid_pin.control.pid import ComputedTorque, GravityOnly, PdGravity, Pid
 from fpid_pin.control.robot_loop import EncoderRate, RobotLoop, Ticks
 from fpid_pin.control.sliding_mode import SlidingMode, SlotineLi
 from fpid_pin.control.stability import StabilityReport, stability_report, suggest_observer
-from fpid_pin.control.supervisor import Supervisor, lyapunov_matrix
+from fpid_pin.control.supervisor import Supervisor
 
 __all__ = [
     "AdaptiveFpid", "ComputedTorque", "Controller", "Derivative", "EncoderRate", "GainCeilings",
     "GainCertificate", "GainSuggestion", "GravityOnly", "Integral", "Loop", "Operator", "PdGravity",
     "Pid", "Record", "RobotLoop", "Safeguards", "SlidingMode", "SlotineLi", "StabilityReport",
     "SuggestedFpid", "Supervisor", "Ticks", "adapt_orders", "certify_gains", "explain_gains",
-    "gain_ceilings", "lyapunov_matrix", "stability_report", "suggest_gains", "suggest_observer",
+    "gain_ceilings", "stability_report", "suggest_gains", "suggest_observer",
 ]  # fmt: skip

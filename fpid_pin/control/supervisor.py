@@ -19,41 +19,6 @@ from fpid_pin.exceptions import FpidWarning
 POSES = 32
 
 
-def lyapunov_matrix(k0: float, k1: float, weight: ArrayLike | None = None) -> FloatArray:
-    """Solve (15), ``A^T P + P A = -Q``, for ``A = [[0, 1], [-k0, -k1]]``.
-
-    Parameters
-    ----------
-    k0, k1
-        Coefficients of ``s^2 + k1 s + k0``, [1/s^2] and [1/s]; both positive, so that A is stable.
-    weight
-        Q, (2, 2), symmetric and positive definite; the identity if None.
-
-    Returns
-    -------
-    ndarray
-        P, (2, 2). For k0 = 0.5, k1 = 1 and Q = I it is the paper's [[1.75, 1], [1, 1.5]].
-
-    Raises
-    ------
-    ArgumentError
-        Roots not in the open left half plane, or Q not symmetric positive definite.
-    """
-    # Imported here: scipy.linalg is a third of the package's import time otherwise.
-    from scipy.linalg import solve_continuous_lyapunov
-
-    k0 = checks.number("supervisor.k0", k0, above=0.0)
-    k1 = checks.number("supervisor.k1", k1, above=0.0)
-    q = checks.floats("supervisor.weight", np.eye(2) if weight is None else weight, shape=(2, 2))
-    if not np.array_equal(q, q.T) or np.linalg.eigvalsh(q)[0] <= 0.0:
-        raise checks.ArgumentError(
-            "supervisor.weight", "a symmetric positive definite matrix", q.tolist()
-        )
-    a = np.array([[0.0, 1.0], [-k0, -k1]])
-    p: FloatArray = solve_continuous_lyapunov(a.T, -q)
-    return (p + p.T) / 2.0
-
-
 @described("supervisor")
 @dataclass(frozen=True, eq=False)
 class Supervisor(Description):
@@ -146,8 +111,17 @@ class Supervisor(Description):
 
     @cached_property
     def p(self) -> FloatArray:
-        """P of (15), (2, 2)."""
-        return lyapunov_matrix(self.k0, self.k1, self.weight)
+        """P of (15), ``A^T P + P A = -Q`` with ``A = [[0, 1], [-k0, -k1]]``, (2, 2)."""
+        # Imported here: scipy.linalg is a third of the package's import time otherwise.
+        from scipy.linalg import solve_continuous_lyapunov
+
+        q = np.eye(2) if self.weight is None else np.asarray(self.weight)
+        if not np.array_equal(q, q.T) or np.linalg.eigvalsh(q)[0] <= 0.0:
+            expected = "a symmetric positive definite matrix"
+            raise checks.ArgumentError("supervisor.weight", expected, q.tolist())
+        a = np.array([[0.0, 1.0], [-self.k0, -self.k1]])
+        p = solve_continuous_lyapunov(a.T, -q)
+        return checks.read_only((p + p.T) / 2.0)
 
     @property
     def threshold(self) -> float:

@@ -190,7 +190,7 @@ def distribute(
                 break
             # What there is comes before what was lost.
             ended = futures.wait(running, return_when=futures.FIRST_COMPLETED).done
-            for future in sorted(ended, key=_failed):
+            for future in sorted(ended, key=lambda x: x.cancelled() or bool(x.exception())):
                 k = running.pop(future)
                 try:
                     result = future.result()
@@ -219,10 +219,6 @@ def distribute(
     finally:
         for future in running:
             future.cancel()
-
-
-def _failed(future: Future[Any]) -> bool:
-    return future.cancelled() or future.exception() is not None
 
 
 def _worker_died(error: Exception) -> bool:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import fpid_pin as fp
-from fpid_pin.control import lyapunov_matrix
 from fpid_pin.disturbances import Cosine, Pulse
 
 DOCS = Path(__file__).parents[2] / "docs" / "supervisor.md"
@@ -26,7 +25,7 @@ def supervisor(**changes):
 
 
 def test_p_and_the_threshold_are_those_of_equations_15_and_16():
-    assert np.abs(lyapunov_matrix(0.5, 1.0) - [[1.75, 1.0], [1.0, 1.5]]).max() < 1e-14
+    assert np.abs(supervisor().p - [[1.75, 1.0], [1.0, 1.5]]).max() < 1e-14
     smallest = (3.25 - np.sqrt(0.25**2 + 4.0)) / 2.0
     assert supervisor().threshold == pytest.approx(0.5 * smallest * 16.0, rel=1e-12)
 
@@ -34,7 +33,7 @@ def test_p_and_the_threshold_are_those_of_equations_15_and_16():
 @pytest.mark.parametrize(("k0", "k1"), [(0.5, 1.0), (4.0, 0.3), (100.0, 20.0)])
 def test_p_solves_the_lyapunov_equation(k0, k1):
     weight = np.array([[2.0, 0.5], [0.5, 3.0]])
-    p, a = lyapunov_matrix(k0, k1, weight), np.array([[0.0, 1.0], [-k0, -k1]])
+    p, a = supervisor(k0=k0, k1=k1, weight=weight).p, np.array([[0.0, 1.0], [-k0, -k1]])
     assert np.abs(a.T @ p + p @ a + weight).max() < 1e-12 * np.abs(p).max() * (1 + k0)
     assert np.linalg.eigvalsh(p)[0] > 0
 
