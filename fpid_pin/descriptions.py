@@ -235,12 +235,7 @@ def _called(family: type) -> str:
 def described(kind: str, *families: str) -> Callable[[D], D]:
     """Register a dataclass under the name that files use for it.
 
-    Parameters
-    ----------
-    kind
-        The name.
-    families
-        Names of protocols that it follows without being a subclass (``"Reference"``).
+    `families` are protocols that it follows without being a subclass (``"Reference"``).
     """
 
     def register(cls: D) -> D:

@@ -29,15 +29,7 @@ class FpidError(Exception):
 
 
 class ArgumentError(FpidError, ValueError):
-    """An argument has the wrong shape, type or range.
-
-    Parameters
-    ----------
-    name
-        The argument, or the key path in a configuration (``controller.kp.1``).
-    expected, got
-        What would have been right, and what came.
-    """
+    """An argument, or the key of this path in a file (``controller.kp.1``), is not as expected."""
 
     def __init__(self, name: str, expected: str, got: object) -> None:
         self.name = name
@@ -90,15 +82,7 @@ class TuningError(FpidError):
 
 
 class WorkersDied(TuningError):
-    """Worker processes died over one task, each time that it was tried.
-
-    Parameters
-    ----------
-    message
-        What is said.
-    task
-        Number of the task.
-    """
+    """Worker processes died over the task of this number, each time that it was tried."""
 
     def __init__(self, message: object = "", task: int = 0) -> None:
         super().__init__(message)

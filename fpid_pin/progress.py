@@ -8,13 +8,7 @@ __all__ = ["Progress", "ProgressCallback"]
 
 @dataclass(frozen=True)
 class Progress:
-    """How much of a piece of work is done.
-
-    Attributes
-    ----------
-    part
-        Of the whole, 0 to 1.
-    """
+    """How much of a piece of work is done: `part` of the whole, 0 to 1."""
 
     part: float
 

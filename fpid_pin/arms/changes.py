@@ -161,13 +161,7 @@ class ArmChanges(RigidBody):
         return rows
 
     def with_changes(self, *tables: Mapping[str, Any]) -> Self:
-        """Return the arm with changes as files have them, ``{"payload": {"mass": 1.0}}``, in order.
-
-        Raises
-        ------
-        ArgumentError
-            An unknown change or field, or a value that it refuses.
-        """
+        """Return the arm changed as files have it, ``{"payload": {"mass": 1.0}}``, in order."""
         arm = self
         for k, table in enumerate(tables):
             if not isinstance(table, Mapping) or len(table) != 1:

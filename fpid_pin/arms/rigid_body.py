@@ -136,13 +136,7 @@ class RigidBody:
         return self._call(pin.computeFrameJacobian, frame, axes, q=q).reshape(6, self.n)
 
     def joint_index(self, joint: str | int) -> int:
-        """Return the index of a joint given by name (or by index, which is checked).
-
-        Raises
-        ------
-        ArgumentError
-            An unknown name (the message gives the nearest), or an index out of range.
-        """
+        """Return the index of a joint given by name, or by index, which is checked."""
         if isinstance(joint, str):
             return self.joint_names.index(checks.choice("joint", joint, self.joint_names))
         return checks.integer("joint", joint, low=0, high=self.n - 1)

@@ -121,11 +121,7 @@ class Modes:
     ) -> Self:
         """Return modes whose newest step is that of the exact kernel, t^-alpha/Gamma(1 - alpha).
 
-        Parameters
-        ----------
-        order, step, poles, weights
-            See the class; ``sum_i weights_i exp(-poles_i t)`` stands for the kernel from one step
-            on.
+        ``sum_i weights_i exp(-poles_i t)`` stands for it from one step on.
         """
         h = step ** (1.0 - order)
         now = h * scipy.special.rgamma(3.0 - order)
