@@ -164,6 +164,10 @@ class Controller(Description, ABC):
             )
         return self.observer or other
 
+    def observer_gains(self, step: float) -> tuple[float, float]:
+        """Return the gains of the observer: see the function of this name."""
+        return observer_gains(self.bandwidth, step)
+
     # ------------------------------------------------------------- what the engine asks
 
     @property

@@ -12,7 +12,6 @@ from fpid_pin.arms import Arm
 from fpid_pin.arms.rigid_body import inertial_numbers
 from fpid_pin.checks import FloatArray
 from fpid_pin.control.functions import Model, address_of, check_in_python
-from fpid_pin.control.law import observer_gains
 from fpid_pin.exceptions import ArgumentError, DesignError, SimulationError
 from fpid_pin.fractional import Bank, Design
 from fpid_pin.fractional.design import Records, modes_of
@@ -144,7 +143,7 @@ class State:
             robot["inertia"] = self._columns[records.ESTIMATES[0]]
         robot["observes"], robot["compensates"] = law.bandwidth > 0.0, law.observer > 0.0
         if law.bandwidth:
-            robot["l1"], robot["l2"] = observer_gains(law.bandwidth, self.step)
+            robot["l1"], robot["l2"] = law.observer_gains(self.step)
         guard = law.supervisor
         if guard is not None:
             robot["supervised"], robot[guard.kind] = 1, 1
