@@ -64,7 +64,7 @@ class Distribution(Description, ABC):
 @described("uniform")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Uniform(Distribution):
-    """Equally likely from `low` to `high`."""
+    """Uniform from `low` to `high`."""
 
     low: Annotated[ArrayLike, PerJoint()]
     high: Annotated[ArrayLike, PerJoint()]
@@ -78,7 +78,7 @@ class Uniform(Distribution):
 @described("log_uniform")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LogUniform(Distribution):
-    """Its logarithm is equally likely from that of `low` to that of `high`, both positive."""
+    """Uniform in the logarithm, from `low` to `high`, both positive."""
 
     low: Annotated[ArrayLike, PerJoint(above=0.0)]
     high: Annotated[ArrayLike, PerJoint(above=0.0)]
@@ -92,12 +92,12 @@ class LogUniform(Distribution):
 @described("normal")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Normal(Distribution):
-    """A normal distribution; where the quantity has limits it is cut there, and what is left is 1.
+    """A normal distribution, cut off where the quantity has limits.
 
     Parameters
     ----------
     mean, std
-        Of the distribution before it is cut.
+        Mean and standard deviation before it is cut off.
     """
 
     _possible = ("mean",)
@@ -119,7 +119,7 @@ class Normal(Distribution):
 @described("choices")
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Choices(Distribution):
-    """One of several `values`, equally likely; the same list for every joint."""
+    """One of `values`, all equally likely; the same list for every joint."""
 
     _possible = ("values",)
 

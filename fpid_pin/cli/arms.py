@@ -154,7 +154,7 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
     if PRISMATIC in arm.joint_kinds:
         units += "; of prismatic joints m, m/s and N"
     yield ""
-    yield f"Joints and their limits, - where none is given ({units})"
+    yield f"Joints and their limits; -: not given ({units})"
     yield _rows({
         "kind": arm.joint_kinds, "lower": arm.lower, "upper": arm.upper,
         "speed": arm.velocity_limit, "effort": arm.effort_limit, "name": arm.joint_names,
@@ -164,8 +164,8 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
     part = np.abs(weight) / arm.effort_limit
     yield ""
     yield (
-        "At home: the inertia that the joint feels, M_jj [kg m^2] or [kg]; its weight G_j, and "
-        "which part of its effort that takes; viscous and dry friction"
+        "At home: each joint's inertia M_jj [kg m^2] or [kg]; its gravity torque G_j, also as a "
+        "share of its effort limit; viscous and dry friction F_v, F_d"
     )
     yield _rows({
         "home": arm.home, "M_jj": np.diag(arm.mass_matrix(arm.home)), "G_j": weight,
@@ -197,7 +197,7 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
     yield ""
     yield (
         f"Margins at home: {stable}, dominant pole {pole.real:.3g} ± {abs(pole.imag):.3g}j 1/s; "
-        "each joint's gain may rise and fall by these factors, the others as they are"
+        "the factors by which one joint's gain may rise or fall while the others stay"
     )
     labels = [*range(1, arm.n + 1), "all"]
     heads = [head for head in report.rows()[0] if head != "joint"]

@@ -181,9 +181,9 @@ class OperatorReport(ReprMixin):
             f"and up to {self.horizon:g} s; {self.states} numbers are kept for each signal.",
             f"A sample takes {one * 1e6:.1f} us for one signal, and {many / 240 * 1e9:.0f} ns for "
             "each of 240 at once.",
-            f"Errors of magnitude and phase are the largest from {self.band[0]:.3g} to "
-            f"{self.band[1]:.3g} rad/s; trusted is what is within 1 %; noise is the output's "
-            "deviation for samples that each deviate by 1.",
+            "Magnitude and phase: the largest errors from "
+            f"{self.band[0]:.3g} to {self.band[1]:.3g} rad/s. Trusted: where the error is within "
+            "1 %. Noise: standard deviation of the output for samples with deviation 1.",
         ]
 
     def _design_in_words(self) -> str:
