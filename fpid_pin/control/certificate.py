@@ -20,16 +20,10 @@ from numpy.typing import ArrayLike
 from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.control import linear
 from fpid_pin.control.ceilings import DerivativeBound, gain_table
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
-from fpid_pin.control.linear import (
-    ComplexArray,
-    LinearLaw,
-    LinearSystem,
-    feedback,
-    linear_arm,
-    linear_terms,
-)
+from fpid_pin.control.linear import ComplexArray, LinearLaw, LinearSystem
 from fpid_pin.resources import one_blas_thread
 
 #: What of the proved reach is used: rounding must not decide.
@@ -128,10 +122,9 @@ def certify_gains(
         if where.shape[1:] != (n,):
             raise checks.ArgumentError("poses", f"shape (poses, {n})", f"shape {where.shape}")
     table = initial * scale
-    terms = linear_terms(controller, arm, step=step, horizon=horizon, used=np.sign(table))
-    reaches = np.array([
-        _proved_reach(terms, linear_arm(arm, q, step=step), table, width * scale) for q in where
-    ])  # fmt: skip
+    terms = linear.linear_terms(controller, arm, step=step, horizon=horizon, used=np.sign(table))
+    plants = [linear.linear_arm(arm, q, step=step) for q in where]
+    reaches = np.array([_proved_reach(terms, plant, table, width * scale) for plant in plants])
     reach = float(reaches.min())
     low, high = np.maximum(initial - reach * width, 0.0), initial + reach * width
     guards = dataclasses.replace(controller.safeguards or Safeguards(), minimum=low, maximum=high)
@@ -143,7 +136,7 @@ def _proved_reach(
     terms: LinearLaw, plant: LinearSystem, gains: FloatArray, radius: FloatArray
 ) -> float:
     """Return the part of `radius`, (3, n), by which gains may move at a pose; 0: none is proved."""
-    torque, r = feedback(gains), radius.reshape(-1)
+    torque, r = linear.feedback(gains), radius.reshape(-1)
     system = terms.open_loop(plant)
     closed = system.closed(torque)
     if np.abs(np.linalg.eigvals(closed)).max() >= 1.0:

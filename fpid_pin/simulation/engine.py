@@ -28,19 +28,8 @@ from fpid_pin.kernels.plant import (
 )
 from fpid_pin.kernels.records import FRAME, MEASURE, PLANT, SENSOR, Sensing
 from fpid_pin.kernels.rigid_body import factor_symmetric
-from fpid_pin.kernels.rollout import (
-    keep_signals,
-    load_reference,
-    measure,
-    measure_joints,
-    rollout,
-)
-from fpid_pin.simulation.experiment import (
-    Experiment,
-    Outcome,
-    ResolvedPlant,
-    Sensors,
-)
+from fpid_pin.kernels.rollout import keep_signals, load_reference, measure, measure_joints, rollout
+from fpid_pin.simulation.experiment import Experiment, Outcome, ResolvedPlant, Sensors
 
 # RK4 is stable on the negative real axis to -2.785; beyond half of it, it is not accurate either.
 _RK4_REACH = 1.4

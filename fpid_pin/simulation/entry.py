@@ -16,7 +16,7 @@ from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.progress import Progress, ProgressCallback
 from fpid_pin.resources import require_memory
 from fpid_pin.simulation.experiment import Experiment, Outcome, default_cost
-from fpid_pin.simulation.recorded import asks_degrees, describe_run, metrics_from
+from fpid_pin.simulation.recorded import SIGNAL, asks_degrees, describe_run, metrics_from
 from fpid_pin.simulation.run import Run
 from fpid_pin.simulation.workers import distribute, executor_of, workers_of
 
@@ -117,7 +117,8 @@ def _record(
     records: list[dict[str, FloatArray]] = [{} for _ in robots]
 
     def take(i: int, rows: Rows) -> None:
-        arrays = {name: getattr(rows, name) for name in MOTION} | dict(rows.signals)
+        arrays = {name: getattr(rows, name) for name in MOTION}
+        arrays |= {f"{SIGNAL}{name}": values for name, values in rows.signals.items()}
         for name, values in arrays.items():
             if name not in records[i]:
                 records[i][name] = np.zeros((experiments[i].rows, *values.shape[1:]))
@@ -127,12 +128,11 @@ def _record(
     for i, outcome in enumerate(advance_all(robots, take, progress)):
         e = experiments[i]
         rows = e.rows if outcome.completed else round(outcome.time / e.step)
-        signals = {name: values[:rows] for name, values in records[i].items()}
-        motion = {name: signals.pop(name) for name in MOTION}
-        t = np.arange(rows, dtype=np.float64) * e.step
+        arrays = {"t": np.arange(rows, dtype=np.float64) * e.step}
+        arrays |= {name: values[:rows] for name, values in records[i].items()}
         meta = describe_run(e, controllers[i], e.dynamics or "pinocchio")
-        runs.append(Run(t, **motion, signals=signals, outcome=outcome, step=e.step,
-                        planned_rows=e.rows, meta=meta))  # fmt: skip
+        about = {"step": e.step, "planned_rows": e.rows, "meta": meta}
+        runs.append(Run._of(arrays, outcome=outcome, **about))
     return runs
 
 

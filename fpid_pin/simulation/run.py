@@ -177,7 +177,7 @@ class Run:
 
     @classmethod
     def _of(cls, arrays: Mapping[str, Any], **about: Any) -> Self:
-        """Make a run of what `_arrays` returns."""
+        """Make a run of its arrays by the names that they have in a file."""
         signals = {n.removeprefix(SIGNAL): a for n, a in arrays.items() if n.startswith(SIGNAL)}
         return cls(**{name: arrays[name] for name in ("t", *MOTION)}, signals=signals, **about)
 

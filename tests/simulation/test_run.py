@@ -171,6 +171,32 @@ def test_a_package_that_is_missing_is_named_with_its_extra(
     assert list(tmp_path.iterdir()) == []
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Plain(fp.Controller):
+    """A spring."""
+
+    @staticmethod
+    def torque(c):
+        c.s = 77.0
+        return 10.0 * c.e
+
+
+class Named(Plain):
+    """The same, with signals that are called as what every run has."""
+
+    shown = {"torque": "s", "q": "e"}
+
+
+def test_a_law_s_signal_called_as_an_array_stands_beside_it(tmp_path):
+    plain, named = fp.simulate(fp.paper_experiment(duration=0.1), [Plain(), Named()])
+    for found in (named, fp.Run.load(named.save(tmp_path / "named.npz"))):
+        assert np.array_equal(found.torque, plain.torque)
+        assert np.array_equal(found.q, plain.q)
+        assert np.array_equal(found.metrics.energy, plain.metrics.energy)
+        assert (found.signals["torque"] == 77.0).all()
+        assert np.array_equal(found.signals["q"], plain.error)
+
+
 def test_a_signal_called_as_an_array_is_refused(run):
     other = fp.Run.from_arrays(run.t, run.q, run.q_ref, run.torque, arm=ARM, signals={"q": run.t})
     with pytest.raises(ArgumentError, match="signals: expected other names than t, q"):
