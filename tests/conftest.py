@@ -1,14 +1,10 @@
 """What every test stands on: the same examples each time, Ctrl-C heard, nothing left running."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import secrets
 import shutil
 import signal
-from collections.abc import Iterator
-from typing import Any
 
 import psutil
 import pytest
@@ -45,17 +41,12 @@ else:
 OWNER, RUN = "FPID_PIN_TESTS", secrets.token_hex()
 
 FLAGS = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--enable-unsafe-swiftshader",
-]
+    "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader",
+]  # fmt: skip
 
 
-def still_running() -> dict[psutil.Process, str]:
+def still_running():
     """Return the processes that these tests have started, each with the test that did."""
     children = set(psutil.Process().children(recursive=True))
     found = {}
@@ -71,7 +62,7 @@ def still_running() -> dict[psutil.Process, str]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def nothing_is_left_running() -> Iterator[None]:
+def nothing_is_left_running():
     """Fail at the end, by name, for processes that tests have left; they are killed."""
     os.environ[OWNER] = RUN
     yield
@@ -86,7 +77,7 @@ def nothing_is_left_running() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[Any]:
+def browser():
     """Return Debian's chromium, driven by playwright; skip where there is none."""
     path = shutil.which("chromium") or shutil.which("chromium-browser")
     if path is None:
@@ -96,3 +87,35 @@ def browser() -> Iterator[Any]:
         chromium = driver.chromium.launch(executable_path=path, args=FLAGS, timeout=120_000)
         yield chromium
         chromium.close()
+
+
+@pytest.fixture(scope="session")
+def visit(browser):
+    """Return what opens a page for the length of a block.
+
+    At its end nothing may have gone wrong in it (unless `sound` is false), and it must have asked
+    for nothing but itself. Pages are small: software draws them.
+    """
+    from bounded import PATIENCE, until  # a copy of this file stands alone in test_suite.py
+
+    @contextlib.contextmanager
+    def visit(
+        address, ready="window.fpidPin !== undefined", size=(420, 300), sound=True, **options
+    ):  # fmt: skip
+        page = browser.new_page(viewport={"width": size[0], "height": size[1]}, **options)
+        page.set_default_timeout(1e3 * PATIENCE)
+        asked, errors = [], []
+        page.on("request", lambda request: asked.append(request.url))
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on("console", lambda said: errors.extend([said.text] * (said.type == "error")))
+        try:
+            page.goto(address)
+            until(page, ready)
+            yield page
+        finally:
+            page.close()
+        assert errors == [] or not sound
+        own = (address.partition("#")[0], "blob:", "data:")
+        assert [url for url in asked if not url.startswith(own)] == []
+
+    return visit

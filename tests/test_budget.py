@@ -6,13 +6,10 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 import fpid_pin as fp
 from fpid_pin import resources
-from fpid_pin.cli.configuration import demo_config
-from fpid_pin.cli.main import main
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning import SearchSettings, Space, pareto, tune
 
 LAW = fp.paper_controller()
-TUNE = "\n[tune]\n{}\n[tune.space]\nkp = [1, 100]\n"
 
 
 def test_there_is_as_much_memory_as_the_machine_has_or_a_container_s_limit(tmp_path, monkeypatch):
@@ -49,39 +46,6 @@ def test_a_search_of_a_life_s_length_is_refused_with_its_time(search):
     costs = () if search is tune else ([fp.costs.MetricCost("ise"), fp.costs.MetricCost("iae")],)
     with pytest.raises(ArgumentError, match="search: expected work of 30 days at most, got 1 seed"):
         search(fp.paper_experiment(), LAW, space, *costs, settings=settings)
-
-
-@pytest.mark.parametrize(
-    ("command", "text", "message"),
-    [
-        ("run", ("duration = 20.0", "duration = 1e9"), "duration: expected work that fits into"),
-        ("compare", ("step = 1e-3", "step = 1e-9"), "runs of 2e+10 rows: about 1.47e+04 GB"),
-        ("tune", None, "100000 seeds of 60 runs of 2e+04 rows, 80 times: about 66.7 days"),
-        ("tune", "population = 1_000_000_000_000", "search: expected work that fits into"),
-    ],
-)
-def test_no_command_starts_what_it_cannot_end(
-    tmp_path, capsys, monkeypatch, command, text, message
-):
-    config, settings = demo_config().text, ""
-    if isinstance(text, tuple):
-        config = config.replace(*text)
-    elif text is None:
-        # Where the memory would do.
-        monkeypatch.setattr(resources, "memory", lambda: 10**12)
-        settings = f"seeds = {list(range(100_000))}"
-    else:
-        settings = text
-    if command == "run":
-        head, first, *_ = config.split("[[controller]]")
-        config = f"{head}[[controller]]{first}"
-    path = tmp_path / "large.toml"
-    path.write_text(config + (TUNE.format(settings) if command == "tune" else ""))
-    assert main([command, str(path), "--out", str(tmp_path / "out")]) == 2
-    err = capsys.readouterr().err
-    assert message in err
-    assert len(err.splitlines()) == 1
-    assert [p.name for p in tmp_path.iterdir()] == ["large.toml"]
 
 
 def test_small_matrices_are_worked_on_by_one_thread(monkeypatch):

@@ -9,26 +9,9 @@ import pytest
 from studies import Deadly, Faulty, bits, pushed, study
 
 import fpid_pin as fp
-from fpid_pin.campaign import (
-    Normal,
-    Scenarios,
-    Study,
-    Uniform,
-    attack,
-    export,
-    load,
-    replay,
-    report_html,
-    run,
-)  # fmt: skip
+from fpid_pin.campaign import Normal, Scenarios, Study, Uniform, attack, export, load, replay, run
 from fpid_pin.campaign.data import METRICS
-from fpid_pin.exceptions import (
-    ArgumentError,
-    FileFormatError,
-    FpidError,
-    SimulationError,
-    WorkersDied,
-)
+from fpid_pin.exceptions import ArgumentError, FileFormatError, SimulationError, WorkersDied
 from fpid_pin.simulation.workers import AHEAD, distribute
 
 RUNS = 24
@@ -211,22 +194,16 @@ class Losing(Executor):
     [(True, r"does not outlive its workers \(fp\.tuning"), (False, "where a scheduler is lost")],
 )
 def test_an_executor_that_is_lost_is_told_and_what_there_is_stays(breaks, words, tmp_path):
-    with pytest.raises(FpidError, match=words):
+    with pytest.raises(fp.FpidError, match=words):
         run(study(), tmp_path / "l.sqlite", 40, executor=Losing(breaks), chunk=10)
     assert load(tmp_path / "l.sqlite").runs == 20
 
 
-def test_bad_arguments_are_refused(tmp_path):
+def test_more_runs_than_points_are_refused(tmp_path):
     ledger = tmp_path / "l.sqlite"
-    for options in ({"runs": 0}, {"runs": 3, "chunk": 0}, {"runs": 3, "workers": 0}):
-        with pytest.raises(ArgumentError):
-            run(study(), ledger, **options)
     with pytest.raises(ArgumentError, match=r"runs: expected at most 1 \(the points given\)"):
         run(study(points=[[0.5] * 12]), ledger, 2)
     assert not ledger.exists()
-
-
-# ---------------------------------------------------------------------- replays, and attacks
 
 
 @pytest.mark.parametrize(("number", "controller"), [(0, None), (5, "integer")])
@@ -250,9 +227,9 @@ def test_ledger_export_report_and_replay_say_the_dynamics(tmp_path):
     made = study(duration=0.1, dynamics=told)
     data = run(made, tmp_path / "l.sqlite", 3)
     assert data.dynamics == load(tmp_path / "l.sqlite").dynamics == told
-    with open(export(data, tmp_path / "l.csv"), newline="") as file:
-        assert {row["dynamics"] for row in csv.DictReader(file)} == {told}
-    page = report_html(data, tmp_path / "l.html").read_text(encoding="utf-8")
+    rows = csv.DictReader(export(data, tmp_path / "l.csv").read_text().splitlines())
+    assert {row["dynamics"] for row in rows} == {told}
+    page = fp.campaign.report_html(data, tmp_path / "l.html").read_text(encoding="utf-8")
     assert f"Dynamics: {told}." in page
     again = replay(tmp_path / "l.sqlite", 2)
     assert again.exact

@@ -6,9 +6,10 @@ import sys
 
 import pytest
 
+from fpid_pin import resources
 from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
-from fpid_pin.simulation import comparison
+from fpid_pin.simulation import entry
 
 HEAD, *LAWS = (
     demo_config().text.replace("duration = 20.0", "duration = 0.2").split("[[controller]]")
@@ -61,7 +62,37 @@ def space(bounds, law='kind = "suggested_fpid"'):
         ("tune study.toml", space("[0.5, 10]"),
          'tune.space.bandwidth: expected "shared" behind its bounds'),
         ("tune study.toml", space('[-1, 10, "shared"]'), "tune.space.bandwidth.low: expected "),
+        ("tune study.toml", {"kp = [1, 100]": "kp = [100, 1]"},
+         "tune.space.kp.high: expected more than low (100), got 1"),
+        ("tune study.toml", {"kp = [1, 100]": "self = [1, 100]"},
+         "tune.space.self: expected one of kp, ki,"),
+        ("tune study.toml", {"[tune.space]\nkp = [1, 100]": ""}, "tune.space: expected a value"),
+        ("tune study.toml", {"generations = 1": "generatoins = 1"}, "did you mean generations?"),
+        ("tune study.toml", {"generations = 1": 'controller = "PID"'},
+         "tune.controller: expected one of"),
+        ("tune study.toml", {"[tune.space]": "cost = { w2 = -1.0, kind = 'quadratic_cost' }\n"
+         "[tune.space]"}, "tune.cost.w2: expected a number >= 0, got -1"),
+        # Before a search that would take its time.
+        ("tune study.toml --out other", {"generations = 1": "generations = 100000"},
+         "other: expected a new folder"),
+        ("tune study.toml --out own.py/x", {"generations = 1": "generations = 100000"},
+         "cannot be written"),
         ("view none.npz", {}, "none.npz: no such file"),
+        ("view own.npz --html page.html", {}, "own.npz: expected a run file"),
+        ("live study.toml --controller two", {}, "--controller: expected one of FPID, publ"),
+        ("playground study.toml --controller two", {}, "--controller: expected one of FPID, publ"),
+        ("export study.toml --controller two --out c", {}, "--controller: expected one of FPID,"),
+        ("export study.toml --out c", {}, "expected one controller, or --controller NAME, got "),
+        # More than there is of memory, or of life.
+        ("run study.toml --controller 'integer PID' --out c", {"duration = 0.2": "duration = 1e9"},
+         "duration: expected work that fits into"),
+        ("compare study.toml --out c", {"duration = 0.2": "duration = 20", "= 1e-3": "= 1e-9"},
+         "2 runs of 2e+10 rows: about "),
+        ("tune study.toml --out c", {"generations = 1": f"seeds = {list(range(100_000))}",
+         "duration = 0.2": "duration = 20.0"},
+         "100000 seeds of 60 runs of 2e+04 rows, 80 times: about 66.7 days"),
+        ("tune study.toml --out c", {"generations = 1": "population = 1_000_000_000_000"},
+         "search: expected work that fits into"),
         ("operators --order 1.7", {}, "1.7"),
         ("operators --step 5e-324", {}, "step: expected a number in [1e-09, 10]"),
         ("inspect ur55", {}, "got 'ur55' (did you mean ur5?)"),
@@ -105,7 +136,8 @@ def space(bounds, law='kind = "suggested_fpid"'):
 )  # fmt: skip
 def test_wrong_input_is_one_line_and_status_2(words, change, said, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(comparison, "simulate", None)  # Any work would fail otherwise.
+    monkeypatch.setattr(entry, "start_robots", None)  # Any work would fail otherwise.
+    monkeypatch.setattr(resources, "memory", lambda: 10**12)
     text = STUDY
     for old, new in change.items():
         assert old in text
@@ -126,12 +158,3 @@ def test_wrong_input_is_one_line_and_status_2(words, change, said, tmp_path, mon
     assert told.out == ""
     after = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
     assert {path: data for path, data in after.items() if "__pycache__" not in str(path)} == before
-
-
-def test_run_names_every_joint_that_falls(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    weak = 'kind = "two_link"\nchanges = [{ limits = { effort = 3.0 } }]'
-    (tmp_path / "study.toml").write_text(STUDY.replace('kind = "two_link"', weak))
-    assert main(["run", "study.toml", "--controller", "integer PID"]) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert [line.partition(": gravity")[0][-6:] for line in lines] == ["joint1", "joint2"]

@@ -22,9 +22,11 @@ INITIAL = [
     "FPID + feedforward + observer", "integer PID + feedforward + observer", "FPID", "integer PID",
     "PD + gravity", "computed torque",
 ]  # fmt: skip
+LIMIT = '<limit lower="-3" upper="3" effort="40" velocity="9"/>'
 WEAK = robot(
     link("base"), link("rod", 20, (0.02, 0.5, 0.5), com="0.5 0 0"),
-    joint("hinge", "base", "rod", extra='<limit lower="-3" upper="3" effort="40" velocity="9"/>'),
+    link("end", 20, (0.02, 0.5, 0.5), com="0.5 0 0"),
+    joint("hinge", "base", "rod", extra=LIMIT), joint("knee", "rod", "end", extra=LIMIT),
 )  # fmt: skip
 
 
@@ -130,9 +132,6 @@ def test_the_rest_of_a_tree_is_held_by_the_tip_of_the_arm(folder, capsys):
     assert table == {"kind": "mjcf", "path": "hand.xml", "keep": "h"}
 
 
-# ---------------------------------------------------------------------- init
-
-
 @pytest.mark.parametrize("name", ["ur5", "lifter.xml"])
 def test_a_configuration_stays_within_the_limits_of_its_arm_and_every_law_follows(folder, name):
     assert main(["init", name]) == 0
@@ -184,7 +183,7 @@ def test_what_is_asked_of_the_drives_can_be_borne(name):
     assert rounded(np.array([0.0, 0.299, 1.0, 0.0349, 3.39, 128.0])).tolist() == cut
 
 
-@pytest.mark.filterwarnings("ignore:made. joint hinge::")
+@pytest.mark.filterwarnings("ignore:made. joint::")
 def test_init_says_first_what_an_arm_s_own_drives_cannot_hold(tmp_path, monkeypatch, capsys):
     """And suggests no payload that they would have to hold as well."""
     monkeypatch.chdir(tmp_path)
@@ -194,7 +193,10 @@ def test_init_says_first_what_an_arm_s_own_drives_cannot_hold(tmp_path, monkeypa
     write(tmp_path, WEAK, "weak.urdf")
     assert main(["init", "weak.urdf", "--out", "weak.toml"]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert "joint hinge: gravity at home is 98.1 N m, beyond its effort limit of 40 N m" in said[0]
+    assert "joint hinge: gravity at home is 255 N m, beyond its effort limit of 40 N m" in said[0]
+    assert "joint knee: gravity at home is 98.1 N m, beyond its effort limit of 40 N m" in said[1]
     assert main(["run", "weak.toml", "--controller", "FPID"]) == 2
-    assert "falls under any controller" in capsys.readouterr().err
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.split("joint ")[1].split(":")[0] for line in lines] == ["hinge", "knee"]
+    assert all(line.endswith("; it falls under any controller") for line in lines)
     assert not (tmp_path / "runs").exists()

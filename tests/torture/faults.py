@@ -57,7 +57,6 @@ COMMANDS = {
     "run": ("run", "short.toml", "--controller", "integer PID", "--out", "disk/out"),
     "compare": ("compare", "short.toml", "--out", "disk/out"),
     "tune": ("tune", "short.toml", "--out", "disk/out"),
-    "demo": ("demo", "--out", "disk/out"),
     "view": ("view", "run.npz", "--html", "disk/page.html"),
     "operators": ("operators", "--order", "0.5", "--plot", "disk/plot.png"),
     "playground": ("playground", "short.toml", "--html", "disk/playground.html"),

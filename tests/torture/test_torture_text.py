@@ -193,23 +193,3 @@ def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, 
         for drawing in out.glob("*.svg"):
             xml.parse(drawing)
         tally("comparisons of hostile names", fault)
-
-
-@pytest.mark.browser
-def test_no_name_runs_in_a_browser(browser, tmp_path, tally):
-    chance = random.Random(7)
-    for k in range(12 if FULL else 1):
-        name = " ".join(chance.sample([p for p in PIECES if "hacked" in p or len(p) > 2], 6))
-        run = run_called(name)
-        path = tmp_path / f"{k}.html"
-        report_html(run, path, title=name, tables={name: [[name], [name]]}, config_text=name,
-                    figures={name: plots.torque(run)}, captions=[name])  # fmt: skip
-        page = browser.new_page()
-        page.goto(path.as_uri())
-        page.wait_for_timeout(300)
-        for frame in page.frames:
-            ran = frame.evaluate("window.hacked !== undefined")
-            tally("names in a browser", f"{name!r} ran" if ran else "")
-        heading = page.evaluate("document.querySelector('h1').textContent")
-        tally("and what it shows", "" if heading == visible(name) else heading)
-        page.close()

@@ -12,6 +12,7 @@ import pytest
 from bounded import FULL
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from robots import LIMIT, joint, link, robot
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
@@ -20,26 +21,22 @@ from fpid_pin.exceptions import FpidError, FpidWarning
 pytestmark = pytest.mark.torture
 SIZES = settings(max_examples=8000 if FULL else 80, suppress_health_check=list(HealthCheck))
 
-SOUND = """<?xml version="1.0"?>
-<robot name="sound"><material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>
-<link name="base"/>
-<link name="upper"><inertial><origin xyz="0.2 0 0" rpy="0 0 0"/><mass value="2"/>
-<inertia ixx="0.02" iyy="0.03" izz="0.03" ixy="0.001" ixz="0" iyz="0"/></inertial>
-<visual><geometry><cylinder radius="0.05" length="0.4"/></geometry>
-<material name="grey"/></visual>
-<collision><geometry><box size="0.1 0.1 0.4"/></geometry></collision></link>
-<link name="fore"><inertial><mass value="1"/>
-<inertia ixx="0.01" iyy="0.01" izz="0.002" ixy="0" ixz="0" iyz="0"/></inertial>
-<visual><geometry><mesh filename="package://a/b.stl" scale="1 1 1"/></geometry></visual></link>
-<link name="tool"/>
-<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
-<origin xyz="0 0 0.3" rpy="0 0 1.57"/><axis xyz="0 1 0"/>
-<limit lower="-2" upper="2" effort="50" velocity="3"/>
-<dynamics damping="0.5" friction="0.1"/></joint>
-<joint name="elbow" type="continuous"><parent link="upper"/><child link="fore"/>
-<origin xyz="0.4 0 0"/><axis xyz="0 0 1"/><limit effort="20" velocity="3"/></joint>
-<joint name="flange" type="fixed"><parent link="fore"/><child link="tool"/></joint>
-</robot>"""
+SHAPES = [
+    f"<{kind}><geometry>{shape}</geometry></{kind}>"
+    for kind, shape in (
+        ("visual", '<cylinder radius="0.05" length="0.4"/>'),
+        ("collision", '<box size="0.1 0.1 0.4"/>'),
+        ("visual", '<mesh filename="package://a/b.stl" scale="1 1 1"/>'),
+    )
+]
+SOUND = robot(
+    '<material name="grey"><color rgba="0.5 0.5 0.5 1"/></material>', link("base"),
+    link("upper", 2, (0.02, 0.03, 0.03), "".join(SHAPES[:2]), "0.2 0 0"),
+    link("fore", 1, (0.01, 0.01, 0.002), SHAPES[2]), '<link name="tool"/>',
+    joint("shoulder", "base", "upper", extra=f'{LIMIT}<dynamics damping="0.5" friction="0.1"/>'),
+    joint("elbow", "upper", "fore", "continuous", '<limit effort="20" velocity="3"/>', "0 0 1"),
+    joint("flange", "fore", "tool", "fixed", ""),
+)  # fmt: skip
 
 HOSTILE = st.one_of(
     st.sampled_from(["0", "1", "0.1", "-0.1", "1e308", "-1e308", "5e-324", "1e999", "nan", "inf"]),

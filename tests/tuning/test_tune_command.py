@@ -1,14 +1,13 @@
 import tomllib
 from importlib import resources
 
-import numpy as np
 import pytest
 
 import fpid_pin as fp
 from fpid_pin.cli.configuration import load
 from fpid_pin.cli.tune import read_plan, run_tuning
 from fpid_pin.costs import QuadraticCost
-from fpid_pin.exceptions import ConfigError, FileFormatError, TuningError
+from fpid_pin.exceptions import TuningError
 
 TUNE = """
 [tune]
@@ -48,11 +47,8 @@ def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
     assert "cost tuned for" in shown
     assert "integer orders" in shown
 
-    tuned = load(out / "tuned.toml")
-    law = tuned.controllers["tuned"]
-    run = fp.simulate(tuned.experiment, law)
-    assert QuadraticCost(1.0, 0.0).of(run.metrics) == result.cost
-    assert np.array_equal(run.q, fp.Run.load(out / "tuned.npz").q)
+    tuned = fp.Run.load(out / "tuned.npz")
+    assert QuadraticCost(1.0, 0.0).of(tuned.metrics) == result.cost
     assert "tune" not in tomllib.loads((out / "tuned.toml").read_text())
     assert len((out / "history.csv").read_text().splitlines()) == 1 + 2 * 2
 
@@ -110,39 +106,6 @@ plant = { payload = { mass = 0.5 } }
     assert (tmp_path / "one" / "integer-pid.npz").exists()
     # The paper's orders are no rivals on another arm, nor marks of its map.
     assert not (out / "loaded-published-orders.npz").exists()
-
-
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        (
-            ("kp = [1, 100", "kp = [100, 1"),
-            "tune.space.kp.high: expected more than low (100), got 1",
-        ),
-        (("population = 6", "populatoin = 6"), "did you mean population?"),
-        (("map_points = 3", 'controller = "PID"'), "tune.controller: expected one of"),
-        (("w2 = 0.0", "w2 = -1.0"), "tune.cost.w2: expected a number >= 0, got -1"),
-        (("kp = [1", "self = [1"), "tune.space.self: expected one of kp, ki,"),
-        (("[tune.space]", "[tune.spice]"), "tune.space: expected a value, got none"),
-    ],
-)
-def test_faults_in_the_table_are_named(tmp_path, change, said):
-    with pytest.raises(ConfigError) as error:
-        read_plan(load(written(tmp_path, TUNE.replace(*change))))
-    assert said in str(error.value)
-    assert str(tmp_path) in str(error.value)
-
-
-def test_an_output_that_cannot_be_written_is_told_before_the_search(tmp_path):
-    path = written(tmp_path, TUNE.replace("generations = 2", "generations = 100000"))
-    (tmp_path / "notes").mkdir()
-    (tmp_path / "notes" / "mine.txt").write_text("keep")
-    with pytest.raises(FileFormatError, match="expected a new folder"):
-        run_tuning(path, tmp_path / "notes")
-    with pytest.raises(FileFormatError, match="cannot be written"):
-        run_tuning(path, path / "out")
-    assert (tmp_path / "notes" / "mine.txt").read_text() == "keep"
-    assert len(list(tmp_path.iterdir())) == 2
 
 
 def test_a_stopped_search_is_not_overwritten(tmp_path):

@@ -3,7 +3,6 @@
 import dataclasses
 import json
 import re
-import tomllib
 from contextlib import contextmanager
 
 import numpy as np
@@ -96,17 +95,6 @@ def play(opened):
     return opened
 
 
-# ---------------------------------------------------------------------- the engine
-
-
-@pytest.mark.browser
-def test_the_pages_run_is_pythons_compiled_run(play):
-    """By its figures of merit; `test_playground_settings.py` compares each sample, in node."""
-    run = fp.simulate(dataclasses.replace(experiment(), dynamics="compiled"), law())
-    for name, values in play.page.evaluate("state.runs[0].metrics").items():
-        assert np.allclose(values, getattr(run.metrics, name), rtol=1e-9), name
-
-
 @pytest.mark.browser
 def test_a_link_s_run_diverges_and_its_nonsense_is_said(open_playground):
     with open_playground("#step=0.05&derivative_order=1,1&nonsense=2") as play:
@@ -115,9 +103,6 @@ def test_a_link_s_run_diverges_and_its_nonsense_is_said(open_playground):
         assert re.fullmatch(r"Diverged at [\d.]+ s, joint\d: .*speed.*\.", said)
         play.click("#reset")
         assert play.page.inner_text("#outcome").startswith("Ran all")
-
-
-# ---------------------------------------------------------------------- hands
 
 
 @pytest.mark.browser
@@ -212,15 +197,19 @@ def test_several_laws_are_on_the_plots_at_once(play):
 
 
 @pytest.mark.browser
-def test_the_toml_to_copy_is_one_that_the_command_runs(play, tmp_path):
+def test_the_command_runs_the_toml_to_copy_as_the_page_does(play, tmp_path):
+    """By its figures of merit; `test_playground_settings.py` compares each sample, in node."""
     play.slide("payload", 0.2)
     play.page.click("#toml")
-    path = tmp_path / "copied.toml"
+    path, out = tmp_path / "copied.toml", tmp_path / "out"
     path.write_text(play.page.input_value("#given"), encoding="utf-8")
     play.page.click("#close")
-    assert tomllib.loads(path.read_text())["controller"][0]["name"] == MARKUP
     assert load(path).title == MARKUP
-    assert main(["run", str(path), "--no-figures", "--out", str(tmp_path / "out")]) == 0
+    assert list(load(path).controllers) == [MARKUP]
+    assert main(["run", str(path), "--no-figures", "--out", str(out)]) == 0
+    run = fp.Run.load(next(out.glob("*.npz")))
+    for name, values in play.page.evaluate("state.runs[0].metrics").items():
+        assert np.allclose(values, getattr(run.metrics, name), rtol=1e-9), name
 
 
 @pytest.mark.browser
@@ -253,9 +242,6 @@ def test_in_a_notebooks_frame_it_works_the_same(visit, tmp_path):
         outcome.wait_for(timeout=120_000)
 
 
-# ---------------------------------------------------------------------- making it
-
-
 def test_the_page_is_small_and_without_addresses(page_file):
     text = page_file.read_text(encoding="utf-8")
     assert page_file.stat().st_size < 1.6e6
@@ -284,5 +270,3 @@ def test_the_command_leaves_out_what_a_page_cannot_hold(tmp_path, capsys):
     out, err = capsys.readouterr()
     assert "page.html" in out
     assert "FPID, CRONE filter: design: expected one with shared poles" in err
-    assert main(["playground", str(config), "--controller", "nobody"]) == 2
-    assert "--controller" in capsys.readouterr().err

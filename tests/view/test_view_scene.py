@@ -11,7 +11,7 @@ from robots import joint, link, robot, write
 from fpid_pin import Arm, FpidWarning, Run
 from fpid_pin.arms import names
 from fpid_pin.cli.commands import view
-from fpid_pin.exceptions import ArgumentError, FileFormatError, FpidError
+from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.view import export_html
 from fpid_pin.view.replay import replay_scene, to_script_json
 from fpid_pin.view.shapes import portrait, shapes_of, solid_surface, stage
@@ -103,15 +103,6 @@ def test_view_writes_a_page_of_several_files(make_run, two_link, tmp_path, capsy
     text = (tmp_path / "out.html").read_text()
     assert "left / right" in text
     assert "opens in any browser" in capsys.readouterr().out
-
-
-def test_view_names_what_is_wrong_with_a_file_and_with_captions(wave, tmp_path):
-    (tmp_path / "text.npz").write_text("not a run")
-    with pytest.raises(FileFormatError, match="expected a run file"):
-        view([tmp_path / "text.npz"], html=tmp_path / "out.html")
-    with pytest.raises(ArgumentError, match="captions"):
-        view([wave.save(tmp_path / "run.npz")], html=tmp_path / "out.html", caption=["a", "b"])
-    assert not (tmp_path / "out.html").exists()
 
 
 def test_bad_input_is_named(wave, make_run, two_link):
