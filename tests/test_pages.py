@@ -119,9 +119,6 @@ def test_every_link_leads_somewhere_and_every_file_that_is_named_is_there():
         assert (ROOT / name).exists() or (PACKAGE / name).exists(), name
 
 
-# ---------------------------------------------------------------------- README
-
-
 def test_what_the_demo_prints_is_what_the_readme_says(capsys):
     config = demo_config()
     show(config, fp.compare(config.conditions, config.controllers), Path("runs/demo"))
@@ -173,9 +170,6 @@ def test_every_name_of_the_face_that_is_used_is_there():
         thing = fp
         for name in path.split("."):
             thing = getattr(thing, name)
-
-
-# ---------------------------------------------------------------------- CONTRIBUTING
 
 
 def test_each_recipe_has_one_short_example_and_what_it_asserts_is_true(tmp_path):

@@ -50,7 +50,7 @@ def test_ctrl_c_is_heard():
 
 def test_it():
     # Through another that is gone, so that it is nobody's child.
-    code = "import subprocess; subprocess.Popen(['sleep', '654']); subprocess.Popen(['true'])"
+    code = "import subprocess; subprocess.Popen(['sleep', 'LONG']); subprocess.Popen(['true'])"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=60)
 """
 
@@ -66,14 +66,15 @@ def test_in_the_background_ctrl_c_is_heard_and_a_process_left_behind_is_told_of_
     own = (HERE / "conftest.py").read_text(encoding="utf-8")
     assert "timeout=10.0" in own
     (tmp_path / "conftest.py").write_text(own.replace("timeout=10.0", "timeout=0.5"))
-    (tmp_path / "test_it.py").write_text(INNER)
+    long = f"654.{os.getpid()}"  # other suites may run on this machine
+    (tmp_path / "test_it.py").write_text(INNER.replace("LONG", long))
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "test_it.py"]
     done = finished(command, cwd=tmp_path, preexec_fn=ignore)
     assert done.returncode == 1
     assert "2 passed, 1 error" in done.stdout
-    assert "sleep 654 (started by test_it.py::test_it (call))" in done.stdout
+    assert f"sleep {long} (started by test_it.py::test_it (call))" in done.stdout
     commands = [process.info["cmdline"] for process in psutil.process_iter(["cmdline"])]
-    assert ["sleep", "654"] not in commands
+    assert ["sleep", long] not in commands
 
 
 def waits_for_ever(call):

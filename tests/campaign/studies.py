@@ -8,15 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import fpid_pin as fp
-from fpid_pin.campaign import (
-    CampaignData,
-    Choices,
-    LogUniform,
-    Normal,
-    Scenarios,
-    Study,
-    Uniform,
-)  # fmt: skip
+from fpid_pin.campaign import CampaignData, Choices, LogUniform, Normal, Scenarios, Study, Uniform
 from fpid_pin.campaign.data import METRICS
 from fpid_pin.disturbances import Cosine
 

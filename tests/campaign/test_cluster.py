@@ -68,8 +68,6 @@ controller = "soft"
 [tune.space]
 kp = [1, 100, "log", "shared"]
 """
-
-
 OWN = """
 from dataclasses import dataclass
 import fpid_pin as fp

@@ -176,8 +176,6 @@ def test_scenarios_go_through_a_table(points):
     assert study(seed=4, points=points).text != first.text
 
 
-# ---------------------------------------------------------------------- docs/campaigns.md
-
 PAGE = (Path(__file__).parents[2] / "docs" / "campaigns.md").read_text(encoding="utf-8")
 
 

@@ -15,9 +15,6 @@ def missed(covered):
     return abs(100.0 * np.mean(covered) - 95.0)
 
 
-# ---------------------------------------------------------------------- success
-
-
 @pytest.mark.parametrize(("successes", "runs"), [(0, 1), (50, 50), (37, 50)])
 def test_wilsons_interval_has_its_closed_form(successes, runs):
     """Its ends solve (p - s/n)^2 = z^2 p (1 - p)/n; E. B. Wilson, 1927."""
@@ -49,9 +46,6 @@ def test_a_median_counts_the_plants_that_were_lost_and_no_runs_say_nothing():
     assert np.isnan(statistics.quantile(np.array([]), 0.5))
 
 
-# ---------------------------------------------------------------------- paired differences
-
-
 def test_the_bootstraps_interval_covers_in_95_of_100_campaigns():
     """Of skewed differences, where a normal interval of the mean would not."""
     rng = np.random.default_rng(1)
@@ -81,9 +75,6 @@ def test_two_that_are_equal_or_never_meet_have_no_difference():
     assert apart.runs == 0
     assert np.isnan(apart.median.estimate)
     assert apart.better.estimate == 0.5
-
-
-# ---------------------------------------------------------------------- sensitivity
 
 
 def test_spearmans_rho_is_scipys_with_ties_and_lost_runs_on_the_last_rank():
@@ -121,9 +112,6 @@ def test_a_parameter_that_is_constant_has_no_sensitivity(runs):
     data = campaign(np.random.default_rng(6).random((runs, 2)), np.full((runs, 1), 0.1))
     assert np.isnan(statistics.spearman(data)).all()
     assert np.isnan(statistics.tornado(data)).all()
-
-
-# ---------------------------------------------------------------------- best and worst
 
 
 def test_equals_divide_a_plant_and_nobody_has_one_that_all_lost():

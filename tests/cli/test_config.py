@@ -152,8 +152,6 @@ def test_a_path_with_a_line_end_in_it_makes_no_line(tmp_path, content, capsys):
     assert line.startswith(f"fpid-pin: {tmp_path}/a\\nb\\x1b[2J.toml: ")
 
 
-# ---------------------------------------------------------------------- the examples
-
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 

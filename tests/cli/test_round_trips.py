@@ -144,9 +144,6 @@ def test_a_tuned_file_is_one_to_read(tmp_path):
     assert not re.search(r"\[\n +[-\d.]", tuned)
 
 
-# ---------------------------------------------------------------------- fp.to_toml
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class Nameless(fp.Controller):
     kp: float = 1.0

@@ -3,15 +3,13 @@
 import re
 
 import pytest
+from robots import joint, link, robot, write
 
 import fpid_pin as fp
 from fpid_pin.cli.main import main
 from fpid_pin.text import head_for, unit_for
 
-LINK = """<link name="{0}"><inertial><mass value="2"/>
-<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
-JOINT = """<joint name="{0}" type="{1}"><parent link="{2}"/><child link="{0}"/><axis xyz="{3}"/>
-<limit lower="-0.5" upper="0.5" effort="60" velocity="2"/></joint>"""
+LIMIT = '<limit lower="-0.5" upper="0.5" effort="60" velocity="2"/>'
 LAWS = """
 [simulation]
 duration = 0.2
@@ -33,13 +31,13 @@ q0 = { kind = "uniform", low = 0.0, high = 0.1, shared = true }
 TURNING = re.compile(r"\bm?rad\b(?!/s)|\bN m\b")
 
 
-def write(folder, name, *joints):
+def study(folder, name, *joints):
     """Write an arm of joints (name, kind, axis), each on the last, and a study of it."""
-    parts, parent = ['<robot name="x"><link name="base"/>'], "base"
-    for joint, kind, axis in joints:
-        parts += [LINK.format(joint), JOINT.format(joint, kind, parent, axis)]
-        parent = joint
-    (folder / f"{name}.urdf").write_text("".join([*parts, "</robot>"]))
+    parts, parent = [link("base")], "base"
+    for child, kind, axis in joints:
+        parts += [link(child, 2), joint(child, parent, child, kind, LIMIT, axis, "0 0 0")]
+        parent = child
+    write(folder, robot(*parts), f"{name}.urdf")
     head = f'format = 1\n[arm]\nkind = "urdf"\npath = "{name}.urdf"\n'
     wave = '[reference]\nkind = "sinusoid"\namplitude = 0.1\n'
     (folder / f"{name}.toml").write_text(head + wave + LAWS)
@@ -48,8 +46,8 @@ def write(folder, name, *joints):
 @pytest.fixture
 def told(tmp_path, monkeypatch, capsys):
     """Give a function that runs commands in a folder with both arms, and returns what they say."""
-    write(tmp_path, "gantry", ("x", "prismatic", "1 0 0"), ("z", "prismatic", "0 0 1"))
-    write(tmp_path, "scara", ("turn", "revolute", "0 0 1"), ("quill", "prismatic", "0 0 1"))
+    study(tmp_path, "gantry", ("x", "prismatic", "1 0 0"), ("z", "prismatic", "0 0 1"))
+    study(tmp_path, "scara", ("turn", "revolute", "0 0 1"), ("quill", "prismatic", "0 0 1"))
     monkeypatch.chdir(tmp_path)
 
     def run(*words):
@@ -99,10 +97,8 @@ def test_an_arm_that_turns_and_slides_is_told_of_in_both(told, tmp_path):
 
 
 def test_a_slide_that_runs_away_does_so_in_metres_a_second():
-    arm = fp.Arm.from_urdf(
-        urdf=f'<robot name="x"><link name="base"/>{LINK.format("x")}'
-        f"{JOINT.format('x', 'prismatic', 'base', '1 0 0')}</robot>"
-    )
+    slide = joint("x", "base", "x", "prismatic", LIMIT, "1 0 0")
+    arm = fp.Arm.from_urdf(urdf=robot(link("base"), link("x"), slide))
     pushed = fp.Plant(disturbance=fp.disturbances.Pulse(1e6))
     run = fp.simulate(
         fp.Experiment(arm, fp.references.Hold(0.0), plant=pushed), fp.Pid(0.0, 0.0, 0.0)

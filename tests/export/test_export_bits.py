@@ -279,8 +279,6 @@ def test_only_what_a_law_uses_is_printed(tmp_path):
         assert word not in text
 
 
-# ------------------------------------------------------------------------- in node
-
 RUN = """
 const fs = require('fs');
 const given = (name) => new Float64Array(new Uint8Array(fs.readFileSync(name)).buffer);

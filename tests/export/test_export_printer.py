@@ -2,7 +2,6 @@
 
 import ctypes
 import math
-import re
 
 import numpy as np
 import pytest
@@ -119,23 +118,6 @@ def test_javascript_means_what_python_means(node, tmp_path):
     path.write_text("\n".join(lines))
     found = np.array([float(word.replace("Infinity", "inf")) for word in node(path).split()])
     assert np.array_equal(found, outcomes(mixed), equal_nan=True)
-
-
-def test_the_text_is_the_equations():
-    from fpid_pin.kernels import operator, records
-
-    poles = array_kind("pole", np.zeros(24, records.POLE))
-    modes = array_kind("mode", np.zeros(24, records.MODE))
-    operator_ = array_kind("operator", np.zeros(1, records.OPERATOR), ()).element
-    kinds = [operator_, poles, modes]
-    for language, line in (
-        (c99.C99(), "mode->x = past + pole->b1 * rate + pole->b0 * rate_ + pole->b2 * m;"),
-        (javascript.JavaScript(), "y += M[mode /* weight */] * past;"),
-    ):
-        program = Program(language)
-        program.add(operator.derivative, [*kinds, *[REAL] * 5])
-        text = re.sub(r" \+ 0 (?=/)", " ", program.text)
-        assert line in text
 
 
 #: A function's lines; which of them is at fault, and what is said of it.

@@ -48,7 +48,7 @@ def test_all_laws_follow_with_it(dynamics, tmp_path):
     fp.view.plot(runs[0])
 
 
-def test_it_is_judged_tuned_and_stepped():
+def test_it_is_judged_tuned_stepped_and_made_a_campaign_and_c_of(tmp_path):
     law = LAWS["fpid"]
     assert fp.stability_report(ARM, law, step=1e-3).stable
     assert fp.control.gain_ceilings(ARM, law, step=1e-3).kp.shape == (1,)
@@ -56,14 +56,11 @@ def test_it_is_judged_tuned_and_stepped():
     settings = SearchSettings(population=4, generations=2)
     assert fp.tune(experiment(), law, space, settings=settings).controller.kp.shape == (1,)
     assert law.start(ARM, step=1e-3).torque([0.1], [0.0], [0.2], [0.0], [0.0]).shape == (1,)
-
-
-def test_a_campaign_and_c_are_made_of_it(tmp_path):
     plants = campaign.Scenarios({"payload": campaign.Uniform(low=0.0, high=0.3)}, seed=1)
-    study = campaign.Study(experiment(dynamics="compiled"), {"fpid": LAWS["fpid"]}, plants)
+    study = campaign.Study(experiment(dynamics="compiled"), {"fpid": law}, plants)
     data = campaign.run(study, tmp_path / "ledger", 4)
     assert data.runs == 4
-    folder = fp.export_c(LAWS["fpid"], ARM, 1e-3, tmp_path / "c", horizon=5.0, ticks=20)
+    folder = fp.export_c(law, ARM, 1e-3, tmp_path / "c", horizon=5.0, ticks=20)
     assert (folder / "vectors.bin").exists()
 
 

@@ -121,9 +121,6 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
         profile(EXPERIMENT, law, Space(kp=(1, 5)), Bowl(), points=1)
 
 
-# ---------------------------------------------------------------------- several plants
-
-
 def test_every_plant_with_every_payload():
     plants = [None, fp.Plant(viscous_friction=2.0)]
     varied = scenarios(EXPERIMENT, plants=plants, payloads=(0.0, 0.5, 1.0))

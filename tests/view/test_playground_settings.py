@@ -9,11 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from bounded import FULL, finished
-from numpy.typing import ArrayLike
+from own_laws import Mit
 
 import fpid_pin as fp
 from fpid_pin.cli.configuration import parse
-from fpid_pin.control.law import Derivative
 from fpid_pin.view.document import asset
 
 #: Runs are short: settings that are chaotic have no time to show it.
@@ -46,30 +45,10 @@ def fpid(**others):
 
 @fp.described("played_law")
 @dataclass(frozen=True, eq=False)
-class Played(fp.Controller):
-    """A law of one's own: an order in a field, memory, and a gain that a joint learns."""
+class Played(Mit):
+    """A law of one's own: gain and order move; one of its fields is no number."""
 
-    kp: ArrayLike
-    kd: ArrayLike = 6.0
-    order: ArrayLike = 0.6
-    offset: float = 0.0
-    rate: ArrayLike = 0.2
     kind_of_use: str = "any"
-
-    memory = ("s", "gain")
-    operators = {"d_s": Derivative("order", of="s")}
-
-    @staticmethod
-    def surface(c):
-        c.s = c.e + 0.1 * c.e_dot
-
-    @staticmethod
-    def torque(c):
-        return c.kp * c.e + (c.kd + c.gain) * c.d_s + c.offset
-
-    @staticmethod
-    def adapt(c):
-        c.gain += c.h * c.rate * c.s * c.d_s
 
 
 @fp.described("entangled_law")
@@ -99,7 +78,7 @@ LAWS = [
     fp.ComputedTorque(k0=100.0, k1=20.0, ki=5.0, observer=50.0, supervisor=dataclasses.replace(
         GUARD, observer=50.0)),
     fp.SlotineLi(slope=5.0, damping=8.0, leakage=0.1),
-    Played(kp=40.0), Entangled(),
+    Played(), Entangled(),
 ]  # fmt: skip
 NAMES = ["paper", "kick", "guarded", "moving", "pid", "torque", "slotine", "own", "entangled"]
 
@@ -214,7 +193,7 @@ def test_every_slider_from_every_preset_is_as_its_toml(page, law):
 
 def test_a_law_has_a_slider_for_each_field_that_is_a_number(page):
     fields = {c["key"] for c in controls_of(page, NAMES.index("own")).values()}
-    assert fields >= {"kp", "kd", "order", "offset", "rate", "supervised"}
+    assert fields >= {"kp", "kd", "mu", "rate", "supervised"}
     assert "kind_of_use" not in fields
     fields = {c["key"] for c in controls_of(page, NAMES.index("slotine")).values()}
     assert fields >= {"slope", "damping", "adaptation_rate", "initial", "leakage"}

@@ -39,8 +39,6 @@ for (const text of ["window.hacked2 = 'added'"]) {
   document.body.append(picture);
 }
 """
-
-
 LAW = fp.paper_controller(supervised=False)
 #: Each kind of page: its text, and what is true in it once it is there.
 PAGES = {
