@@ -16,6 +16,11 @@ from hypothesis.internal.conjecture import providers
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+# Languages and terminals decide how things are shown: here those of whoever runs the tests do not.
+for _name in ("LC_ALL", "LANG", "TERM", "COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR"):
+    os.environ.pop(_name, None)
+os.environ["no_proxy"] = "127.0.0.1"  # servers of tests are asked themselves
+
 # A shell starts what runs in the background with Ctrl-C ignored, and children inherit that. Tests
 # send Ctrl-C to their children, whoever started the tests.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

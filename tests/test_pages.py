@@ -58,7 +58,7 @@ def alike(told, printed, tolerance=0.02):
 def run(folder, *paths):
     """Run programs one after another, away from what this process has registered."""
     (folder / "run.py").write_text(RUN, encoding="utf-8")
-    done = finished([sys.executable, "-W", "error", "run.py", *paths], cwd=folder)
+    done = finished([sys.executable, "-W", "error", "run.py", *paths], cwd=folder, timeout=280)
     assert done.returncode == 0, done.stdout.splitlines()[-1] + done.stderr
     told = done.stdout.split("example ")[1:]
     return [text.removeprefix(f"{path}\n") for path, text in zip(paths, told, strict=True)]
