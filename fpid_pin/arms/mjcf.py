@@ -1,6 +1,7 @@
 """Reading MJCF: MuJoCo's own compiler resolves it, and the compiled model becomes a tree."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,9 @@ _KINDS = ("FreeFlyer", "Spherical", parts.PRISMATIC, parts.REVOLUTE)
 _SOLIDS = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 #: Groups of geoms that MuJoCo's viewers show at first; the others are for contacts.
 _SHOWN = 2
-#: Transmissions (mjtTrn) to a joint; an activation (mjtDyn) that stays within the control's range.
-_TO_JOINT, _BOUNDED = (0, 1), (0, 2, 3)
+#: Transmissions (mjtTrn) to a joint and to a tendon; an activation (mjtDyn) that stays within the
+#: control's range.
+_TO_JOINT, _TENDON, _BOUNDED = (0, 1), 3, (0, 2, 3)
 _ANY = (-np.inf, np.inf)
 #: An equality constraint (mjtEq) that couples two joints.
 _COUPLED = 2
@@ -37,12 +39,25 @@ def mjcf_tree(path: str | Path, arm: str | None = None, keep: Keep | None = None
     """
     label = cut(str(path))
     parse_xml(read_robot(path, "MJCF"), label, "mujoco")
-    mujoco = needed("mujoco", "mujoco")
-    with one_line(f"{label}: MuJoCo cannot compile it"):
+    mujoco, said = needed("mujoco", "mujoco"), list[str]()
+    with one_line(f"{label}: MuJoCo cannot compile it"), _warnings_of(mujoco, said):
         model = mujoco.MjModel.from_xml_path(str(path))
     off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     gravity = (0.0,) * 3 if off else _floats(model.opt.gravity)
-    return _Reader(model, label, gravity).tree(arm, keep)
+    tree = _Reader(model, label, gravity).tree(arm, keep)
+    tree.remarks |= {f"MuJoCo warns: {cut(' '.join(text.split()))}": [] for text in said}
+    return tree
+
+
+@contextmanager
+def _warnings_of(mujoco: Any, said: list[str]) -> Iterator[None]:
+    """Collect the warnings that MuJoCo would write to the terminal and to a log file here."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 class _Reader:
@@ -79,8 +94,11 @@ class _Reader:
                 tree.shapes += self._shapes(geom)
         # What pulls at joints in MuJoCo and is no part of an arm here.
         self._couple()
+        # Tendons have their own line.
+        elsewhere = int(np.isin(model.actuator_trntype, (*_TO_JOINT, _TENDON), invert=True).sum())
         counts = {"equality constraint": model.neq - len(tree.followers), "tendon": model.ntendon,
-                  "flexible body": model.nflex, "plugin": model.nplugin}  # fmt: skip
+                  "non-joint actuator": elsewhere, "flexible body": model.nflex,
+                  "plugin": model.nplugin}  # fmt: skip
         left_out = [f"{count} {what}(s)" for what, count in counts.items() if count]
         if model.opt.density or model.opt.viscosity or any(model.opt.wind):
             left_out.append("the fluid around it")
@@ -131,11 +149,15 @@ class _Reader:
         else:
             fixed = [root for root in roots if moving[root] and 0 not in moving[root]]
             found = fixed or [root for root in roots if moving[root]]
+            # Beside an arm stand doors, boxes and targets, which have fewer joints.
+            most = max((len(moving[root]) for root in found), default=0)
+            found = [root for root in found if len(moving[root]) == most]
             if len(found) != 1:
                 some = f"{len(found)}: {listed(names[b] for b in found)}" if found else "none"
+                which = " (say which by the last link of its arm: keep, or --keep)"
                 raise ArmError(
                     f"{label}: expected one body in the world with joints, got {some}"
-                    + (" (arm names the base of one, or keep its tip)" if found else "")
+                    + which * bool(found)
                 )
             base = found[0]
         root = int(model.body_rootid[base])
@@ -198,7 +220,7 @@ class _Reader:
             tree.remark(name, f"effort from {least:g} to {most:g} is taken as the larger to both "
                               "sides (with_limits sets another)")  # fmt: skip
         if model.nu and not len(actuators):
-            tree.remark(name, "no actuator, taken as driven without a limit")
+            tree.remark(name, "no actuator of its own, taken as driven without a limit")
         if model.jnt_stiffness[j] or _any(model, "jnt_stiffnesspoly", j):
             tree.remark(name, "left out: a spring")
         if _any(model, "dof_dampingpoly", dof):

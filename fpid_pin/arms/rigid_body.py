@@ -194,10 +194,12 @@ class RigidBody:
             bodies = list(self.model.inertias)[1:]
             idle = [k for k, body in enumerate(bodies) if body.mass <= 0.0 and share[k] > 1e-6]
             k = (idle or [int(np.argmax(share))])[0]
+            none = sum(body.mass <= 0.0 for body in bodies)
             raise ArmError(
                 f"{cut(self.name)}: expected a positive definite mass matrix, got smallest "
                 f"eigenvalue {values[0]:.3g}: link {named(link_of(self.model, k + 1))} (moved by "
-                f"joint {named(self.joint_names[k])}) has too little mass or inertia"
+                f"joint {named(self.joint_names[k])}) has too little mass or inertia (links "
+                f"without mass: {none} of {self.n}; the robot's file has to give it)"
             )
 
 

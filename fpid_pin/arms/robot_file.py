@@ -60,7 +60,7 @@ def parse_xml(text: bytes | str, label: str, *roots: str) -> ET.Element:
             f"{label}: expected at most {NESTED} elements within one another, got more around "
             f"<{cut(level[0].tag, _TAG)}>"
         )
-    if any(element.tag.startswith("xacro:") for element in root.iter()):
+    if any(e.tag.startswith("xacro:") or "${" in "".join(e.attrib.values()) for e in root.iter()):
         shell = label if " " not in label else f"'{label}'"
         raise ArmError(
             f"{label}: expected a robot that is written out, got macros of xacro (run: xacro "

@@ -17,14 +17,18 @@ from fpid_pin.exceptions import ArgumentError, ArmError, FpidWarning
 from fpid_pin.text import cut, listed, named, shown
 
 Keep = str | Sequence[str]
+_FREE = "FreeFlyer"
 _WORDS = {
-    "FreeFlyer": "a free joint (an arm's base is fixed)",
+    _FREE: "a free joint, while an arm's base is fixed",
     "Spherical": "a ball joint",
+    "Planar": "a planar joint",
     "Composite": "several joints in one (put a body between them)",
     "Mimic": "one that mimics another (lock it)",
 }
 #: A position limit beyond this [rad] or [m] is a way of saying that there is none.
 UNREACHABLE = 1e4
+#: Joints of a branch that is no finger but an arm, one of two on a torso perhaps.
+_ARM = 6
 #: What to hold as a script, a configuration and the command line write it: how names are quoted,
 #: what keeps, what locks, what is between joints, a joint.
 _FORMS: dict[str, tuple[Callable[[str], str], str, str, str, str]] = {
@@ -192,7 +196,11 @@ class Tree:
             return {checks.choice("keep", name, self.names) for name in keep}
         places = {name: k for k, name in enumerate(self.names)}
         places |= {frame["name"]: frame["joint"] for frame in self.frames}
-        return {self.names[k] for k in self._path(places[checks.choice("keep", keep, places)])}
+        path = self._path(places[checks.choice("keep", keep, places)])
+        kept = {self.names[k] for k in path if self.joints[k]["kind"] != _FREE}
+        if len(kept) < len(path):
+            self.remarks["the base, which is free, is held where it is drawn"] = []
+        return kept
 
     def _path(self, joint: int) -> list[int]:
         """Return the joints from the base to this one."""
@@ -227,10 +235,13 @@ class Tree:
         others = [names[k] for k in free if k not in chain]
         rest = {name: self.rest.get(name, 0.0) for name in others
                 if name not in self.followers or self.followers[name][0] not in others}  # fmt: skip
-        if any(self.joints[k]["kind"] not in parts.UNITS for k in free):
+        if not chain or any(self.joints[k]["kind"] not in parts.UNITS for k in free):
             rest = {}
-        # What stands on a joint that no arm has is not to be had by its tip either.
-        stands = chain and not any(map(self._joint_fault, self._path(chain[-1])))
+        # What stands on a joint that no arm has is not to be had by its tip either; a free base is
+        # held then.
+        stands = chain and not any(
+            self._joint_fault(k) for k in self._path(chain[-1]) if self.joints[k]["kind"] != _FREE
+        )
         links = [body.name for body in self.bodies if stands and body.joint == chain[-1]]
         tip = [*links, names[chain[-1]]][0] if stands else ""
         raise HoldError(f"{self.label}: {fault}", rest, tip)
@@ -264,7 +275,7 @@ class Tree:
 
 
 def _main_chain(below: Mapping[int, list[int]]) -> list[int]:
-    """Return the joints to suggest: down the deepest branch, up to where two are as deep."""
+    """Return the joints to suggest: down the deepest branch, up to where fingers are as deep."""
     depth: dict[int, int] = {}
     for k in sorted(below, reverse=True):
         depth[k] = 1 + max((depth[j] for j in below[k]), default=0)
@@ -272,7 +283,7 @@ def _main_chain(below: Mapping[int, list[int]]) -> list[int]:
     while below[k]:
         deepest = max(depth[j] for j in below[k])
         ahead = [j for j in below[k] if depth[j] == deepest]
-        if len(ahead) > 1 and chain:
+        if len(ahead) > 1 and chain and deepest < _ARM:
             break
         k = ahead[0]
         chain.append(k)

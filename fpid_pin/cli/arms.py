@@ -31,8 +31,11 @@ from fpid_pin.simulation.toml import toml_text
 from fpid_pin.text import visible
 
 WIDTH = 80
-#: Limits that exporters and drafts write for all joints; a link's mass to its neighbours'.
-_PLACEHOLDERS, _HEAVY = (10.0, 1000.0), 10.0
+#: Limits that drafts write for all joints; a link's mass to its neighbours'; more than an arm turns
+#: to one side [rad].
+_PLACEHOLDERS, _HEAVY, _TURNS = (10.0, 1000.0), 10.0, 20.0
+#: A joint that friction stops within less is one that a file's author meant to stand still [s].
+_FASTEST = 1e-4
 #: The reference of ``init.toml``: so far to both sides at most [rad], [m], this part of what
 #: position and speed limits allow, and its frequency [rad/s].
 _SWING, _SLIDE, _PART, _FREQUENCY = 0.3, 0.1, 0.4, 1.0
@@ -220,6 +223,12 @@ def oddities(arm: Arm) -> Iterator[str]:
     for name, limit in limits.items():
         if arm.n > 1 and limit[0] in _PLACEHOLDERS and (limit == limit[0]).all():
             yield f"the {name} limits of all joints are {limit[0]:g}, as drafts have them"
+    ends = np.maximum(np.abs(arm.lower), np.abs(arm.upper))
+    if (far := (ends > _TURNS) & np.isfinite(ends) & (np.array(arm.units) == "rad")).any():
+        yield f"position limits beyond {_TURNS:g} rad, perhaps meant in degrees: {of(far)}"
+    inertia = np.diag(arm.mass_matrix(arm.home))
+    if (held := arm.viscous_friction * _FASTEST > inertia).any():
+        yield f"viscous friction holds the joint, which --lock would do better: {of(held)}"
     masses = np.array([0.0, *(body.mass for body in list(arm.model.inertias)[1:]), 0.0])
     beside = np.maximum(masses[:-2], masses[2:])
     if (heavy := (beside > 0.0) & (masses[1:-1] > _HEAVY * beside)).any():

@@ -1,5 +1,6 @@
 """MJCF arms against MuJoCo itself: M, bias, gravity, limits, losses, at random states."""
 
+import os
 import sys
 
 import mujoco
@@ -256,6 +257,20 @@ def test_the_refusal_names_all_that_has_to_be_held_and_the_tip_that_is_left(tmp_
         descriptions.from_dict({"kind": "mjcf", "path": str(path)}, Arm)
     with pytest.raises(ArgumentError, match="keep: expected one of .* got 'hh'"):
         Arm.from_mjcf(path, keep="hh")
+    # Two arms on a torso are not two fingers.
+    arms = ["".join(f'<body name="{s}{k}"><joint/>{I}' for k in range(6)) for s in "xy"]
+    with pytest.raises(ArmError, match="joint 'j' into 'joint1', 'joint7' .keep='x5' or lock="):
+        Arm.from_mjcf(write(tmp_path, world(J + I + "".join(arm + "</body>" * 6 for arm in arms))))
+
+
+def test_a_free_base_is_held_where_it_is_drawn(tmp_path):
+    free = world(base='pos=".1 .2 .3" euler="10 20 30"')
+    path = write(tmp_path, free.replace('<body name="l">', f'<freejoint/>{I}<body name="l">'))
+    with pytest.raises(ArmError, match=r"got a free joint, while an arm's base .* \(keep='l'\)$"):
+        Arm.from_mjcf(path)
+    with pytest.warns(FpidWarning, match="the base, which is free, is held where it is drawn"):
+        arm = Arm.from_mjcf(path, keep="l")
+    agree(arm, path)
 
 
 SCENE = world().replace(
@@ -278,6 +293,14 @@ def test_the_arm_of_a_scene_is_named_by_its_base_or_tip_and_the_rest_is_told(tmp
     text = SCENE.replace('<joint name="t" type="slide"/>', "")
     with pytest.warns(FpidWarning, match="other bodies that move: 'm', 'box'"):
         assert Arm.from_mjcf(write(tmp_path, text)).n == 1
+    # Of several the one that has most joints, though one that stands free has more.
+    text = SCENE.replace(I, f'{I}<body><joint name="k"/>{I}</body>', 1)
+    free = f"<body><freejoint/>{I}" + f"<body><joint/>{I}" * 3 + "</body>" * 4
+    path = write(tmp_path, text.replace("</worldbody>", f"{free}</worldbody>"))
+    with pytest.warns(FpidWarning, match="other bodies that move: 'target', 'm', 'box', ..."):
+        arm = Arm.from_mjcf(path)
+    assert arm.joint_names == ("j", "k")
+    agree(arm, path)
 
 
 GRIPPER = """<mujoco><worldbody><body name="arm"><joint name="a" axis="0 1 0"/>{inertial}
@@ -319,21 +342,34 @@ PULLS = {
     "no actuator": (
         world(J + I + '<body><joint name="k"/>' + I + "</body>",
               after='<actuator><motor joint="j"/></actuator>'), "'k': no actuator"),
+    "an actuator of a site": (
+        world(J + I + '<site name="s"/>',
+              after='<actuator><motor joint="j"/><motor site="s"/></actuator>'),
+        r"left out: 1 non-joint actuator\(s\)"),
+    "what MuJoCo warns of": (
+        world(before='<compiler settotalmass="3"/>'), "xml: MuJoCo warns: .*'settotalmass'"),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("case", PULLS)
-def test_what_pulls_at_joints_besides_is_said_to_be_left_out(case, tmp_path):
+def test_what_pulls_at_joints_besides_is_said_to_be_left_out(case, tmp_path, monkeypatch, capfd):
     text, message = PULLS[case]
+    monkeypatch.chdir(tmp_path)
     with pytest.warns(FpidWarning, match=message) as caught:
-        Arm.from_mjcf(write(tmp_path, text))
+        Arm.from_mjcf(write(tmp_path, text, "arm.xml"))
     assert len(caught) == 1
+    # MuJoCo would write to the terminal, and to a file beside.
+    assert capfd.readouterr() == ("", "")
+    assert os.listdir() == ["arm.xml"]
 
 
 REFUSED = {
     "what MuJoCo refuses": (world('<joint name="j" axis="0 0 0"/>' + I), "MuJoCo cannot compile"),
     "no mass": (world(J), "MuJoCo cannot compile it: .*mass and inertia of moving bodies"),
     "a ball": (world('<joint type="ball"/>' + I), r"joint 'joint0': .* got a ball joint"),
+    "fingers alone": (
+        GRIPPER.replace('<joint name="a" axis="0 1 0"/>', "").replace("{inertial}", I),
+        "branches at its base into 'finger', 'follower'$"),
     "nothing that moves": (world(I), "one body in the world with joints, got none"),
 }  # fmt: skip
 

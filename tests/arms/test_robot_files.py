@@ -33,9 +33,10 @@ def test_the_root_element_says_what_a_file_is(tmp_path, name):
     assert Arm.from_file(path, lock={"slide": 0.1}) == Arm.from_mjcf(path, {"slide": 0.1})
 
 
+@pytest.mark.parametrize("text", [XACRO, '<robot name="${name}"/>'])
 @pytest.mark.parametrize("read", [Arm.from_file, Arm.from_urdf, Arm.from_mjcf])
-def test_macros_are_refused_with_the_command_that_writes_them_out(tmp_path, read):
-    path = write(tmp_path, XACRO, "my arm.urdf.xacro")
+def test_macros_are_refused_with_the_command_that_writes_them_out(tmp_path, read, text):
+    path = write(tmp_path, text, "my arm.urdf.xacro")
     with pytest.raises(ArmError, match=r"run: xacro '.*/my arm.urdf.xacro' > robot.urdf") as caught:
         read(path)
     assert "\n" not in str(caught.value)
@@ -108,14 +109,15 @@ REFUSED = {
     "floating": (
         robot(link("w"), link("base"), link("tip"), joint("j", "base", "tip"),
               joint("root", "w", "base", "floating", "")),
-        "joint 'root': expected revolute, continuous or prismatic, got a free joint .*fixed\\)$"),
+        r"joint 'root': expected revolute, .* got a free joint, .* is fixed \(keep = .tip.\)$"),
+    "planar": (one_joint(link("tip"), "", kind="planar"), "prismatic, got a planar joint"),
     "no axis": (one_joint(link("tip"), axis="0 0 0"), "joint 'j': expected axis a unit vector"),
     "no joints": (robot(link("x")), "expected at least one joint that is free"),
     "broken XML": ("<robot name='x'><link></robot>", "expected well-formed XML, got mismatched"),
     "massless tip": (
         robot(link("base"), link("a"), link("tip", 0, 0), joint("j", "base", "a"),
               joint("k", "a", "tip")),
-        "positive definite mass matrix.*link 'tip' .*joint 'k'"),
+        "positive definite mass matrix.*link 'tip' .*joint 'k'.*links without mass: 1 of 2; the"),
     "massless elbow": (robot(*ELBOW), "link 'upper'"),
     "negative mass": (one_joint(link("tip", -1.0)), r"link 'tip': expected a mass >= 0 .*got -1"),
     "negative moment": (

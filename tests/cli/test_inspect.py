@@ -107,9 +107,15 @@ def test_what_looks_wrong_is_flagged(capsys):
     assert "- the effort limit is below the weight at home: joint2\n" in printed
     planar = Arm.planar((1, 1, 1), (1, 30, 2), gravity=0)
     assert [*oddities(planar)] == ["the link outweighs its neighbours more than 10 times: joint2"]
-    arm = planar.with_scaled_links((1, 0.1, 1)).with_limits(velocity=10, lower=(-1, 1, -1), upper=2)
+    arm = (
+        planar.with_friction((0, 1e7, 0))
+        .with_scaled_links((1, 0.1, 1))
+        .with_limits(velocity=10, lower=(-1, 1, -1), upper=(2, 2, 180))
+    )
     assert [*oddities(arm)] == [
         "the speed limits of all joints are 10, as drafts have them",
+        "position limits beyond 20 rad, perhaps meant in degrees: joint3",
+        "viscous friction holds the joint, which --lock would do better: joint2",
         "the zero pose is outside the limits: joint2",
     ]
     assert [*oddities(Arm.from_example("ur5"))] == []
