@@ -168,6 +168,16 @@ def test_a_pinned_run_stays_beside_the_one_that_moves_and_the_address_has_both(
 
 
 @pytest.mark.browser
+def test_the_marks_of_an_axis_differ_where_a_gain_hardly_moves(play):
+    marks = play.page.evaluate(
+        "new Promise((done) => { const plot = plots.signal;"
+        "plot.show(plot.curves.map((c) => ({...c, values: TIMES.map((t) => 100 + 1e-3 * t)})));"
+        "requestAnimationFrame(() => done(plot.chart.axes[1]._values)); })"
+    )
+    assert len(set(marks)) == len(marks) > 2
+
+
+@pytest.mark.browser
 def test_several_laws_are_on_the_plots_at_once(play):
     page = play.page
     assert page.evaluate("plots.error.curves.length") == 2  # the joints

@@ -57,7 +57,8 @@ class Plot {
       const most = 1.6 * (sizes[Math.floor(0.9 * sizes.length)] ?? 1) || 1;
       [low, high] = [Math.max(low, -most), Math.min(high, most)];
     }
-    const room = 0.06 * (high - low) || Math.abs(high) * 0.1 || 1;
+    // The marks of a gain that hardly moves have to differ in four digits.
+    const room = Math.max(0.06 * (high - low), 0.01 * Math.abs(high), 0.01 * Math.abs(low)) || 1;
     return [low - room, high + room];
   }
 
