@@ -165,14 +165,11 @@ def evaluate_model(ctrl, inputs):
 @kernel
 def limit_torque(joints, torque):
     """Write the torque asked for, clipped at the effort limits, and by how much it was cut."""
-    cut = False
     for j in range(joints.size):
         c = joints[j]
         asked = c.u_law + c.u_model + c.u_s
         torque[j] = clip(asked, c.limit)
         c.cut = asked - torque[j]
-        cut = cut or c.cut != 0.0
-    return cut
 
 
 @kernel
@@ -214,10 +211,17 @@ def sampled_supervisor(robot, joints, mass, factored, terms, torque):
         least_correction(robot, joints, reserve, change)
     if robot.correcting:
         torque_of_change(joints, mass, robot.h, change, u_s)
+        cut = False
         for j in range(n):
+            # On top of what the effort limit left, for which the change was found.
+            c = joints[j]
             terms[WORK_3, j] = torque[j]
-            joints[j].u_s = u_s[j]
-        if limit_torque(joints, torque) and robot.observes:
+            c.u_s = u_s[j]
+            asked = torque[j] + c.u_s
+            torque[j] = clip(asked, c.limit)
+            c.cut += asked - torque[j]
+            cut = cut or asked != torque[j]
+        if cut and robot.observes:
             # The effort limit left less of the change.
             for j in range(n):
                 change[j] = torque[j] - terms[WORK_3, j]

@@ -104,6 +104,33 @@ def test_it_is_silent_in_the_paper_s_experiment_to_the_last_bit(guard):
     assert (run.q == alone.q).all()
 
 
+@dataclasses.dataclass(frozen=True, eq=False)
+class Runaway(fp.Controller):
+    """A law that has gone wrong, and asks for far more than the drives give."""
+
+    shown = {"u_s": "u_s", "xi": "xi"}
+
+    @staticmethod
+    def torque(c):
+        return 1000.0
+
+
+@pytest.mark.parametrize("observer", [0.0, 100.0])
+def test_what_a_law_asks_beyond_the_effort_limit_does_not_outweigh_it(observer):
+    arm = fp.Arm.planar(lengths=[1.0], masses=[1.0]).with_limits(effort=60.0)
+    experiment = fp.Experiment(arm, fp.references.Hold(0.0), duration=0.5)
+    guard = fp.Supervisor(2.0, 1.0, disturbance_bound=0.1, observer=observer)
+    alone, run = fp.simulate(experiment, [Runaway(), Runaway(supervisor=guard)])
+    assert largest(alone, guard) > 100.0
+    assert largest(run, guard) <= 1.0
+    acts = run.u_s[:, 0] != 0.0
+    # Its torque comes on top of what the limit left of the law's, and is within the limit itself.
+    assert np.abs(run.torque[acts] - 60.0 - run.u_s[acts]).max() < 1e-12
+    assert np.abs(run.torque[acts]).max() < 60.0
+    # An observer is told what was given: what is unknown here is the model's change in a step.
+    assert np.abs(run.xi).max() < 1.0
+
+
 def largest(run, guard):
     """Return the largest V over V_M of the true state; at t = 0 it is 0.972."""
     state = np.stack([run.error, run.v_ref - run.v], axis=-1)

@@ -42,8 +42,10 @@ class Supervised(by_hand.Loop):
     def supervised(self, asked, given):
         if self.guard.kind == "paper":
             return self.limited(asked + self.paper_torque(asked)) if self.acting else given
-        change = self.least_change(self.a_ref - self.ahead(given))
-        return self.limited(asked + self.felt() @ change)
+        change, cut = self.least_change(self.a_ref - self.ahead(given)), self.cut
+        given = self.limited(given + self.felt() @ change)
+        self.cut = self.cut + cut
+        return given
 
     def paper_torque(self, u):
         """Eq. (20)."""

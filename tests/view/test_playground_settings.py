@@ -214,6 +214,11 @@ def test_orders_that_come_to_move_have_the_bounds_of_the_description(page):
         assert run.signals["derivative_order"].min() >= 0.3
 
 
+def test_orders_a_rounding_beside_0_and_1_are_the_described_ones(page):
+    beside = [5e-324, 1.0 - 2.0**-53]
+    page.check([{"0.derivative_order": beside, "0.integral_order": beside[::-1]}])
+
+
 def test_a_start_from_before_begins_with_the_kick_of_its_order_and_step(page):
     asked = [{}, {"1.derivative_order": [0.6, 0.7]}, {"step": 0.002}, {"step": 0.01}]
     runs = page.check([{"controller": 1, **changes} for changes in asked])

@@ -32,7 +32,7 @@ function weightsAt({weights}, order) {
   const out = new Float64Array(WIDTH), last = POINTS.length - 1;
   let total = 0;
   for (let i = 0; i <= last; i++) {
-    if (order === POINTS[i]) return weights.subarray(i * WIDTH, (i + 1) * WIDTH);
+    if (Math.abs(order - POINTS[i]) < 1e-300) return weights.subarray(i * WIDTH, (i + 1) * WIDTH);
     const share = (i % 2 ? -1 : 1) * (i === 0 || i === last ? 0.5 : 1) / (order - POINTS[i]);
     total += share;
     for (let m = 0; m < WIDTH; m++) out[m] += share * weights[i * WIDTH + m];
