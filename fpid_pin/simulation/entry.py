@@ -281,7 +281,7 @@ def measure(
     robots = start_robots(experiments, controllers, keep)
     outcomes = advance_all(robots, take, progress)
     return [
-        (outcome, metrics_from(robot.sums, e.rows - 1, e.step))
+        (outcome, metrics_from(robot.sums, outcome.completed, e.step))
         for outcome, robot, e in zip(outcomes, robots, experiments, strict=True)
     ]
 

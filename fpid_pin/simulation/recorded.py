@@ -103,10 +103,10 @@ def meta_of(
     }
 
 
-def metrics_from(sums: Any, planned: int, step: float) -> Metrics:
-    """Return the metrics of sums, `kernels.records.MEASURE`, of a run of `planned` + 1 rows."""
+def metrics_from(sums: Any, completed: bool, step: float) -> Metrics:
+    """Return the metrics of sums, `kernels.records.MEASURE`, of a run that was completed or not."""
     h = step
-    stayed = (sums["rows"] == planned) & (sums["settled"] < sums["rows"])
+    stayed = completed & (sums["settled"] < sums["rows"])
     with np.errstate(divide="ignore", invalid="ignore"):
         return Metrics(
             ise=h * sums["square"],
@@ -147,7 +147,7 @@ def metrics_of(run: "Run", band: float = SETTLING_BAND) -> Metrics:
     motion = np.stack([getattr(run, name)[:planned] for name in ("q", "v", "torque")])
     reference = np.array(run.q_ref[np.newaxis, :planned])
     measure(sums, reference, motion, planned // 2, run.step)
-    return metrics_from(sums, planned, run.step)
+    return metrics_from(sums, run.outcome.completed, run.step)
 
 
 # ---------------------------------------------------------------------- limits

@@ -111,6 +111,22 @@ def test_a_diverged_run_costs_infinity_and_its_metrics_are_those_of_its_rows():
     assert np.isnan(run.metrics.rms_tail).all()
 
 
+class Ending(fp.Controller):
+    """Holds the arm still, and has no torque for it at its eleventh tick."""
+
+    def control(self, state, q, *others):
+        k = state.memory["k"] = state.memory.get("k", 0) + 1
+        return state.arm.gravity_vector(q) * (1.0 if k < 11 else np.nan)
+
+
+@pytest.mark.parametrize("every", [1, 2, 5])
+def test_a_run_that_ends_at_its_last_row_has_not_settled(every):
+    still = fp.Experiment(fp.Arm.two_link(), Hold(0.0), duration=0.01)
+    run = fp.simulate(still, Ending())
+    assert len(run.t) == 10 < run.planned_rows
+    assert (run.thinned(every).metrics.settling_time == np.inf).all()
+
+
 def test_a_start_beyond_the_runaway_speed_is_refused():
     with pytest.raises(ArgumentError, match="v0: expected at most runaway_speed"):
         dataclasses.replace(EXPERIMENT, v0=(2000.0, 0.0))
