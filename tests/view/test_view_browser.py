@@ -109,6 +109,18 @@ def test_both_time_sliders_move_the_arms_that_stand_under_their_captions(
         assert page.inner_text("#play") == "Pause"
 
 
+def test_no_caption_stands_on_another(visit, make_run, two_link, tmp_path):
+    runs = [make_run(two_link, name=f"{name} + feedforward + observer") for name in ("PID", "FPID")]
+    file = export_html(runs, tmp_path / "run.html")
+    with visit(f"{file.as_uri()}#t=0") as page:
+        sizes, places = page.evaluate(
+            "[fpidPin.views.map(({label}) => [label.scale.x, label.scale.y]), fpidPin.views.map("
+            "({label, table}) => [table.offset[0], label.position.z])]"
+        )
+        apart = np.abs(np.subtract(*places))
+        assert (apart >= 0.999 * np.mean(sizes, axis=0)).any()
+
+
 def test_a_report_is_readable_at_any_width(visit, make_run, two_link, tmp_path):
     runs = [make_run(two_link, name="integer", integer=True), make_run(two_link, name="other")]
     # Of six joints it would be as long.

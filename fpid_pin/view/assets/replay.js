@@ -142,6 +142,11 @@ class RunView extends ArmPair {
 }
 
 const views = SCENE.runs.map((table, i) => new RunView(table, i));
+// Captions that are wider than the way to the next arm stand in two rows.
+const ways = SCENE.runs.slice(1).map(({offset}, k) =>
+  Math.hypot(...offset.map((x, axis) => x - SCENE.runs[k].offset[axis])));
+const row = Math.max(...views.map(({label}) => label?.scale.x ?? 0)) > Math.min(...ways) ? 0.13 * reach : 0;
+views.forEach(({label}, k) => { if (label) label.position.z += (k % 2) * row; });
 const limits = new Set(views.flatMap(({joints}) => joints.map(({limit}) => limit !== null)));
 const full = [...limits].map((known) => (known ? "at the limit" : "at the largest seen"));
 element("legend").textContent = "Green, translucent: where the arm should be, and its tool's path. "
@@ -160,7 +165,7 @@ stage.taken = () => {
     Math.abs((y * (table.offset[0] - centre[0]) - x * (table.offset[1] - centre[1])) / level)
     + 0.5 * label.scale.x));
   return {left: open ? panel.offsetLeft + panel.offsetWidth : 0, below: 52, wide,
-    high: extent[1] + (views.length > 1 ? 0.12 * reach : 0)};
+    high: extent[1] + row + (views.length > 1 ? 0.12 * reach : 0)};
 };
 stage.frame();
 panel.addEventListener("toggle", () => stage.frame());
