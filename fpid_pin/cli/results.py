@@ -14,11 +14,10 @@ from fpid_pin.cli.screen import (
     Row,
     comma_separated,
     drop_constant,
-    in_markdown,
-    markdown,
     print_table,
     progress_bar,
     say,
+    screen,
 )
 from fpid_pin.control import Controller
 from fpid_pin.resources import installed
@@ -96,13 +95,14 @@ def write_results(
     for name, head in zip(("summary", "joints", "limits"), own, strict=True):
         if head in shown:
             texts[f"{name}.csv"] = comma_separated(shown[head])
-    texts["summary.md"] = "\n".join([
-        f"# {in_markdown(config.title)}\n",
-        "".join(f"- {in_markdown(line)}\n" for line in said),
-        *(f"## {head}\n\n{markdown(table)}" for head, table in shown.items()),
-    ])  # fmt: skip
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
+    with open(folder / "summary.txt", "w", encoding="utf-8") as file:
+        console = screen(file=file)
+        say(config.title, *said, console=console)
+        for head, table in shown.items():
+            say("", console=console)
+            print_table(table, head, console=console)
     drawn = {name: figure_bytes(figure, "svg") for name, figure in figures.items()}
     for name, svg in drawn.items():
         (folder / f"{name}.svg").write_bytes(svg)

@@ -118,7 +118,8 @@ class Profile:
         (parameters,); about 0: the parameter could be left out of the search.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(self.nudged.max(axis=1) / self.cost - 1.0)
+            rises = self.nudged.max(axis=1) / self.cost - 1.0
+        return np.where(np.isnan(rises), 0.0, rises)  # costs of 0 all along
 
     @property
     def advice(self) -> list[str]:

@@ -7,11 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from fpid_pin import checks
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError
 from fpid_pin.view.style import INK, PALETTE, colour, lettering, new_figure, styled
 
 if TYPE_CHECKING:
@@ -28,54 +25,36 @@ _WIDE, _HIGH, _LETTER, _LINE = 0.78, 0.3, 0.075, 0.155
 
 @styled
 def cost_map(
-    orders_lambda: ArrayLike,
-    orders_mu: ArrayLike,
-    costs: ArrayLike,
-    marks: Mapping[str, Sequence[float]] | None = None,
+    orders_lambda: FloatArray,
+    orders_mu: FloatArray,
+    costs: FloatArray,
+    marks: Mapping[str, Sequence[float]],
 ) -> Figure:
-    """Draw the cost over the plane of the orders, on a logarithmic scale.
+    """Draw the cost (L, M) over the plane of the orders, (L,) and (M,); marks are (lambda, mu).
 
-    Parameters
-    ----------
-    orders_lambda, orders_mu
-        Integral orders (L,) and derivative orders (M,), increasing.
-    costs
-        (L, M), positive; inf or NaN where a run diverged, drawn hatched.
-    marks
-        Points to point out, ``{"label": (lambda, mu)}``.
-
-    Raises
-    ------
-    ArgumentError
-        Shapes that do not fit, or no finite cost at all.
+    The scale is logarithmic where every cost is positive; inf, where a run diverged, is hatched.
     """
-    from matplotlib.colors import LogNorm
+    from matplotlib.colors import LogNorm, Normalize
 
-    x = checks.floats("orders_lambda", orders_lambda, max_ndim=1)
-    y = checks.floats("orders_mu", orders_mu, max_ndim=1)
-    z = np.asarray(costs, dtype=np.float64)
-    if z.shape != (x.size, y.size):
-        raise ArgumentError("costs", f"shape ({x.size}, {y.size})", f"shape {z.shape}")
-    sound = np.isfinite(z) & (z > 0.0)
-    if not sound.any():
-        raise ArgumentError("costs", "at least one finite positive cost", "none")
-    rows = (len(marks or {}) + 1) // 2
-    figure, (panel,) = new_figure(1, 1, 5.2, 4.2 + 0.25 * rows)
-    low, high = float(z[sound].min()), float(z[sound].max())
-    norm = LogNorm(low, max(high, low * 1.01))
+    figure, (panel,) = new_figure(1, 1, 5.2, 4.2 + 0.25 * ((len(marks) + 1) // 2))
+    sound = np.isfinite(costs)
+    found = costs[sound] if sound.any() else np.ones(1)
+    low, high = float(found.min()), float(found.max())
+    norm = (LogNorm if low > 0.0 else Normalize)(low, max(high, 1.01 * low, 1e-300))
     # A patch behind shows through where there is no cost.
     panel.patch.set(hatch="///", edgecolor="#b0b0b0", facecolor="white")
-    masked = np.ma.masked_where(~sound, z)
-    mesh = panel.pcolormesh(x, y, masked.T, norm=norm, shading="nearest", cmap="cividis")
+    masked = np.ma.masked_where(~sound, costs)
+    mesh = panel.pcolormesh(
+        orders_lambda, orders_mu, masked.T, norm=norm, shading="nearest", cmap="cividis"
+    )
     figure.colorbar(mesh, ax=panel, label="cost")
-    for k, (label, point) in enumerate((marks or {}).items()):
+    for k, (label, point) in enumerate(marks.items()):
         panel.plot(
-            float(point[0]), float(point[1]), _MARKS[k % len(_MARKS)], color=PALETTE[1],
-            markeredgecolor="white", markersize=9, label=lettering(label), linestyle="none",
+            *point, _MARKS[k % len(_MARKS)], color=PALETTE[1], markeredgecolor="white",
+            markersize=9, label=lettering(label), linestyle="none",
         )  # fmt: skip
-    if marks:
-        # Below the map: beside or above it, long names would squeeze it.
-        figure.legend(loc="outside lower center", ncols=2)
+    # Below the map: beside or above it, long names would squeeze it.
+    figure.legend(loc="outside lower center", ncols=2)
     panel.grid(False)
     panel.set(xlabel=r"integral order $\lambda$", ylabel=r"derivative order $\mu$")
     title = "" if sound.all() else "hatched: diverged"
@@ -84,41 +63,20 @@ def cost_map(
 
 
 @styled
-def convergence(history: ArrayLike | Mapping[str, ArrayLike]) -> Figure:
-    """Draw cost over generations.
-
-    Parameters
-    ----------
-    history
-        The best cost of each generation, (G,), or several such curves by name
-        (``{"best": ..., "median": ...}``). What is not finite leaves a gap.
-
-    Raises
-    ------
-    ArgumentError
-        No curve, or one without a finite cost.
-    """
+def convergence(curves: Mapping[str, FloatArray]) -> Figure:
+    """Draw costs over generations, (G,) by name; what is not finite leaves a gap."""
     from matplotlib.ticker import MaxNLocator
 
-    curves = history if isinstance(history, Mapping) else {"best": history}
-    if not curves:
-        raise ArgumentError("history", "at least one curve", "none")
     figure, (panel,) = new_figure(1, 1, 5.6, 3.2)
-    positive = True
-    for (name, values), dash in zip(curves.items(), ("-", "--", ":", "-.") * 8, strict=False):
-        costs = np.atleast_1d(np.asarray(values, dtype=np.float64))
-        sound = np.isfinite(costs)
-        if costs.ndim != 1 or not sound.any():
-            raise ArgumentError(f"history.{name}", "a row of costs, some finite", f"{costs!r}")
-        positive &= bool((costs[sound] > 0.0).all())
+    for (name, costs), dash in zip(curves.items(), ("-", "--", ":", "-.") * 8, strict=False):
         panel.plot(
-            np.arange(1, costs.size + 1), np.where(sound, costs, np.nan), dash,
+            np.arange(1, costs.size + 1), np.where(np.isfinite(costs), costs, np.nan), dash,
             label=lettering(name), marker="." if costs.size < 30 else "",
         )  # fmt: skip
+    positive = all((costs > 0.0).all() for costs in curves.values())
     panel.set(xlabel="generation", ylabel="cost", yscale="log" if positive else "linear")
     panel.xaxis.set_major_locator(MaxNLocator(integer=True))
-    if len(curves) > 1:
-        panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(curves))
+    panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(curves))
     return figure
 
 
@@ -126,21 +84,17 @@ def convergence(history: ArrayLike | Mapping[str, ArrayLike]) -> Figure:
 def profile(labels: Sequence[str], values: FloatArray, costs: FloatArray, best: float) -> Figure:
     """Draw the cost along each parameter in turn, all others held.
 
-    Parameters
-    ----------
-    labels
-        Of the parameters.
-    values, costs
-        (parameters, K); +inf where a run diverges.
-    best
-        The cost of the controller itself: the dotted line.
+    `values` and `costs` are (parameters, K), +inf where a run diverges; `best` is the cost of the
+    controller itself, the dotted line.
     """
     columns = min(len(labels), 4)
     rows = -(-len(labels) // columns)
     size = 1.9 * columns + 0.8, 1.6 * rows + 0.5
     figure, panels = new_figure(rows, columns, *size, count=len(labels), share_x=False)
     finite = costs[np.isfinite(costs)]
-    top = min(max(float(finite.max(initial=best)), 1.1 * best), 10.0 * best)
+    top = max(float(finite.max(initial=best)), 1.1 * best)
+    # Costs may be 0.
+    top = min(top, 10.0 * best or top) or 1.0
     for k, (panel, label, x, y) in enumerate(zip(panels, labels, values, costs, strict=True)):
         panel.plot(x, np.where(y <= top, y, np.nan), ".-")
         panel.axhline(best, color=PALETTE[1], linestyle=":")
@@ -155,18 +109,10 @@ def profile(labels: Sequence[str], values: FloatArray, costs: FloatArray, best: 
 def heat_map(
     values: FloatArray, controllers: Sequence[str], conditions: Sequence[str], label: str
 ) -> Figure:
-    """Draw figures of merit; each condition is a column with colours of its own.
+    """Draw figures of merit, (conditions, controllers), under a label with their unit.
 
-    The best of a column is green, the others are the darker the farther behind it.
-
-    Parameters
-    ----------
-    values
-        (conditions, controllers), the less the better; inf where a run ended early.
-    controllers, conditions
-        Names.
-    label
-        What is shown, with its unit.
+    Each condition is a column with colours of its own: the best is green, the others are the darker
+    the farther behind it; inf is a run that ended early.
     """
     from matplotlib.colors import LogNorm
     from matplotlib.patches import Rectangle

@@ -9,21 +9,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fpid_pin.costs import METRICS
 from fpid_pin.files import put_text
+from fpid_pin.simulation.comparison import Comparison
 from fpid_pin.simulation.run import Run
-from fpid_pin.text import unit_for
 from fpid_pin.view.document import Link, as_text, asset, document, framed
 from fpid_pin.view.plots import figures as standard_figures
 from fpid_pin.view.replay import replay_html
-from fpid_pin.view.style import INK, as_runs, captions_of, colour, figure_bytes, joints_of
+from fpid_pin.view.style import INK, as_runs, captions_of, colour, figure_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: A table: either its heading row and its rows, or one mapping a row from heading to cell;
-#: numbers are set to four significant digits.
-Table = Sequence[Sequence[object]] | Sequence[Mapping[str, object]]
+#: One mapping a row from heading to cell; numbers are set to four significant digits.
+Table = Sequence[Mapping[str, object]]
 
 #: The last column of a table may say which rows are the best, and is called so itself.
 _BEST = "best"
@@ -59,7 +57,6 @@ def report_html(
     tables: Mapping[str, Table] | None = None,
     figures: Mapping[str, Figure | bytes] | None = None,
     config_text: str = "",
-    embed_replay: bool = True,
     captions: Sequence[str] | None = None,
     answer: Sequence[str] = (),
     groups: Mapping[str, Sequence[int]] | None = None,
@@ -75,22 +72,19 @@ def report_html(
     title
         Plain text.
     tables
-        By heading: rows of cells, the first row being the columns' names, or one mapping a row.
-        None: the metrics of the runs, by joint.
+        By heading: one mapping a row, from column to cell. None: the metrics of the runs, by joint.
     figures
         By caption, or by a name that `figures` gives; one that is drawn already as its SVG.
         None: those.
     config_text
         The configuration, as it was read.
-    embed_replay
-        Whether the replay is part of the page; it shows the first six runs of each group.
     captions
         One a run; None: their names.
     answer
         What the runs say, in lines, the most important first; it stands above all else.
     groups
         Runs that were made under one condition, by its name, as indices; the replay shows the
-        first, and a menu has the others. None: all are one group.
+        first, its first six, and a menu has the others. None: all are one group.
 
     Returns
     -------
@@ -106,18 +100,21 @@ def report_html(
     several = as_runs(runs)
     names = captions_of(several, captions)
     drawn: Mapping[str, Figure | bytes] = standard_figures(several) if figures is None else figures
-    shown = {"Figures of merit": metrics_table(several, names)} if tables is None else tables
+    if tables is None:
+        rows = Comparison(("",), tuple(names), tuple(several)).joint_rows()
+        for row in rows:
+            del row["condition"]
+        tables = {"Figures of merit": rows}
     marks = {run.name: colour(k) for k, run in reversed(list(enumerate(several)))}
     cells = {name: figure_html(name, figure) for name, figure in drawn.items()}
-    replay, parts = "", [answer_html(answer) + _outcomes(several, names)]
+    parts = [answer_html(answer) + _outcomes(several, names)]
     if "ranking" in cells:
         parts.append(section("Ranking", f'<div class="figures">{cells.pop("ranking")}</div>'))
-    if embed_replay:
-        replay, frame = _replay(several, names, title, groups or {"": range(len(several))})
-        parts.append(frame)
+    replay, frame = _replay(several, names, title, groups or {"": range(len(several))})
+    parts.append(frame)
     if cells:
         parts.append(section("Figures", f'<div class="figures">{"".join(cells.values())}</div>'))
-    parts += [section(heading, table_html(rows, marks)) for heading, rows in shown.items() if rows]
+    parts += [section(heading, table_html(rows, marks)) for heading, rows in tables.items() if rows]
     if config_text:
         parts.append(section("Configuration", f"<pre>{as_text(config_text, keep=_LINES)}</pre>"))
     parts.append(section("Versions", table_html(_versions(several, names))))
@@ -153,21 +150,6 @@ def _replay(
     return page, section(heading, menu + framed(page, 'title="replay"'))
 
 
-def metrics_table(runs: Sequence[Run], captions: Sequence[str]) -> Table:
-    """Return the figures of merit of runs: a row for each run and joint."""
-    joints = [joints_of(run) for run in runs]
-    angles = {unit for each in joints for unit in each.units}
-    told = [
-        f"{name.replace('_', ' ')}, {unit_for(metric.unit, angles)}"
-        for name, metric in METRICS.items()
-    ]
-    rows: list[list[object]] = [["run", "joint", *told]]
-    for run, caption, each in zip(runs, captions, joints, strict=True):
-        for j, joint in enumerate(each.names):
-            rows.append([caption, joint, *(getattr(run.metrics, name)[j] for name in METRICS)])
-    return rows
-
-
 def _versions(runs: Sequence[Run], captions: Sequence[str]) -> Table:
     return [
         {"run": caption, **run.meta.get("versions", {}), "seed": str(run.meta.get("seed", "")),
@@ -191,12 +173,8 @@ def table_html(table: Table, marks: Mapping[str, str] | None = None) -> str:
 
     A long one is folded.
     """
-    if isinstance(table[0], Mapping):
-        named = [row for row in table if isinstance(row, Mapping)]
-        heads: list[object] = list(dict.fromkeys(head for row in named for head in row))
-        rows = [[row.get(str(head), "") for head in heads] for row in named]
-    else:
-        heads, *rows = (list(row) for row in table)
+    heads = list(dict.fromkeys(head for row in table for head in row))
+    rows = [[row.get(head, "") for head in heads] for row in table]
     # A row's weight says that it is the best; the column that does is for files.
     if heads[-1] == _BEST:
         heads.pop()

@@ -17,8 +17,7 @@ import fpid_pin as fp
 from fpid_pin.disturbances import Pulse
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.references import Hold
-from fpid_pin.simulation import limit_report
-from fpid_pin.view.report import metrics_table
+from fpid_pin.simulation import Comparison, limit_report
 
 ARM = fp.Arm.two_link()
 NAMES = ("t", "q", "v", "q_ref", "v_ref", "torque")
@@ -364,6 +363,7 @@ def test_units_are_those_of_joints_that_turn_and_of_those_that_slide(tmp_path):
     assert (found["q.turn"], found["v_ref.turn"], found["torque.turn"]) == ("rad", "rad/s", "N m")
     assert (found["q.slide"], found["v_ref.slide"], found["torque.slide"]) == ("m", "m/s", "N")
     assert "<td>mm, N</td>" in run._repr_html_()
-    assert {"rms, rad or m", "settling time, s"} <= set(metrics_table([run], ["crane"])[0])
+    (row, _) = Comparison(("",), ("crane",), (run,)).joint_rows()
+    assert {"RMS [rad or m]", "settled [s]"} <= row.keys()
     assert "<td>rad, N m</td>" in arm._repr_html_()
     assert "<td>m, N</td>" in arm._repr_html_()

@@ -11,6 +11,7 @@ from fpid_pin.costs import Cost, MetricCost, QuadraticCost
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.tuning import RobustCost, SearchSettings, Space, problem, profile, scenarios, tune
 from fpid_pin.tuning.problem import over_scenarios
+from fpid_pin.view import plots
 
 EXPERIMENT = fp.paper_experiment(duration=0.4, step=5e-3)
 CONTROLLER = fp.paper_controller(supervised=False)
@@ -112,6 +113,10 @@ def test_a_profile_is_the_cost_along_each_parameter(monkeypatch):
     assert found.costs[1] == pytest.approx(np.ones(5))
     # A tenth of the range is 0.4: 4 x 0.16.
     assert found.rises == pytest.approx([0.64, 0.0])
+    # Of a cost that is 0 whatever is moved, as that of settling may be, nothing costs anything.
+    free = dataclasses.replace(found, costs=0.0 * found.costs, nudged=np.zeros((2, 2)), cost=0.0)
+    assert free.advice[0].startswith("Hardly matters")
+    assert plots.profile(free.labels, free.values, free.costs, free.cost).axes[0].get_ylim()[1] > 0
     assert found.advice == [
         "What a tenth of its range costs: kp.0 (64 %).", "Hardly matters: kp.1."
     ]  # fmt: skip

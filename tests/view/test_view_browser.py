@@ -9,8 +9,8 @@ from bounded import ended, until, wait_until
 from PIL import Image
 
 from fpid_pin import Arm, paper_controller, paper_experiment
+from fpid_pin.simulation import Comparison
 from fpid_pin.view import export_html, live, play, report_html
-from fpid_pin.view.report import metrics_table
 
 pytestmark = pytest.mark.browser
 
@@ -123,11 +123,12 @@ def test_no_caption_stands_on_another(visit, make_run, two_link, tmp_path):
 
 def test_a_report_is_readable_at_any_width(visit, make_run, two_link, tmp_path):
     runs = [make_run(two_link, name="integer", integer=True), make_run(two_link, name="other")]
+    compared = Comparison(("nominal",), ("integer", "other"), tuple(runs))
     # Of six joints it would be as long.
-    cells = [["joint", *"abcdefgh"], *([f"joint {k}", *range(8)] for k in range(20))]
+    cells = [{"joint": f"joint {k}", **dict.fromkeys("abcdefgh", k)} for k in range(20)]
     file = report_html(
         runs, tmp_path / "report.html", title="Report", config_text="a = 1",
-        tables={"Figures of merit": metrics_table(runs, ["integer", "other"]), "Long": cells},
+        tables={"Figures of merit": compared.joint_rows(), "Long": cells},
     )  # fmt: skip
     with visit(file.as_uri(), "document.readyState === 'complete'", (400, 900)) as page:
         folded = page.locator("details table")
@@ -172,7 +173,7 @@ def test_a_live_view_shows_the_loop_and_takes_a_push(visit):
     def session():
         reports.append(
             live(paper_experiment(), paper_controller(), duration=200.0, open_browser=False,
-                 priority=False, announce=said.append)
+                 announce=said.append)
         )  # fmt: skip
 
     thread = in_thread(session)

@@ -171,11 +171,17 @@ def test_thinning_keeps_ends_and_extremes():
 def test_a_cost_map_marks_what_diverged_and_what_is_marked():
     costs = np.outer([1.0, 2.0, 3.0], [1.0, 10.0])
     costs[0, 0] = np.inf
-    figure = plots.cost_map([0.8, 0.9, 1.0], [0.5, 1.0], costs, {"paper": (0.9, 0.9)})
+    orders = np.array([0.8, 0.9, 1.0]), np.array([0.5, 1.0])
+    figure = plots.cost_map(*orders, costs, {"paper": (0.9, 0.9)})
     panel = figure.axes[0]
     assert panel.collections[0].get_array().mask.sum() == 1
     assert panel.get_title(loc="right") == "hatched: diverged"
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["paper"]
+    # A search's end is not lost where costs are 0, as a settling time may be, or all runs diverge.
+    for costs, hatched in ((np.zeros((3, 2)), 0), (np.full((3, 2), np.inf), 6)):
+        figure = plots.cost_map(*orders, costs, {"paper": (0.9, 0.9)})
+        assert figure_bytes(figure, "svg").startswith(b"<?xml")
+        assert np.ma.getmaskarray(figure.axes[0].collections[0].get_array()).sum() == hatched
 
 
 def test_bad_input_is_named(pair, make_run, two_link, tmp_path):
