@@ -128,11 +128,11 @@ def run_inspect(table: dict[str, Any], bandwidth: float, step: float, picture: P
     """Print all of it; draw the arm where a picture is asked for."""
     arm = arm_of_table(table)
     if picture is not None:
-        from fpid_pin.view import plots
+        from fpid_pin.view import save_figure
         from fpid_pin.view.shapes import portrait
 
         # First: a name that no picture can have is told before a page of numbers.
-        plots.save_figure(portrait(arm), picture)
+        save_figure(portrait(arm), picture)
     # All of it before the first line: what is refused leaves no half of a page.
     for part in list(described(arm, bandwidth, step)):
         if isinstance(part, str):
@@ -216,9 +216,7 @@ def oddities(arm: Arm) -> Iterator[str]:
     def of(which: Any) -> str:
         return ", ".join(arm.joint_names[k] for k in np.flatnonzero(which))
 
-    weight = np.abs(arm.gravity_vector(arm.home))
-    if (weak := weight > arm.effort_limit).any():
-        yield f"the effort limit is below the weight at home: {of(weak)}"
+    yield from impossible_joints(arm)
     limits = {"effort": arm.effort_limit, "speed": arm.velocity_limit}
     for name, limit in limits.items():
         if arm.n > 1 and limit[0] in _PLACEHOLDERS and (limit == limit[0]).all():

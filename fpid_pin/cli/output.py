@@ -11,17 +11,8 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from fpid_pin import files
 from fpid_pin.exceptions import FileFormatError
-from fpid_pin.files import (
-    discard,
-    hidden_folder,
-    hidden_name,
-    kind_of,
-    locked,
-    sync,
-    sync_tree,
-    unwritable,
-)
 
 #: The file that says that a folder is ours to replace, and lists what in it is ours.
 MARK = ".fpid_pin"
@@ -53,15 +44,15 @@ def output_folder(path: str | Path) -> Iterator[Path]:
     temporary: Path | None = None
     try:
         _require_ours(path)
-        with locked(path):
+        with files.locked(path):
             _restore(path)
-            with hidden_folder(path) as hidden:
+            with files.hidden_folder(path) as hidden:
                 temporary = hidden / "new"
                 temporary.mkdir()
                 yield temporary
                 _sign(temporary)
                 _carry_over(path, temporary)
-                sync_tree(temporary)
+                files.sync_tree(temporary)
                 _require_ours(path)
                 _put(temporary, path)
     except OSError as error:
@@ -72,14 +63,14 @@ def _refused(path: Path, error: OSError, temporary: Path | None) -> Exception:
     """Say what the system refused: `path`, a file that the error names, or neither."""
     name = None if error.filename is None else os.fsdecode(error.filename)
     if name is None:
-        return unwritable(path, error) if temporary is None or error.errno in _DISK else error
+        return files.unwritable(path, error) if temporary is None or error.errno in _DISK else error
     within = temporary is None or Path(name).is_relative_to(temporary)
-    return unwritable(path, error) if within else FileFormatError(f"{name}: {error.strerror}")
+    return files.unwritable(path, error) if within else FileFormatError(f"{name}: {error.strerror}")
 
 
 def _require_ours(path: Path) -> None:
     """Refuse a place that is not free, and not a folder of ours that can be moved."""
-    kind = kind_of(path)
+    kind = files.kind_of(path)
     if kind is None:
         return
     if kind == "a folder":
@@ -125,27 +116,27 @@ def _put(temporary: Path, path: Path) -> None:
     there brings the old ones back.
     """
     try:
-        if kind_of(path) is not None:
+        if files.kind_of(path) is not None:
             os.rename(path, _old(path))
         os.rename(temporary, path)
-        sync(path.parent)
+        files.sync(path.parent)
     finally:
         _restore(path)
 
 
 def _old(path: Path) -> Path:
     """Return where older results are while new ones take their place."""
-    return path.parent / f"{hidden_name(path)}.old"
+    return path.parent / f"{files.hidden_name(path)}.old"
 
 
 def _restore(path: Path) -> None:
     """Bring older results back where there are no new ones, else remove them."""
-    if kind_of(_old(path)) is None:
+    if files.kind_of(_old(path)) is None:
         return
-    if kind_of(path) is None:
+    if files.kind_of(path) is None:
         os.rename(_old(path), path)
     else:
-        discard(_old(path))
+        files.discard(_old(path))
 
 
 def slug(name: str) -> str:

@@ -8,17 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fpid_pin import checks
+from fpid_pin.cli import screen
 from fpid_pin.cli.configuration import Config
 from fpid_pin.cli.output import file_names
-from fpid_pin.cli.screen import (
-    Row,
-    comma_separated,
-    drop_constant,
-    print_table,
-    progress_bar,
-    say,
-    screen,
-)
 from fpid_pin.control import Controller
 from fpid_pin.resources import installed
 from fpid_pin.simulation import Comparison, Experiment, compare
@@ -53,7 +45,7 @@ def simulate_all(
         for name in controllers
     ]
     files = [f"{stem}.npz" for stem in file_names(labels, taken=["checkpoint"])]
-    with progress_bar(f"simulating {len(files)} run{'s' * (len(files) > 1)}") as bar:
+    with screen.progress_bar(f"simulating {len(files)} run{'s' * (len(files) > 1)}") as bar:
         return compare(experiments, controllers, metric, progress=bar), files
 
 
@@ -65,7 +57,7 @@ def write_results(
     figures: Mapping[str, Figure],
     options: OutputOptions,
     said: Sequence[str] = (),
-    tables: Mapping[str, list[Row]] | None = None,
+    tables: Mapping[str, list[screen.Row]] | None = None,
 ) -> None:
     """Write runs, tables, figures, report and configuration into a folder.
 
@@ -87,22 +79,22 @@ def write_results(
         "Each run": rows, "Each joint": comparison.joint_rows(), "Limits": comparison.limit_rows()
     }  # fmt: skip
     shown = {
-        head: drop_constant(drop_constant(table, "condition"), "outcome")
+        head: screen.drop_constant(screen.drop_constant(table, "condition"), "outcome")
         for head, table in {**(tables or {}), **own}.items()
         if table
     }
     texts = {"config.toml": config.text}
     for name, head in zip(("summary", "joints", "limits"), own, strict=True):
         if head in shown:
-            texts[f"{name}.csv"] = comma_separated(shown[head])
+            texts[f"{name}.csv"] = screen.comma_separated(shown[head])
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     with open(folder / "summary.txt", "w", encoding="utf-8") as file:
-        console = screen(file=file)
-        say(config.title, *said, console=console)
+        console = screen.screen(file=file)
+        screen.say(config.title, *said, console=console)
         for head, table in shown.items():
-            say("", console=console)
-            print_table(table, head, console=console)
+            screen.say("", console=console)
+            screen.print_table(table, head, console=console)
     drawn = {name: figure_bytes(figure, "svg") for name, figure in figures.items()}
     for name, svg in drawn.items():
         (folder / f"{name}.svg").write_bytes(svg)
@@ -125,9 +117,9 @@ def write_results(
 def show(config: Config, comparison: Comparison, out: Path) -> None:
     """Print the answer, the figures behind it, and where everything is."""
     rows = [dict([*row.items()][:_ON_SCREEN], best=row["best"]) for row in comparison.rows()]
-    say(*comparison.answer)
-    print_table(drop_constant(rows, "condition"), config.title)
-    say(
+    screen.say(*comparison.answer)
+    screen.print_table(screen.drop_constant(rows, "condition"), config.title)
+    screen.say(
         comparison.legend,
         f"{dynamics_of(comparison)}; *: best",
         f"Written to {out}: report.html (open it in a browser), figures, tables, runs",

@@ -13,28 +13,11 @@ from fpid_pin.costs import METRICS
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.simulation.run import Run
 from fpid_pin.text import cut, percent, unit_for
+from fpid_pin.view import style
 from fpid_pin.view.maps import convergence as convergence
 from fpid_pin.view.maps import cost_map as cost_map
 from fpid_pin.view.maps import heat_map as heat_map
 from fpid_pin.view.maps import profile as profile
-from fpid_pin.view.style import (
-    INK,
-    PALETTE,
-    REFERENCE,
-    as_runs,
-    captions_of,
-    colour,
-    joints_of,
-    legend,
-    lettering,
-    line,
-    looks_of,
-    new_figure,
-    overview,
-    shared_legend,
-    styled,
-)
-from fpid_pin.view.style import save_figure as save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +28,7 @@ ORDERS = (("integral_order", r"$\lambda$"), ("derivative_order", r"$\mu$"))
 # Of the gains over rad, and over rad and the scale's kg m^2.
 _GAIN_UNITS = ("N m/rad", r"N m/(rad s$^\lambda$)", r"N m s$^\mu$/rad")
 _SCALED_UNITS = ("s$^{-2}$", r"s$^{-2-\lambda}$", r"s$^{\mu-2}$")
-_LIMIT: dict[str, Any] = {"color": PALETTE[1], "linestyle": ":"}
+_LIMIT: dict[str, Any] = {"color": style.PALETTE[1], "linestyle": ":"}
 _WIDTH = 7.0
 # The other run, where it is there to be compared with.
 _BENEATH: dict[str, Any] = {"color": "#9a9a9a", "linewidth": 0.9, "zorder": 1}
@@ -66,7 +49,7 @@ def _has_supervisor(run: Run) -> bool:
 
 
 def _of_one_size(runs: Run | Sequence[Run]) -> list[Run]:
-    several = as_runs(runs)
+    several = style.as_runs(runs)
     if not several:
         raise ArgumentError("runs", "at least one run", "none")
     counts = list(dict.fromkeys(run.q.shape[1] for run in several))
@@ -82,17 +65,17 @@ def _by_joint(
     runs: Sequence[Run], quantities: Sequence[str], height: float, looks: Sequence[dict[str, Any]]
 ) -> tuple[Figure, list[Axes]]:
     """Draw quantities of runs, a panel a joint under its name, in one column or two."""
-    joints = joints_of(runs[0])
-    names, count = joints.lettered(), len(joints.names) * len(quantities)
+    arm = runs[0].arm
+    names, count = style.lettered(arm), arm.n * len(quantities)
     columns = 2 if len(quantities) > 1 or count > _TALL else 1
     rows = -(-count // columns)
     width = _WIDTH if columns == 1 else 1.35 * _WIDTH
-    figure, panels = new_figure(rows, columns, width, 0.5 + height * rows, count=count)
+    figure, panels = style.new_figure(rows, columns, width, 0.5 + height * rows, count=count)
     for k, panel in enumerate(panels):
         j, quantity = k // len(quantities), quantities[k % len(quantities)]
         for run, look in zip(runs, looks, strict=True):
-            line(panel, run.t, getattr(run, quantity)[:, j], **look)
-        panel.set_ylabel(joints.label(quantity, j))
+            style.line(panel, run.t, getattr(run, quantity)[:, j], **look)
+        panel.set_ylabel(style.axis_label(arm, quantity, j))
         if quantity == quantities[0]:
             panel.set_title(names[j])
     for bottom in panels[-columns:]:
@@ -101,66 +84,66 @@ def _by_joint(
     return figure, panels
 
 
-@styled
+@style.styled
 def tracking(run: Run) -> Figure:
     """Draw each joint's angle and its reference over time."""
     figure, panels = _by_joint([run], ["q"], 1.6, [{"label": "actual"}])
     for j, panel in enumerate(panels):
-        line(panel, run.t, run.q_ref[:, j], "desired", **REFERENCE)
-    legend(panels[0], 2)
+        style.line(panel, run.t, run.q_ref[:, j], "desired", **style.REFERENCE)
+    style.legend(panels[0], 2)
     return figure
 
 
-@styled
+@style.styled
 def error(runs: Run | Sequence[Run]) -> Figure:
     """Draw each joint's tracking error, of one run or several."""
     several = _of_one_size(runs)
-    figure, _ = _by_joint(several, ["error"], 1.5, looks_of(several))
+    figure, _ = _by_joint(several, ["error"], 1.5, style.looks_of(several))
     if len(several) > 1:
-        shared_legend(figure, captions_of(several, None))
+        style.shared_legend(figure, style.captions_of(several, None))
     return figure
 
 
-@styled
+@style.styled
 def torque(run: Run) -> Figure:
     """Draw each joint's torque, with its limit where there is one: a line where it is near."""
     figure, panels = _by_joint([run], ["torque"], 1.5, [{"label": "applied"}])
-    joints = joints_of(run)
-    for j, (panel, limit) in enumerate(zip(panels, joints.limits, strict=True)):
+    arm = run.arm
+    for j, (panel, limit) in enumerate(zip(panels, arm.effort_limit, strict=True)):
         if np.abs(run.torque[:, j]).max(initial=0.0) > 0.25 * limit:
             panel.axhline(limit, label="limit", **_LIMIT)
             panel.axhline(-limit, **_LIMIT)
         elif np.isfinite(limit):
-            panel.set_title(f"limit $\\pm${limit:g} {joints.efforts[j]}", loc="right",
+            panel.set_title(f"limit $\\pm${limit:g} {arm.effort_units[j]}", loc="right",
                             fontsize=8, fontweight="normal")  # fmt: skip
-    if np.isfinite(joints.limits).any():
-        legend(panels[int(np.argmax(np.isfinite(joints.limits)))], 2)
+    if (limited := np.isfinite(arm.effort_limit)).any():
+        style.legend(panels[int(np.argmax(limited))], 2)
     return figure
 
 
-@styled
+@style.styled
 def comparison(runs: Sequence[Run]) -> Figure:
     """Draw several runs over each other: error and torque of every joint."""
     several = _of_one_size(runs)
-    figure, _ = _by_joint(several, ["error", "torque"], 1.5, looks_of(several))
-    shared_legend(figure, captions_of(several, None))
+    figure, _ = _by_joint(several, ["error", "torque"], 1.5, style.looks_of(several))
+    style.shared_legend(figure, style.captions_of(several, None))
     return figure
 
 
-@styled
+@style.styled
 def phase_plane(run: Run) -> Figure:
     """Draw each joint's error rate over its error, from start (ring) to end (dot)."""
-    joints, n = joints_of(run), run.q.shape[1]
+    arm, n = run.arm, run.arm.n
     columns = min(n, 3)
     rows = -(-n // columns)
     size = 2.4 * columns + 0.4, 2.3 * rows
-    figure, panels = new_figure(rows, columns, *size, count=n, share_x=False)
+    figure, panels = style.new_figure(rows, columns, *size, count=n, share_x=False)
     e, rate, stride = run.error, run.v_ref - run.v, max(len(run.t) // 6000, 1)
-    for j, (panel, name) in enumerate(zip(panels, joints.lettered(), strict=True)):
-        unit = joints.units[j]
+    for j, (panel, name) in enumerate(zip(panels, style.lettered(arm), strict=True)):
+        unit = arm.units[j]
         panel.plot(e[::stride, j], rate[::stride, j], linewidth=0.9)
-        panel.plot(e[0, j], rate[0, j], "o", color=INK, fillstyle="none", markersize=5)
-        panel.plot(e[-1, j], rate[-1, j], "o", color=PALETTE[1], markersize=4)
+        panel.plot(e[0, j], rate[0, j], "o", color=style.INK, fillstyle="none", markersize=5)
+        panel.plot(e[-1, j], rate[-1, j], "o", color=style.PALETTE[1], markersize=4)
         panel.set(title=name, xlabel=f"error $e$, {unit}", ylabel=f"$\\dot e$, {unit}/s")
     return figure
 
@@ -169,11 +152,11 @@ def phase_plane(run: Run) -> Figure:
 
 
 def _all_joints(axes: Axes, run: Run, name: str) -> None:
-    for j, joint in enumerate(joints_of(run).lettered()):
-        line(axes, run.t, run.signals[name][:, j], joint)
+    for j, joint in enumerate(style.lettered(run.arm)):
+        style.line(axes, run.t, run.signals[name][:, j], joint)
 
 
-@styled
+@style.styled
 def gains(run: Run) -> Figure:
     """Draw the adapted gains K_P, K_I, K_D of every joint over time, and orders where they move.
 
@@ -191,8 +174,8 @@ def gains(run: Run) -> Figure:
     scaled = suggested or law.get("scale", "none") != "none"
     orders = ORDERS if has_all(run, ORDERS) else ()
     count = 3 + len(orders)
-    figure, panels = new_figure(count, 1, _WIDTH, 5.0 * count / 3)
-    angles = joints_of(run).units
+    figure, panels = style.new_figure(count, 1, _WIDTH, 5.0 * count / 3)
+    angles = run.arm.units
     own = [unit_for(unit, angles) for unit in _GAIN_UNITS]
     units = (*(_SCALED_UNITS if scaled else own), "", "")
     for panel, (name, label), unit in zip(panels, (*GAINS, *orders), units, strict=False):
@@ -200,13 +183,13 @@ def gains(run: Run) -> Figure:
         panel.set_ylabel(f"{label}, {unit}".removesuffix(", "))
         if not unit:
             panel.set_ylim(-0.03, 1.03)
-    panels[0].set_title(lettering(run.name))
-    legend(panels[0], min(run.q.shape[1], 4))
+    panels[0].set_title(style.lettering(run.name))
+    style.legend(panels[0], min(run.q.shape[1], 4))
     panels[-1].set_xlabel("time, s")
     return figure
 
 
-@styled
+@style.styled
 def lyapunov(run: Run) -> Figure:
     """Draw the supervisor's V over time with its threshold V_M, eq. (16), and the torque it gave.
 
@@ -217,25 +200,25 @@ def lyapunov(run: Run) -> Figure:
     """
     if not _has_supervisor(run):
         raise ArgumentError("run", "a run with a supervisor", "one without")
-    figure, (upper, lower) = new_figure(2, 1, _WIDTH, 3.8)
-    line(upper, run.t, run.signals["lyapunov"], "$V$")
+    figure, (upper, lower) = style.new_figure(2, 1, _WIDTH, 3.8)
+    style.line(upper, run.t, run.signals["lyapunov"], "$V$")
     with contextlib.suppress(KeyError, FpidError):  # a law that cannot be made again
         supervisor = run.controller.supervisor
         if supervisor is not None:
             upper.axhline(supervisor.threshold, label="$V_M$", **_LIMIT)
-    upper.set(ylabel="$V$", title=f"{lettering(run.name)}: Lyapunov function")
-    legend(upper, 2)
+    upper.set(ylabel="$V$", title=f"{style.lettering(run.name)}: Lyapunov function")
+    style.legend(upper, 2)
     _all_joints(lower, run, "u_s")
     part = 100.0 * float((run.signals["u_s"] != 0.0).any(axis=1).mean())
     lower.set(
-        ylabel=f"$u_s$, {unit_for('N m', joints_of(run).units)}", xlabel="time, s",
+        ylabel=f"$u_s$, {unit_for('N m', run.arm.units)}", xlabel="time, s",
         title=f"supervisor, acting {part:.3g} % of the time",
     )  # fmt: skip
-    legend(lower, min(run.q.shape[1], 4))
+    style.legend(lower, min(run.q.shape[1], 4))
     return figure
 
 
-@styled
+@style.styled
 def plot(run: Run) -> Figure:
     """Draw a run at a glance: angles and references, errors, torques, gains where it has any.
 
@@ -244,21 +227,21 @@ def plot(run: Run) -> Figure:
     kinds = {"gains": GAINS, "orders": ORDERS}
     kinds = {title: kind for title, kind in kinds.items() if has_all(run, kind)}
     rows = 3 + len(kinds)
-    figure, panels = new_figure(rows, 1, _WIDTH, 1.7 * rows + 0.3)
-    overview(run, panels[:3])
-    figure.suptitle(f"{lettering(run.name)}: {lettering(run.outcome)}", fontsize=10)
+    figure, panels = style.new_figure(rows, 1, _WIDTH, 1.7 * rows + 0.3)
+    style.overview(run, panels[:3])
+    figure.suptitle(f"{style.lettering(run.name)}: {style.lettering(run.outcome)}", fontsize=10)
     for panel, (title, kind) in zip(panels[3:], kinds.items(), strict=True):
         for (name, label), dash in zip(kind, ("-", "--", ":"), strict=False):
             for j in range(run.q.shape[1]):
-                look = {"color": colour(j), "linestyle": dash}
-                line(panel, run.t, run.signals[name][:, j], "" if j else label, **look)
+                look = {"color": style.colour(j), "linestyle": dash}
+                style.line(panel, run.t, run.signals[name][:, j], "" if j else label, **look)
         panel.set_ylabel(title)
-        legend(panel, 3)
+        style.legend(panel, 3)
     panels[-1].set_xlabel("time, s")
     return figure
 
 
-@styled
+@style.styled
 def response(run: Run, heading: str = "") -> Figure:
     """Draw the panels of Figs. 4 and 5: (a) tracking, (b) control signals, (c) errors.
 
@@ -269,50 +252,51 @@ def response(run: Run, heading: str = "") -> Figure:
     heading
         Above the figure; the run's name if empty.
     """
-    figure, (track, control, e) = new_figure(3, 1, 6.6, 6.6)
-    overview(run, (track, e, control))
+    figure, (track, control, e) = style.new_figure(3, 1, 6.6, 6.6)
+    style.overview(run, (track, e, control))
     track.set_title("(a) tracking")
     control.set_title("(b) control signals")
     e.set(title="(c) tracking errors", xlabel="time, s")
-    figure.suptitle(lettering(heading or run.name), fontsize=10)
+    figure.suptitle(style.lettering(heading or run.name), fontsize=10)
     return figure
 
 
-@styled
+@style.styled
 def orders(integer: Run, fractional: Run) -> Figure:
     """Draw Figs. 4 and 5 beside each other, each row of panels on one scale.
 
     On the right the integer run is grey beneath the fractional one. Marked are the largest torque
     and the half of the run whose RMS error is given, with what has changed from left to right.
     """
-    figure, panels = new_figure(3, 2, 1.35 * _WIDTH, 6.6, share_y="row")
-    joints, several = joints_of(fractional), (integer, fractional)
+    figure, panels = style.new_figure(3, 2, 1.35 * _WIDTH, 6.6, share_y="row")
+    arm, several = fractional.arm, (integer, fractional)
     for k, run in enumerate(several):
         track, control, e = panels[k::2]
-        overview(run, (track, e, control))
+        style.overview(run, (track, e, control))
         peak = np.unravel_index(np.abs(run.torque).argmax(), run.torque.shape)
-        control.plot(run.t[peak[0]], run.torque[peak], "o", color=INK, fillstyle="none")
-        e.axvspan(run.t[len(run.t) // 2], run.t[-1], color=INK, alpha=0.06, linewidth=0)
+        control.plot(run.t[peak[0]], run.torque[peak], "o", color=style.INK, fillstyle="none")
+        e.axvspan(run.t[len(run.t) // 2], run.t[-1], color=style.INK, alpha=0.06, linewidth=0)
         e.set_xlabel("time, s")
         track.legend([]).remove()
         kind = ("Integer orders (Fig. 4)", "Fractional orders (Fig. 5)")[k]
-        track.set_title(f"{kind}: {lettering(cut(run.name, _LONG))}")
-    efforts = ", ".join(dict.fromkeys(joints.efforts))
-    units = ", ".join(dict.fromkeys(f"m{unit}" for unit in joints.units))
+        track.set_title(f"{kind}: {style.lettering(cut(run.name, _LONG))}")
+    efforts = ", ".join(dict.fromkeys(arm.effort_units))
+    units = ", ".join(dict.fromkeys(f"m{unit}" for unit in arm.units))
     for row, (quantity, title, metric, size, unit) in enumerate((
         ("torque", "(b) control signals, peak", "peak_torque", 1.0, efforts),
         ("error", "(c) errors, RMS of the last half", "rms_tail", 1e3, units),
     ), start=1):  # fmt: skip
         left, right = panels[2 * row : 2 * row + 2]
-        for j in range(len(joints.names)):
-            line(right, integer.t, getattr(integer, quantity)[:, j], "integer orders", **_BENEATH)
+        for j in range(arm.n):
+            beneath = getattr(integer, quantity)[:, j]
+            style.line(right, integer.t, beneath, "integer orders", **_BENEATH)
         old, new = (size * METRICS[metric].of(getattr(run.metrics, metric)) for run in several)
         change = new / old - 1.0 if old else np.nan
         more = f": {percent(abs(change))} {'more' if change > 0.0 else 'less'}"
         left.set_title(f"{title} {old:.3g} {unit}")
         right.set_title(f"{new:.3g} {unit}{more if np.isfinite(change) else ''}")
     handles, names = panels[0].get_legend_handles_labels()
-    shared_legend(figure, [*names, "integer orders"], [*handles, panels[-1].get_lines()[-1]])
+    style.shared_legend(figure, [*names, "integer orders"], [*handles, panels[-1].get_lines()[-1]])
     return figure
 
 
@@ -331,7 +315,7 @@ def figures(runs: Run | Sequence[Run]) -> dict[str, Figure]:
     ``gains`` those of the fractional run (else of the first that has any), ``lyapunov`` its
     supervisor, ``comparison`` all runs. What the runs do not hold is left out.
     """
-    several = as_runs(runs)
+    several = style.as_runs(runs)
     integer = [run for run in several if is_integer(run)]
     fractional = [run for run in several if not is_integer(run)]
     drawn: dict[str, Figure] = {}

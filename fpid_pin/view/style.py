@@ -11,13 +11,14 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, ParamSpec
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec
 
 import numpy as np
 
 from fpid_pin import checks
+from fpid_pin.arms import Arm
 from fpid_pin.checks import FloatArray
-from fpid_pin.exceptions import ArgumentError, FpidError
+from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
 from fpid_pin.simulation.run import Run
 from fpid_pin.text import cut, shown, visible
@@ -241,36 +242,18 @@ def short(text: str) -> str:
     return cut(visible(text), _LETTERS)
 
 
-class Joints(NamedTuple):
-    """What figures say of a run's joints: names, units of coordinate and effort, effort limits."""
-
-    names: Sequence[str]
-    units: Sequence[str]
-    efforts: Sequence[str]
-    limits: FloatArray
-
-    def label(self, quantity: str, j: int | None = None) -> str:
-        """Return the label of an axis of one joint's ``q``, ``error`` or ``torque``, or of all."""
-        units = self.efforts if quantity == "torque" else self.units
-        unit = ", ".join(dict.fromkeys(units)) if j is None else units[j]
-        names = {"q": "angle" if unit == "rad" else "position", "error": "$q_d - q$",
-                 "torque": "force" if unit == "N" else "torque"}  # fmt: skip
-        return f"{names[quantity]}, {unit}"
-
-    def lettered(self) -> list[str]:
-        """Return the names as figures show them."""
-        return [lettering(name) for name in self.names]
+def axis_label(arm: Arm, quantity: str, j: int | None = None) -> str:
+    """Return the label of an axis of one joint's ``q``, ``error`` or ``torque``, or of all."""
+    units = arm.effort_units if quantity == "torque" else arm.units
+    unit = ", ".join(dict.fromkeys(units)) if j is None else units[j]
+    names = {"q": "angle" if unit == "rad" else "position", "error": "$q_d - q$",
+             "torque": "force" if unit == "N" else "torque"}  # fmt: skip
+    return f"{names[quantity]}, {unit}"
 
 
-def joints_of(run: Run) -> Joints:
-    """Return the joints of a run; where its arm cannot be rebuilt they have numbers."""
-    try:
-        arm = run.arm
-    except (KeyError, FpidError):
-        n = run.q.shape[1]
-        names = [f"joint {j + 1}" for j in range(n)]
-        return Joints(names, ["rad"] * n, ["N m"] * n, np.full(n, np.inf))
-    return Joints(list(arm.joint_names), arm.units, arm.effort_units, arm.effort_limit)
+def lettered(arm: Arm) -> list[str]:
+    """Return the joints' names as figures show them."""
+    return [lettering(name) for name in arm.joint_names]
 
 
 def looks_of(runs: Sequence[Run]) -> list[dict[str, Any]]:
@@ -297,18 +280,17 @@ def _hides(run: Run, earlier: Run) -> bool:
 
 def overview(run: Run, panels: Sequence[Axes]) -> None:
     """Draw all joints into three panels: angles and references, torques, errors in some order."""
-    joints = joints_of(run)
-    names = joints.lettered()
+    arm, names = run.arm, lettered(run.arm)
     for panel, quantity in zip(panels, ("q", "error", "torque"), strict=True):
         for j, name in enumerate(names):
             look: dict[str, Any] = {"color": colour(j)}
             line(panel, run.t, getattr(run, quantity)[:, j], name, **look)
-            limit = joints.limits[j]
+            limit = arm.effort_limit[j]
             if quantity == "q":
                 last = j == len(names) - 1
                 line(panel, run.t, run.q_ref[:, j], "desired" if last else "", **REFERENCE)
             elif quantity == "torque" and np.abs(run.torque[:, j]).max(initial=0.0) > 0.5 * limit:
                 for height in (limit, -limit):
                     panel.axhline(height, linewidth=1.0, linestyle=":", **look)
-        panel.set_ylabel(joints.label(quantity))
+        panel.set_ylabel(axis_label(arm, quantity))
     legend(panels[0], min(len(names) + 1, 4))

@@ -221,7 +221,7 @@ def test_a_run_of_arrays_is_as_good_as_ours(run, tmp_path):
     assert (back.q == run.q).all()
     fp.view.export_html([other, run], tmp_path / "replay.html")
     fp.view.report_html([other], tmp_path / "report.html", title="robot")
-    fp.view.plots.save_figure(fp.view.plot(other), tmp_path / "plot.svg")
+    fp.view.save_figure(fp.view.plot(other), tmp_path / "plot.svg")
     assert (
         other.to_csv(tmp_path / "a.csv").read_text() == run.to_csv(tmp_path / "b.csv").read_text()
     )
