@@ -146,6 +146,10 @@ def test_a_report_is_readable_at_any_width(visit, make_run, two_link, tmp_path):
                     assert box["height"] > 20, selector
                     assert 0 <= box["x"] < box["x"] + box["width"] <= width + 1, selector
             assert page.locator("td").first.is_visible()
+            edges = page.locator("td").evaluate_all(
+                "all => all.map((one) => getComputedStyle(one).paddingLeft)"
+            )
+            assert width > 400 or len(set(edges)) == 1  # a phone has a row's cells below each other
             paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
             assert (paper == "rgb(255, 255, 255)") == (scheme == "light")
             assert page.evaluate("getComputedStyle(document.body).color") != paper
