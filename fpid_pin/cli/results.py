@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,14 +89,16 @@ def write_results(
     for name, head in zip(("summary", "joints", "limits"), own, strict=True):
         if head in shown:
             texts[f"{name}.csv"] = screen.comma_separated(shown[head])
+    summary = io.StringIO()
+    console = screen.screen(file=summary)
+    screen.say(config.title, *said, console=console)
+    for head, table in shown.items():
+        screen.say("", console=console)
+        screen.print_table(table, head, console=console)
+    # Cells are as wide as their column.
+    texts["summary.txt"] = re.sub(r" +$", "", summary.getvalue(), flags=re.MULTILINE)
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    with open(folder / "summary.txt", "w", encoding="utf-8") as file:
-        console = screen.screen(file=file)
-        screen.say(config.title, *said, console=console)
-        for head, table in shown.items():
-            screen.say("", console=console)
-            screen.print_table(table, head, console=console)
     drawn = {name: figure_bytes(figure, "svg") for name, figure in figures.items()}
     for name, svg in drawn.items():
         (folder / f"{name}.svg").write_bytes(svg)
