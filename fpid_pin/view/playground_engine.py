@@ -33,7 +33,7 @@ from fpid_pin.fractional.design import integrate_step, modes_of
 from fpid_pin.kernels.records import Rows, Sensing
 from fpid_pin.kernels.rollout import rollout
 from fpid_pin.simulation.engine import Robot, SensorState, horizon_of
-from fpid_pin.simulation.experiment import Experiment, Sensors
+from fpid_pin.simulation.experiment import Experiment, Payload, Sensors
 
 #: Signals that a page can plot: the law's own, as many as this, and what every law has.
 OWN_SIGNALS, SIGNALS = 6, ("u_law", "u_model", "u_s")
@@ -269,9 +269,10 @@ def engine(e: Experiment, laws: Sequence[Law], steps: Sequence[float]) -> tuple[
         }
         robots = [[encoded(words(law.robot(h, on))) for on in (False, True)] for h in steps]
         table.append(law.table() | {"places": places, "start": first, "robots": robots})
-    # What a kilogram at the tool adds to the bodies' records, (n, fields).
-    arm = e.resolved.arm
-    more, less = (words(a.bodies) for a in (arm.with_payload(1.0), arm))
+    # What a kilogram adds to the bodies' records, (n, fields): where the described payload is, else
+    # at the tool.
+    arm, held = e.resolved.arm, {} if e.plant is None else vars(e.plant.payload or Payload(0.0))
+    more, less = (words(a.bodies) for a in (arm.with_payload(**(held | {"mass": 1.0})), arm))
     # The state of the sensors' random numbers, two integers of 128 bits.
     state = np.random.default_rng(e.seed).bit_generator.state["state"]
     design = next((law.design for law in laws if law.design is not None), None)

@@ -228,7 +228,8 @@ def test_a_start_from_before_begins_with_the_kick_of_its_order_and_step(page):
 
 def test_an_arm_with_limits_and_friction_and_a_reference_without_a_formula(tmp_path):
     arm = fp.Arm.from_example("ur5")
-    plant, still = fp.Plant(payload=1.0), fp.references.Hold(0.2)
+    plant = fp.Plant(payload={"mass": 1.0, "com": (0.05, 0.02, 0.1)})
+    still = fp.references.Hold(0.2)
     job = fp.Experiment(arm, still, q0=arm.home, plant=plant, duration=DURATION)
     page = Page(tmp_path, job, [fp.suggest_gains(arm, bandwidth=10.0)])
     assert page.table["steps"] == [job.step]
