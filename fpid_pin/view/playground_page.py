@@ -136,7 +136,7 @@ def _with_model(e: Experiment, laws: Sequence[Law]) -> list[Controller]:
     if first is None or any(law.has_model for law in laws):
         return []
     with warnings.catch_warnings(action="ignore", category=FpidWarning):
-        observer = first.observer or suggest_observer(e.arm, first, step=e.step)
+        observer = first.bandwidth or suggest_observer(e.arm, first, step=e.step)
     name = "FPID + feedforward + observer"
     best = replace(first, feedforward=True, observer=observer, name=name)
     integer = replace(

@@ -254,6 +254,11 @@ def test_an_fpid_is_offered_beside_feedforward_and_observer_and_with_orders_1(tm
         if preset["needs"] in ("best", "both"):
             laws = [page.ask("read", [preset[x]])[0]["controller"] for x in ("now", "pinned")]
             assert laws == ([1, 0] if preset["name"] == "Feedforward and observer" else [1, 2])
+    # Beside a supervisor's observer there is no other.
+    short = dataclasses.replace(job, duration=DURATION)
+    guarded = Page(tmp_path, short, [dataclasses.replace(law, supervisor=GUARD)])
+    for run in guarded.check([{"controller": k} for k in (1, 2)]):
+        assert run.controller.bandwidth == GUARD.observer
     # Whoever brings such a law is offered no more.
     assert len(Page(tmp_path, job, [law, best.controller]).table["laws"]) == 2
 
