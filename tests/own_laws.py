@@ -49,6 +49,21 @@ class PythonPd(fp.Controller):
         return np.asarray(self.kp) * (q_ref - q) + np.asarray(self.kd) * (v_ref - v)
 
 
+@dataclass(frozen=True, eq=False)
+class PythonFractional(PythonPd):
+    """With an operator of its own beside it, of which the package does not know, and the weight."""
+
+    def begin(self, state):
+        state.memory["half"] = state.operator(0.5)
+        state.shown["half"] = np.zeros(state.n)
+
+    def control(self, state, q, v, q_ref, v_ref, a_ref):
+        half = state.memory["half"].update(q_ref - q, v_ref - v)
+        state.shown["half"][:] = half
+        pd = super().control(state, q, v, q_ref, v_ref, a_ref)
+        return pd + half + state.arm.gravity_vector(q)
+
+
 PDS = [JointPd, RobotPd, PythonPd]
 
 
@@ -146,7 +161,7 @@ class Mit(fp.Controller):
 
 @dataclass(frozen=True, eq=False)
 class Many(fp.Controller):
-    """Several operators: of e, of what the surface writes, of what is remembered."""
+    """Several operators: of e, of the surface, which has one in it, of what is remembered."""
 
     lam: ArrayLike = 0.4
     mu: ArrayLike = (0.7, 0.9)
@@ -165,31 +180,12 @@ class Many(fp.Controller):
 
     @staticmethod
     def surface(c):
-        c.s = -(c.e_dot + 2.0 * c.e)
+        c.s = -(c.e_dot + 2.0 * c.half)
         c.slow += 0.05 * (c.v - c.slow)
 
     @staticmethod
     def torque(c):
         return c.d_e + c.half - c.i_s + c.d_slow + c.i_e + c.d_s
-
-
-@dataclass(frozen=True, eq=False)
-class FractionalSurface(fp.Controller):
-    """Operators of the law's own surface, which has another one in it."""
-
-    operators = {
-        "d_e": Derivative(0.5),
-        "d_s": Derivative(0.7, of="s"),
-        "i_s": Integral(0.6, of="s", sign=-1),
-    }
-
-    @staticmethod
-    def surface(c):
-        c.s = -(c.e_dot + 2.0 * c.d_e)
-
-    @staticmethod
-    def torque(c):
-        return 30.0 * c.e - 3.0 * c.d_s - 5.0 * c.i_s
 
 
 def own(torque=None, **body):

@@ -53,13 +53,6 @@ def test_on_the_exact_model_the_error_is_that_of_the_integration_rule(step):
     assert np.abs(run.error).max() < 1.01 * 0.5 * step * kd / kp * 0.3 * w**2
 
 
-def test_at_rest_the_arm_is_held_without_any_error():
-    arm = fp.Arm.from_example("ur5")
-    law = dataclasses.replace(with_model(LAW, OMEGA), scale="inertia")
-    run = fp.simulate(fp.Experiment(arm, Hold(arm.home), duration=1.0), law)
-    assert np.abs(run.error).max() < 1e-13
-
-
 @pytest.mark.parametrize("friction", [0.0, 0.1, 5.0])
 @pytest.mark.parametrize("law", OBSERVED, ids=lambda law: type(law).__name__)
 def test_a_constant_torque_is_cancelled_by_its_closed_form(law, friction):
@@ -91,19 +84,6 @@ def test_a_true_arm_that_is_too_light_is_where_the_closed_form_puts_it():
     assert peaks[0] < 1e-3 < 10.0 < peaks[1]
 
 
-def test_a_torque_that_was_cut_is_no_disturbance_and_winds_nothing_up():
-    arm = ROD.with_limits(effort=1.0)
-    law = dataclasses.replace(with_model(LAW, 200.0), ki=50.0, learning_rate=1.0)
-    run = fp.simulate(fp.Experiment(arm, Hold(1.0), q0=0.0, duration=0.5), law)
-    cut = np.abs(run.torque[:, 0]) == 1.0
-    assert cut[:100].all()
-    assert np.abs(run.u_model).max() < 1e-10
-    assert (run.kp[cut] == 200.0).all()
-    # S = -(e' + k1 e + k0 int e) with k0 = 1: int e stands still.
-    integral = -run.s - (run.v_ref - run.v) - 2.0 * run.error
-    assert np.abs(integral[:100]).max() < 1e-13
-
-
 @pytest.mark.parametrize("name", ["ur5", "panda"])
 def test_what_the_model_lacks_costs_a_small_part_of_the_error(name):
     arm = fp.Arm.from_example(name)
@@ -117,9 +97,6 @@ def test_what_the_model_lacks_costs_a_small_part_of_the_error(name):
         experiment = following(arm, np.pi, plant=plant, sensors=sensors, dynamics="compiled")
         both, alone = fp.simulate(experiment, [with_model(law, 100.0), law])
         assert tail(both) < part * tail(alone)
-
-
-# ---------------------------------------------------------------------- the suggested bandwidth
 
 
 def arm_of(name):

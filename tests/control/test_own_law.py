@@ -17,7 +17,7 @@ from own_laws import (
     JointGravity,
     JointPd,
     JointPid,
-    PythonPd,
+    PythonFractional,
     PythonPid,
     RobotComputedTorque,
     own,
@@ -73,9 +73,16 @@ def test_a_pd_is_its_own_line_scaled_and_clipped_in_every_form(form, scale, limi
     assert (cut > 50) == (limit is not None)
 
 
-def test_a_pd_in_every_form_has_the_model_s_part_and_the_observer_s():
-    experiment, options = paper(), {"feedforward": True, "observer": 40.0}
-    first, *others = fp.simulate(experiment, [form(30.0, 7.0, **options) for form in PDS])
+@pytest.mark.parametrize("dynamics", ["compiled", "pinocchio"])
+def test_a_pd_moves_alike_in_every_form_with_all_that_the_engine_does_for_it(dynamics):
+    """Over more than a block of rows."""
+    experiment = dataclasses.replace(
+        paper(4.2), dynamics=dynamics, plant=fp.Plant(effort_limit=(30.0, 8.0), dry_friction=0.3),
+        sensors=fp.Sensors(1e-4, 1e-4, velocity="differentiated", delay=2),
+    )  # fmt: skip
+    options = {"feedforward": True, "observer": 20.0}
+    options["supervisor"] = fp.Supervisor(2.0, 1.0, observer=20.0)
+    first, *others = fp.simulate(experiment, [form(60.0, 12.0, **options) for form in PDS])
     for other in others:
         same_run(first, other)
 
@@ -102,25 +109,8 @@ def test_what_a_joint_remembers_is_on_record_with_the_torque_that_it_made():
     assert dict(fp.simulate(paper(0.01), JointPd(30.0, 7.0)).signals) == {}
 
 
-@dataclass(frozen=True, eq=False)
-class Filtered(PythonPd):
-    """Remembers, shows, and has an operator and the model at hand."""
-
-    def begin(self, state):
-        state.memory["half"] = state.operator(0.5)
-        state.shown["half"] = np.zeros(state.n)
-
-    def control(self, state, q, v, q_ref, v_ref, a_ref):
-        half = state.memory["half"].update(q_ref - q, v_ref - v)
-        state.shown["half"][:] = half
-        assert (state.step, state.n, state.arm.n) == (STEP, 2, 2)
-        return (
-            super().control(state, q, v, q_ref, v_ref, a_ref) + half + state.arm.gravity_vector(q)
-        )
-
-
 def test_a_law_in_python_has_memory_operators_and_the_model():
-    run = fp.simulate(paper(0.3), Filtered(40.0, 10.0))
+    run = fp.simulate(paper(0.3), PythonFractional(40.0, 10.0))
     bank = fp.fractional.Bank(fp.fractional.ExponentialSum(modes=24), [0.5, 0.5], step=STEP,
                               horizon=20.0)  # fmt: skip
     half = [bank.update(e, r) for e, r in zip(run.error, run.v_ref - run.v, strict=True)]
@@ -131,7 +121,7 @@ def test_a_law_in_python_has_memory_operators_and_the_model():
 
 
 def test_each_loop_has_a_memory_of_its_own_and_a_reset_is_a_start():
-    for law in (fp.paper_controller(), JointPid(40.0, 20.0, 25.0), Filtered(40.0, 10.0)):
+    for law in (fp.paper_controller(), JointPid(40.0, 20.0, 25.0), PythonFractional(40.0, 10.0)):
         first, second = (law.start(ARM, step=STEP) for _ in range(2))
         rows = signals(50, seed=3)
         alone = [first.torque(*row) for row in rows]

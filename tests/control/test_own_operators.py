@@ -62,8 +62,8 @@ def test_operators_of_the_surface_and_of_what_is_remembered_are_sums_over_the_wh
     e = 0.2 * np.sin(np.outer(T, [9.0, 17.0])) + 0.1
     rate = 0.2 * np.cos(np.outer(T, [9.0, 17.0])) * [9.0, 17.0] + 0.05 * rng.normal(size=(ROWS, 2))
     loop = Many().start(ARM, step=STEP, horizon=1.0)
-    found = signals_of(loop, rows_of(e, rate), ("s", "slow", "i_s", "d_s", "d_slow"))
-    assert np.array_equal(found["s"], -(rate + 2.0 * e))
+    found = signals_of(loop, rows_of(e, rate), ("s", "half", "slow", "i_s", "d_s", "d_slow"))
+    assert np.array_equal(found["s"], -(rate + 2.0 * found["half"]))
     integral = by_hand.PiecewiseLinear(0.4, STEP, ROWS)
     assert off(found["i_s"], [integral(s) for s in found["s"]]) < 1e-9
     for name, order, signal in (("d_s", 0.6, "s"), ("d_slow", 0.3, "slow")):

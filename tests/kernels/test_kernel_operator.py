@@ -2,8 +2,7 @@
 line by line. Operators of a fixed order are in tests/fractional/test_bank.py.
 """
 
-from functools import cache, partial
-from math import factorial
+from functools import cache
 
 import mpmath as mp
 import numpy as np
@@ -29,13 +28,7 @@ def started(order, initialisation="caputo"):
     return modes.records(initialisation)
 
 
-# ---------------------------------------------------------------------- orders that vary
-
 NODES = 201
-GAP = 1.0 / (NODES - 1)
-#: Both ends, a node, a middle between nodes, and beside the ends, where the cubic is not centred.
-ORDERS = [0.0, 0.2 * GAP, 0.1 + GAP / 2, 0.5, 1.0 - 0.3 * GAP, 1.0]
-W = 3.0  # [rad/s]
 
 
 @cache
@@ -58,49 +51,6 @@ def varied(orders, f, rate, initialisation="caputo"):
         assert op.previous_sensitivity == slope[k - 1]
         slope[k] = op.sensitivity
     return y, slope
-
-
-def of_entire_sin(order, t):
-    """D^a sin w t, w t^(1 - a) sum_k (-(w t)^2)^k/Gamma(2 k + 2 - a): an entire function of a."""
-    x = W * mp.mpf(t)
-    series = mp.fsum((-1) ** k * x ** (2 * k) / mp.gamma(2 * k + 2 - order) for k in range(16))
-    return W * mp.mpf(t) ** (1 - order) * series
-
-
-def of_square(order, t):
-    return 2 / mp.gamma(3 - order) * mp.mpf(t) ** (2 - order)
-
-
-def bound(function, order):
-    """What a cubic through four nodes may be wrong by in value and slope: f'''' h^4/24, h^3/4."""
-    around = [min(max(order + x * GAP, 0.0), 1.0) for x in (-2, 2)]
-    fourth = max(abs(float(mp.diff(function, a, 4))) for a in around)
-    return 1.1 * fourth * GAP**4 / factorial(4), 1.1 * fourth * GAP**3 / 4.0
-
-
-@pytest.mark.parametrize("order", ORDERS)
-@pytest.mark.parametrize(
-    ("exact", "f", "rate", "modes"),
-    [
-        (of_square, T**2, 2.0 * T, 1e-8),
-        (of_entire_sin, np.sin(W * T), W * np.cos(W * T), 1e-6),
-    ],
-)
-def test_value_and_sensitivity_are_those_of_the_exact_derivative(exact, f, rate, modes, order):
-    """To the cubic's own error, and what operators of 32 modes leave of the largest value.
-
-    That is 1e-8 of t^2, whose rate they take as it is, and 1e-6 of a sine. To the sensitivity it
-    is no more than ten times that: the weights are smooth in the order.
-    """
-    y, slope = varied(np.full(SAMPLES, order), f, rate)
-    with mp.workdps(30):
-        modes *= float(max(abs(exact(a, T[-1])) for a in (0.0, 0.5, 1.0)))
-        for k in (1, 10, SAMPLES - 1):
-            of_order = partial(exact, t=T[k])
-            value_error, slope_error = bound(of_order, order)
-            truth = float(mp.diff(of_order, mp.mpf(order)))
-            assert abs(y[k] - float(of_order(order))) <= value_error + modes
-            assert abs(slope[k] - truth) <= slope_error + 10.0 * modes
 
 
 def test_an_order_that_falls_to_0_tends_to_caputo_s_limit():
@@ -137,8 +87,6 @@ def test_between_nodes_it_is_the_cubic_through_the_four_around_it(cell):
         assert y == pytest.approx(cubic(op.order), rel=1e-10)
         assert op.sensitivity == pytest.approx(cubic.deriv()(op.order), rel=1e-10)
 
-
-# ---------------------------------------------------------------------- an integral of a law
 
 #: Columns of a law's numbers here: a signal, the order, the output, its derivative.
 SIGNAL, ORDER, OUTPUT, BY_ORDER = range(4)

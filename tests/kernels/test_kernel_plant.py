@@ -1,4 +1,4 @@
-"""Numbers, records, sensors, and stretches of a run with their figures of merit."""
+"""Numbers, records, and stretches of a run with their figures of merit."""
 
 import dataclasses
 
@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from own_laws import FractionalSurface
+from own_laws import Many
 
 import fpid_pin as fp
 from fpid_pin.kernels import functions, rollout
-from fpid_pin.kernels.records import SENSOR, record_type
+from fpid_pin.kernels.records import record_type
 from fpid_pin.references import Sinusoid
 
 pytestmark = pytest.mark.kernels
@@ -35,40 +35,11 @@ def test_a_name_that_a_record_has_already_is_refused():
         record_type({"a": "", "mean": ""})
 
 
-# ---------------------------------------------------------------------- sensors
-
-
-def test_delay_noise_bias_steps_and_filter_come_in_this_order():
-    joints = np.zeros(2, SENSOR)
-    values = {
-        "delay": [2, 0], "noise_q": 0.1, "noise_v": 0.2, "bias": 0.3, "resolution": [0.0, 0.25],
-        "derived": [0, 1], "keep": 0.5, "gain": 50.0,
-    }  # fmt: skip
-    for name, value in values.items():
-        joints[name] = value
-    history, noise = np.zeros((3, 2, 2)), np.random.default_rng(0).normal(size=(4, 2, 2))
-    inputs, kept, last = np.zeros((5, 2)), 0.0, None
-    q, v = np.random.default_rng(1).normal(size=(2, 6, 2))
-    for tick in range(6):
-        rollout.measure(joints, history, noise, q[tick], v[tick], tick, inputs)
-        # Before t = 0 the arm is taken to have been where it starts.
-        late, own = max(tick - 2, 0), noise[tick % 4]
-        assert inputs[0, 0] == pytest.approx(q[late, 0] + 0.1 * own[0, 0], rel=1e-15)
-        assert inputs[1, 0] == pytest.approx(v[late, 0] + 0.2 * own[1, 0] + 0.3, rel=1e-15)
-        angle = np.rint((q[tick, 1] + 0.1 * own[0, 1]) / 0.25) * 0.25
-        kept = 0.5 * kept + 50.0 * (angle - (angle if last is None else last))
-        last = angle
-        assert inputs[0, 1] == pytest.approx(angle)
-        assert inputs[1, 1] == pytest.approx(kept)
-
-
-# ---------------------------------------------------------------------- stretches of a run
-
 ARM = fp.Arm.planar((0.5, 0.4, 0.3), (1.0, 0.8, 0.5)).with_friction(viscous=0.1)
 #: Without compilation (test_line_by_line) a few ticks go through every branch.
 DURATION = 0.012 if numba.config.DISABLE_JIT else 0.03
 BASE = fp.Experiment(ARM, Sinusoid(0.4, 3.0), q0=0.05, v0=1.1, duration=DURATION)
-NOISE = fp.Sensors(position_resolution=1e-3, velocity_noise=0.05, delay=2)
+NOISE = fp.Sensors(1e-3, 1e-4, velocity="differentiated", delay=2)
 RUBS = fp.Plant(ARM.with_payload(0.3), dry_friction=(0.5, 0.2, 0.1), effort_limit=(40.0, 20.0, 5.0))
 FPID = fp.AdaptiveFpid(40.0, 20.0, 4.0, 0.8, 0.7, design=fp.fractional.ExponentialSum(8))
 
@@ -84,7 +55,7 @@ STRETCHES = {
         dataclasses.replace(FPID, feedforward=True, supervisor=fp.Supervisor.quiet(0.8, 0.7)),
     ),
     "Slotine-Li": (dataclasses.replace(BASE, plant=RUBS), fp.SlotineLi(5.0, 5.0)),
-    "operators of its own surface": (BASE, FractionalSurface(scale=0.02)),
+    "operators of its own surface": (BASE, Many(mu=0.7, scale=0.02)),
     "weight, late": (
         dataclasses.replace(BASE, q0=0.0, sensors=fp.Sensors(delay=1)),
         fp.GravityOnly(),

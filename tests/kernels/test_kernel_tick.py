@@ -148,9 +148,6 @@ def test_a_joint_that_was_cut_tells_nothing_where_adapting_would_ask_for_more():
     assert out.tolist() == [0.0, 3.0, -4.0, 0.0, 6.0]
 
 
-# ---------------------------------------------------------------------- supervisor and observer
-
-
 @pytest.mark.parametrize("error", [0.0, 10.0])
 def test_no_error_is_left_alone_and_where_the_least_v_is_beyond_v_t_the_ball_is_its_centre(error):
     robots, joints, direction = np.zeros(1, ROBOT), np.zeros(1, GIVEN), np.full(1, np.nan)

@@ -31,11 +31,8 @@ def test_the_tests_of_the_kernels_pass_line_by_line_and_leave_no_branch_out(tmp_
         assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-1000:]
 
     only = ["--branch", f"--include={KERNELS}/*"]
-    # That one takes long, and visits nothing that others do not.
-    left_out = "not exact_derivative"
     coverage("run", *only, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "kernels",
-             "-k", left_out, "tests/kernels",
-             "tests/fractional/test_bank.py")  # fmt: skip
+             "tests/kernels", "tests/fractional/test_bank.py")  # fmt: skip
     coverage("json", "-o", str(report))
     found = json.loads(report.read_text())
     missing = {
