@@ -43,18 +43,6 @@ def mixed():
     return model
 
 
-@pytest.mark.parametrize("name", ["panda", "talos_arm"])
-def test_the_mechanics_of_a_model_are_kept_to_the_last_bit(name):
-    given = Arm.from_example(name)
-    arm = Arm.from_model(given.model, tool=given.tool)
-    assert list(arm.model.inertias) == list(given.model.inertias)
-    assert list(arm.model.jointPlacements) == list(given.model.jointPlacements)
-    assert arm.armature.tolist() == given.armature.tolist()
-    for field in ("lower", "upper", "effort_limit", "viscous_friction", "dry_friction", "home"):
-        assert np.array_equal(getattr(arm, field), getattr(given, field)), field
-    assert np.array_equal(arm.tool_pose(given.home), given.tool_pose(given.home))
-
-
 def test_slides_limits_friction_and_rotors_are_read():
     model = mixed()
     arm, q = Arm.from_model(model), np.array([0.3, 0.2, -0.4, 0.1])

@@ -40,15 +40,6 @@ def test_its_equations_are_those_on_paper(crane):
     assert crane.forward_dynamics(Q, V, by_hand(Q, V, A)) == pytest.approx(A, rel=1e-12)
 
 
-def test_it_says_metres_and_newtons(crane):
-    assert crane.joint_kinds == ("revolute", "prismatic")
-    assert crane.units == ("rad", "m")
-    assert crane.effort_units == ("N m", "N")
-    assert crane.home == pytest.approx([0.0, 0.6])
-    assert crane.lower.tolist() == [-2.0, 0.2]
-    assert crane.effort_limit.tolist() == [60.0, 40.0]
-
-
 @pytest.mark.parametrize("dynamics", ["pinocchio", "compiled"])
 def test_laws_follow_with_it_and_its_run_can_be_rebuilt(crane, tmp_path, dynamics):
     reference = fp.references.Sinusoid(amplitude=[0.3, 0.1], offset=crane.home)

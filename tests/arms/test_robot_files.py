@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from robots import LIFTER as MJCF
 from robots import LIMIT, joint, link, robot, write
-from test_from_urdf import MESH
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm
 from fpid_pin.cli.main import main
-from fpid_pin.exceptions import ArgumentError, ArmError, FpidError, FpidWarning
+from fpid_pin.exceptions import ArgumentError, ArmError
 
 XACRO = (
     '<robot xmlns:xacro="http://www.ros.org/wiki/xacro" name="r">'
@@ -90,21 +89,12 @@ def one_joint(tip, extra=LIMIT, **kind):
 ELBOW = (link("base"), link("upper", 0, 0, com="1 0 0"), link("fore", 1, 0, com="1 0 0"),
          joint("j", "base", "upper"), joint("k", "upper", "fore").replace("0.3", "1"))  # fmt: skip
 REFUSED = {
-    # In the words of urdfdom and Pinocchio.
+    # In the words of urdfdom.
     "no limits": (one_joint(link("tip"), ""), r"Joint \[j\] is of type REVOLUTE but it does not"),
-    "two bases": (robot(link("x"), link("y")), r"Two root links found: \[x\] and \[y\]"),
-    "a cycle": (
-        robot(link("x"), link("y"), joint("j", "x", "y"), joint("k", "y", "x")), "No root link"),
-    "one name": (robot(link("x"), link("x")), "link 'x' is not unique"),
     "no name": ("<robot/>", "No name given for the robot"),
     "not a number": (
         one_joint(link("tip", "heavy")),
         r"mass \[heavy\] is not a float; Could not parse inertial element for Link \[tip\]"),
-    "half an inertia": (
-        one_joint(link("tip").replace('izz="0.1"', "")), "missing izz attribute.*Link .tip"),
-    "flat axis": (
-        one_joint(link("tip"), axis="0 1"), r"Malformed axis element for joint \[j\]"),
-    "another type": (one_joint(link("tip"), kind="screw"), r"no known type \[screw\]"),
     # In ours: what those let pass.
     "floating": (
         robot(link("w"), link("base"), link("tip"), joint("j", "base", "tip"),
@@ -187,17 +177,6 @@ def test_deep_chains_are_arms():
     parts += [link("tip"), joint("j", "l1499", "tip")]
     arm = descriptions.from_dict({"kind": "urdf", "urdf": robot(*parts)}, Arm)
     assert arm.tool_pose([0.0])[0, 3] == pytest.approx(1500 * 0.3)
-
-
-@pytest.mark.parametrize("address", [f"package://{LONG}/{LONG}", "a\x7fb"])
-def test_a_mesh_of_such_a_path_is_a_missing_one(address, tmp_path):
-    parts = [link("base"), link("tip", visual=MESH.format(address)), joint("j", "base", "tip")]
-    arm = Arm.from_urdf(write(tmp_path, robot(*parts)))
-    with pytest.warns(FpidWarning, match=r"1 mesh file\(s\) not found") as caught:
-        arm.visual()
-    text = str(caught[0].message)
-    assert text.isprintable()
-    assert len(text) < 400
 
 
 @pytest.mark.parametrize(
@@ -290,9 +269,3 @@ def test_what_is_no_description_is_refused_on_one_line(package, name, message):
 def test_the_command_line_suggests_names_of_the_package_too(package, capsys):
     assert main(["inspect", "Lifter"]) == 2
     assert "got 'Lifter' (did you mean lifter_mj_description?)" in capsys.readouterr().err
-
-
-def test_a_missing_package_says_how_to_install_it(monkeypatch):
-    monkeypatch.setitem(sys.modules, "robot_descriptions", None)
-    with pytest.raises(FpidError, match=r"pip install 'fpid_pin\[descriptions\]'"):
-        Arm.from_description("ur5e_description")
