@@ -82,12 +82,6 @@ def test_a_drive_s_limit_counts_where_it_is_the_lower_one():
     assert (plant.effort_limit < arm.effort_limit).all()
 
 
-def test_rate_of_a_sinusoidal_torque():
-    torque = 5.0 * np.stack([np.sin(2 * np.pi * T), np.cos(4 * np.pi * T)], axis=1)
-    m = made(RINGING, torque).metrics
-    assert m.torque_rate == pytest.approx(5.0 * np.pi * np.sqrt([2.0, 8.0]), rel=1e-3)
-
-
 @pytest.fixture(scope="module")
 def run():
     return fp.simulate(fp.paper_experiment(duration=1.5), fp.paper_controller())
@@ -110,9 +104,6 @@ def test_settling_cost_is_the_slowest_joint_s_and_the_duration_where_none_comes(
     settled = made(RINGING, np.zeros((5001, 2)))
     assert cost_of(settled, SettlingCost()) == settled.metrics.settling_time.max()
     assert cost_of(settled, SettlingCost(band=1e-4)) == pytest.approx(5.0)
-
-
-# ---------------------------------------------------------------------- any function of the rows
 
 
 def weigh(state, rows):

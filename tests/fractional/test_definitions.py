@@ -43,20 +43,6 @@ def test_the_rules_are_the_sums_as_printed(order):
 
 
 @pytest.mark.parametrize(
-    ("function", "rate", "expected"),
-    [(partial(caputo, design=L1()), 1.4, 0.15), (grunwald_letnikov, 1.0, 0.15)],
-)
-def test_halving_the_step_shows_the_order_of_convergence(function, rate, expected):
-    order, errors = 0.6, []
-    for step in (4e-3, 2e-3, 1e-3):
-        t = np.arange(round(2.0 / step) + 1) * step
-        got = function(t**2, order, step)[-1]
-        errors.append(abs(got - exact.of_power(order, 2.0, 2)))
-    found = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert np.abs(found - rate).max() < expected
-
-
-@pytest.mark.parametrize(
     ("function", "truth", "everywhere", "later"),
     # Smooth at 0; nearly; and with a rate that is singular there, which stays limited.
     [

