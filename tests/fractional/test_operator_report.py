@@ -7,7 +7,7 @@ from scipy import signal
 from scipy.special import gamma
 
 from fpid_pin.cli.commands import operators
-from fpid_pin.exceptions import ArgumentError, FileFormatError
+from fpid_pin.exceptions import ArgumentError, DesignError, FileFormatError
 from fpid_pin.fractional import L1, Bank, Crone, ExponentialSum, report, state_space
 from fpid_pin.fractional.design import modes_of
 
@@ -137,14 +137,18 @@ def test_the_command_s_table_has_a_row_for_each_order_and_a_figure_where_asked(t
     assert re.search(r"a sum of \d+ exponentials, enough for .* 0.001,", capsys.readouterr().out)
 
 
-def test_the_command_names_a_file_that_no_figure_can_be(tmp_path):
+def test_the_command_names_bad_arguments(tmp_path):
     (tmp_path / "file").touch()
-    for error, words, plot in (
-        (ArgumentError, "plot: expected a file that can be", tmp_path / "x.no-picture"),
-        (FileFormatError, "file", tmp_path / "file" / "x.png"),
+    for error, words, changes in (
+        (ArgumentError, r"order\.1: expected a number in \[0, 1\], got 1.7", {"order": [0.5, 1.7]}),
+        (ArgumentError, "horizon: expected more than one step", {"horizon": 1e-3}),
+        (ArgumentError, "did you mean crone", {"design": "cron"}),
+        (DesignError, "is met, with", {"horizon": 0.01, "tolerance": 1e-18}),
+        (ArgumentError, "plot: expected a file that can be", {"plot": tmp_path / "x.no-picture"}),
+        (FileFormatError, "file", {"plot": tmp_path / "file" / "x.png"}),
     ):
         with pytest.raises(error, match=words):
-            operators([0.5], horizon=2.0, plot=plot)
+            operators(**({"order": [0.5], "horizon": 2.0} | changes))
 
 
 @pytest.mark.parametrize("design", LINEAR, ids=repr)
