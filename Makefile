@@ -34,7 +34,8 @@ coverage: $(TEST_STAMP)
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile --cov --cov-report=term:skip-covered
 
 torture: $(TEST_STAMP)
-	FPID_TORTURE=full $(BIN)/python -m pytest -q --timeout 7200 tests/torture
+	FPID_TORTURE=full $(BIN)/python -m pytest -q --timeout 7200 tests/torture \
+	  tests/arms/test_catalogue.py tests/simulation/test_engine.py
 
 bench: $(TEST_STAMP)
 	$(BIN)/python benchmarks/record.py $(QUICK)

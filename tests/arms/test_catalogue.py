@@ -1,19 +1,17 @@
 """example-robot-data's arms: those that work, held against the data package's own loaders."""
 
-import os
-
 import numpy as np
 import pinocchio as pin
 import pytest
+from bounded import FULL
 
 from fpid_pin import descriptions
 from fpid_pin.arms import Arm, catalogue, names
 from fpid_pin.cli.arms import arm_rows
 from fpid_pin.exceptions import ArgumentError
 
-#: All of them in `make torture`; here one of each kind: continuous joints, locked ones, rotors,
+#: All of them in `make torture`; else one of each kind: continuous joints, locked ones, rotors,
 #: one that the data package has otherwise.
-FULL = os.environ.get("FPID_TORTURE") == "full"
 NAMES = names() if FULL else ("ur5_limited", "kinova", "panda", "talos_arm", "so100")
 #: Of a name here, the data package's loader gives another robot (ur3 is a UR5 there) or a
 #: floating base (the SO arms).

@@ -121,7 +121,8 @@ def test_orders_are_held_while_the_torque_is_cut():
 def test_suggested_rates_move_an_order_by_1_in_five_seconds_of_a_twentieth_of_a_radian():
     """S k1 e, the term's slope e for lambda and w e for mu, both times s K: as the rule says."""
     arm = fp.Arm.from_example("ur5")
-    law = adapt_orders(fp.suggest_gains(arm), arm)
+    fixed = fp.suggest_gains(arm)
+    law = adapt_orders(fixed, arm)
     m = np.diag(arm.mass_matrix(arm.home))
     w = np.sqrt(law.scale * law.kp / m)
     e, wait = 0.05, 5.0
@@ -130,16 +131,16 @@ def test_suggested_rates_move_an_order_by_1_in_five_seconds_of_a_twentieth_of_a_
         assert row * 2.0 * e * law.scale * gain * slope * wait == pytest.approx(np.ones(arm.n))
     assert law.integral_order_bounds == (0.02, 0.9)
     assert law.derivative_order_bounds == (0.3, 0.95)
-    faster = adapt_orders(fp.suggest_gains(arm), arm, speed=3.0)
+    faster = adapt_orders(fixed, arm, speed=3.0)
     assert faster.order_learning_rate == pytest.approx(3.0 * law.order_learning_rate)
 
 
 def test_suggested_gains_may_come_with_them_in_files():
     arm, table = fp.Arm.two_link(), {"kind": "suggested_fpid"}
     suggested = from_dict(table | {"order_learning_rate": "suggested"}, fp.Controller)
-    law = adapt_orders(fp.suggest_gains(arm), arm)
-    assert (suggested.on(arm).order_learning_rate == law.order_learning_rate).all()
-    assert suggested.on(arm).derivative_order_bounds == law.derivative_order_bounds
+    law, found = adapt_orders(fp.suggest_gains(arm), arm), suggested.on(arm)
+    assert (found.order_learning_rate == law.order_learning_rate).all()
+    assert found.derivative_order_bounds == law.derivative_order_bounds
     plain, slow = (from_dict(table | {"order_learning_rate": r}, fp.Controller) for r in (0, 0.5))
     assert not plain.on(arm).moves_orders
     assert float(slow.on(arm).order_learning_rate) == 0.5
