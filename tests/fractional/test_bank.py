@@ -1,6 +1,7 @@
 import warnings
 
 import exact_derivatives as exact
+import numba
 import numpy as np
 import pytest
 from scipy.special import gamma
@@ -9,6 +10,8 @@ from fpid_pin.exceptions import ArgumentError, FpidWarning
 from fpid_pin.fractional import L1, Bank, Crone, Design, ExponentialSum, caputo
 
 STEP = 1e-3
+#: Without compilation (test_line_by_line) a few go through every branch.
+SAMPLES = 30 if numba.config.DISABLE_JIT else 300
 MODAL = [ExponentialSum(24), Crone(1e-2, 1e3, 5)]
 STARTS = ["caputo", "riemann_liouville", "grunwald_letnikov"]
 
@@ -30,7 +33,7 @@ def bank_of(design, order, **options):
 @pytest.mark.parametrize("rule", ["measured", "differenced"])
 def test_recorded_and_streamed_agree_and_orders_0_and_1_are_exact(design, start, rule):
     order = np.array([0.0, 0.2, 0.5, 0.93, 1.0])
-    value, rate = signal(300, (5,))
+    value, rate = signal(SAMPLES, (5,))
     given = rate if rule == "measured" else None
     bank = bank_of(design, order, initialisation=start, rate=rule)
     out = exact.stream(bank, value, given)
