@@ -2,15 +2,23 @@
 
 Functions check arguments; the same checks are declared with a description's field,
 ``kp: Annotated[ArrayLike, PerJoint("N m/rad", low=0.0)]``; `fpid_pin.descriptions` applies them.
+`checked` does the same for what a function's annotations say of its arguments.
 """
 
 import difflib
+import inspect
 import math
 import operator
+import os
 import re
-from collections.abc import Callable, Iterable, Mapping
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, TypeVar
+from functools import cache, wraps
+from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +27,7 @@ from fpid_pin.exceptions import ArgumentError as ArgumentError
 from fpid_pin.text import cut, shown
 
 T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 #: Sampling periods that a simulation can have [s], and the most rows: whole numbers are exact.
@@ -26,6 +35,10 @@ STEPS = (1e-9, 10.0)
 MOST_ROWS = 1 << 53
 #: Characters of a wrong choice: the nearest right one is to be read after it.
 _SHORT = 40
+#: What errors call classes that have no name of ours.
+_WORDS_FOR: dict[Any, str] = {
+    Callable: "a function", Mapping: "a dictionary", str: "a text", os.PathLike: "a path"
+}  # fmt: skip
 #: What is between the words of a name.
 _WORDS = re.compile(r"[\W_]+")
 
@@ -58,16 +71,16 @@ def floats(
 ) -> FloatArray:
     """Turn `value` into a read-only float64 array, and check every element.
 
-    Booleans and texts are refused, NaN always, and inf unless it need not be `finite`. Bounds are
-    ``low <= x <= high`` and ``x > above``; None in a `shape` is any length. An `ArgumentError`
-    has the first element at fault, and what it is called: `name`.
+    Booleans, texts and masked values are refused, NaN always, and inf unless it need not be
+    `finite`. Bounds are ``low <= x <= high`` and ``x > above``; None in a `shape` is any length.
+    An `ArgumentError` has the first element at fault, and what it is called: `name`.
     """
     wanted = "a number" if max_ndim == 0 else "numbers"
     try:
         raw = np.asarray(value)
     except (TypeError, ValueError):
         raise ArgumentError(name, wanted, shown(value)) from None
-    if raw.dtype.kind not in "iuf" or raw.size == 0:
+    if raw.dtype.kind not in "iuf" or raw.size == 0 or np.ma.is_masked(value):
         raise ArgumentError(name, wanted, shown(value))
     array = read_only(raw)
     if max_ndim is not None and array.ndim > max_ndim:
@@ -161,18 +174,28 @@ def choice(name: str, value: Any, options: Iterable[str], among: str = "one of")
     raise ArgumentError(name, expected, f"{shown(value, _SHORT)}{hint}")
 
 
-def instance(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> None:
+def instance(name: str, value: T, kind: type | tuple[type, ...], expected: str) -> T:
     """Check that `value` is an instance of `kind`; that it is no class is said in words."""
     if isinstance(value, type):
         raise ArgumentError(name, expected, f"the class {value.__name__}, not one that it makes")
     if not isinstance(value, kind):
         raise ArgumentError(name, expected, f"{type(value).__name__}")
+    return value
+
+
+def called(kind: type) -> str:
+    """Return how an error names one of a kind: by the methods that it must have, if any will."""
+    name = kind.__name__
+    if getattr(kind, "_is_protocol", False):
+        methods = [m for m, value in vars(kind).items() if m[0] != "_" and callable(value)]
+        return f"a {name} (an object with {', '.join(methods)})"
+    return _WORDS_FOR.get(kind, f"{'an' if name[0] in 'AEIOU' else 'a'} {name}")
 
 
 def several(name: str, value: Any, kind: type[T], expected: str) -> list[T]:
     """Return one instance of `kind`, or several, as a list of them, each checked."""
     many = isinstance(value, Iterable) and not isinstance(value, (kind, type))
-    items = list(value) if many else [value]
+    items = list(value) if many and getattr(value, "shape", None) != () else [value]
     for item in items:
         instance(name, item, kind, expected)
     return items
@@ -180,15 +203,21 @@ def several(name: str, value: Any, kind: type[T], expected: str) -> list[T]:
 
 def plain(name: str, value: Any, kind: type | tuple[type, ...], expected: str) -> Any:
     """Check that `value` is of one of some plain types; an error quotes it."""
+    value = bool(value) if isinstance(value, np.bool_) else value
     if not isinstance(value, kind):
         raise ArgumentError(name, expected, shown(value))
     return value
 
 
+def sampling_step(step: float) -> float:
+    """Check a sampling period [s]."""
+    number("step", step, above=0.0)
+    return number("step", step, low=STEPS[0], high=STEPS[1])
+
+
 def sample_count(duration: float, step: float) -> int:
     """Return the number of rows of a run, ``round(duration/step) + 1``: both ends count."""
-    number("step", step, above=0.0)
-    step = number("step", step, low=STEPS[0], high=STEPS[1])
+    step = sampling_step(step)
     duration = number("duration", duration, above=0.0)
     if duration < step * (1.0 - 1e-9):
         raise ArgumentError("duration", f"at least one step ({step:g} s)", f"{duration:g} s")
@@ -239,3 +268,63 @@ def Plain(kind: type, expected: str) -> Check:
 
 Flag = Plain(bool, "true or false")
 Text = Plain(str, "a text")
+
+
+# ---------------------------------------------------------------------- of arguments
+
+#: How an argument is checked whose annotation is a plain type.
+_PLAIN: dict[Any, Check] = {
+    float: Number(finite=False), int: Whole(), bool: Flag, str: Text
+}  # fmt: skip
+
+
+def checked(function: F) -> F:
+    """Refuse arguments that are not what a function's annotations say, before it begins.
+
+    These are classes, paths, functions, single numbers and texts. What may be an array, or one or
+    several, and what bounds there are, the function checks itself.
+    """
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        try:
+            bound = signature.bind(*args, **kwargs)
+        except TypeError:
+            return function(*args, **kwargs)  # Python says what is missing, or one too many
+        given = bound.arguments
+        for name, (check, optional) in _declared(function).items():
+            if name in given and not (optional and given[name] is None):
+                given[name] = check(name, given[name])
+        return function(*bound.args, **bound.kwargs)
+
+    return cast("F", call)
+
+
+@cache
+def _declared(function: Callable[..., Any]) -> dict[str, tuple[Check, bool]]:
+    """Return what checks a function's arguments, by name, and whether they may be None."""
+    known, found = inspect.unwrap(function).__globals__, {}
+    for name, annotation in inspect.get_annotations(function).items():
+        one = types.SimpleNamespace(__annotations__={name: annotation})
+        # What is imported for type checkers alone is not known, and not checked.
+        with suppress(NameError):
+            hint = typing.get_type_hints(one, known)[name]
+            union = typing.get_origin(hint) in (typing.Union, types.UnionType)
+            parts = typing.get_args(hint) if union else (hint,)
+            kinds = {typing.get_origin(part) or part: None for part in parts}
+            classes = tuple(os.PathLike if k is Path else k for k in kinds if k is not type(None))
+            if len(classes) == 1 and classes[0] in _PLAIN:
+                found[name] = _PLAIN[classes[0]], type(None) in kinds
+            elif all(map(_is_class, classes)):
+                named = [os.PathLike] if os.PathLike in classes else classes
+                expected = " or ".join(map(called, named))
+                check = Check(instance, bounds={"kind": classes, "expected": expected})
+                found[name] = check, type(None) in kinds
+    return found
+
+
+def _is_class(kind: Any) -> bool:
+    """Return whether one of a kind may be asked for: arrays, and several of a kind, are no such."""
+    protocol = getattr(kind, "_is_protocol", False)
+    return isinstance(kind, type) and not protocol and kind not in (Any, Sequence, Iterable)

@@ -9,6 +9,7 @@ from typing import Annotated, Any, get_type_hints
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fpid_pin import checks
 from fpid_pin.checks import FloatArray, Number, OneOf, PerJoint
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
@@ -303,8 +304,8 @@ class FromRows(RowCost):
         for name, given in (("step", self.step), ("value", self.value)):
             if not callable(given) and not (name == "value" and given is None):
                 raise ArgumentError(f"cost.{name}", "a function", shown(given))
-        names = (self.signals,) if isinstance(self.signals, str) else tuple(self.signals)
-        self._set(signals=names)
+        names = checks.several("cost.signals", self.signals, str, "a signal's name")
+        self._set(signals=tuple(names))
 
     def begin(self) -> Any:
         """See `RowCost.begin`."""

@@ -142,7 +142,7 @@ class Key:
                     return None
             elif getattr(family, "_short", "") and not isinstance(item, type):
                 item = from_dict(item, family, name)
-            checks.instance(name, item, family, _called(family) + " or None" * self.optional)
+            checks.instance(name, item, family, checks.called(family) + " or None" * self.optional)
             try:
                 for check in self.checks:
                     check(name, item)
@@ -218,15 +218,6 @@ def _types(hint: Any) -> list[Any]:
     if origin in (typing.Union, types.UnionType, Sequence, Mapping):
         return [t for part in typing.get_args(hint) for t in _types(part)]
     return [origin or hint]
-
-
-def _called(family: type) -> str:
-    """Return how an error names one of a family: by the methods that it must have, if any will."""
-    name = family.__name__
-    if getattr(family, "_is_protocol", False):
-        methods = [m for m, value in vars(family).items() if m[0] != "_" and callable(value)]
-        return f"a {name} (an object with {', '.join(methods)})"
-    return f"{'an' if name[0] in 'AEIOU' else 'a'} {name}"
 
 
 # ---------------------------------------------------------------------- kinds

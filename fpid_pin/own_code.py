@@ -64,7 +64,13 @@ def _run(path: Path) -> None:
         raise ConfigError(f"import: {path.name}{_line(error, path)}: {kind}{error}") from None
 
 
-def _line(error: Exception, path: Path) -> str:
+def place_of(error: BaseException) -> str:
+    """Return where in a module of the user's own an error was raised, as `own.py:7`, or nothing."""
+    places = [(Path(path).name, _line(error, Path(path))) for path in loaded()]
+    return next((name + line for name, line in places if line), "")
+
+
+def _line(error: BaseException, path: Path) -> str:
     """Return in which line of a file an error was raised, as `:7`."""
     line = getattr(error, "lineno", None) if isinstance(error, SyntaxError) else None
     trace = error.__traceback__

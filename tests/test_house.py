@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import inspect
 import pkgutil
 import re
 import sys
@@ -156,6 +157,42 @@ def test_every_file_is_readable_in_one_sitting():
         p.name: n for p in PACKAGE.rglob("*.py") if (n := len(p.read_text().splitlines())) > 400
     }
     assert long == {}
+
+
+def public(owner):
+    """Yield the public functions and classes of a room, and methods of its classes, by name."""
+    for name in getattr(owner, "__all__", vars(owner)):
+        thing = inspect.getattr_static(owner, name, None)
+        thing = getattr(owner, name) if thing is None else getattr(thing, "__func__", thing)
+        if name[0] != "_" and getattr(thing, "__module__", "").startswith("fpid_pin"):
+            if inspect.isclass(thing) and not inspect.isclass(owner):
+                yield from ((f"{name}.{method}", each) for method, each in public(thing))
+            if inspect.isclass(thing) or inspect.isfunction(thing):
+                yield name, thing
+
+
+def listed_parameters(thing):
+    """Return the names under Parameters, and Attributes of a class, of a docstring."""
+    found = set()
+    for section in ("Parameters", "Attributes"):
+        text = inspect.getdoc(thing) or ""
+        listed = re.search(rf"(?ms)^{section}\n-+\n(.*?)(?=^\w+\n-+$|\Z)", text)
+        for line in re.findall(r"(?m)^(?! )(.+)$", listed[1] if listed else ""):
+            found |= {name.strip(" *") for name in line.partition(" : ")[0].split(",")}
+    return found
+
+
+@pytest.mark.parametrize("room", [name for name in fpid_pin.__all__ if is_module(name)])
+def test_a_docstring_that_lists_parameters_lists_those_of_its_signature(room):
+    for name, thing in public(importlib.import_module(f"fpid_pin.{room}")):
+        assert thing.__doc__, name
+        if "Parameters\n" in thing.__doc__:
+            listed, known = listed_parameters(thing), set(inspect.signature(thing).parameters)
+            bases = thing.__mro__[1:] if inspect.isclass(thing) else ()
+            listed = listed.union(*(listed_parameters(base) for base in bases))
+            known = {each for each in known if each[0] != "_" and each not in ("self", "cls")}
+            assert known <= listed, f"{room}.{name} does not tell of {known - listed}"
+            assert inspect.isclass(thing) or listed <= known, f"{name} has no {listed - known}"
 
 
 UNIT = re.compile(

@@ -168,8 +168,8 @@ class Arm(ArmChanges):
     ) -> Self:
         """Read a URDF or MJCF file; its root element says which.
 
-        `gravity` None is what the file says, else 9.81 m/s^2 along -z; `options` are those of
-        `from_urdf` or `from_mjcf`.
+        `gravity` None is what the file says, else 9.81 m/s^2 along -z; `options`, and what is
+        raised, are those of `from_urdf` or `from_mjcf`.
         """
         if kind_of(path) == "robot":
             return cls.from_urdf(path, lock, 9.81 if gravity is None else gravity, **options)
@@ -295,6 +295,7 @@ class Arm(ArmChanges):
         return cls._from_tree(tree_of(model, geometry), gravity, lock, keep, inertia, tool)
 
     @classmethod
+    @checks.checked
     def from_example(
         cls, name: str, lock: Lock = None, keep: Keep | None = None, tool: str | None = None
     ) -> Self:

@@ -47,7 +47,7 @@ def names() -> tuple[str, ...]:
 
 def example_tree(name: str) -> tuple[Tree, Mapping[str, float]]:
     """Return an arm of the catalogue before its joints are held, and those that the entry holds."""
-    entry = ENTRIES[checks.choice("arm", name, names())]
+    entry = ENTRIES[checks.choice("name", name, names())]
     # Heavy (it loads half a dozen packages' worth of paths), hence not at import.
     from example_robot_data.robots_loader import getModelPath
 

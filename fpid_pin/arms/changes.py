@@ -13,6 +13,7 @@ from fpid_pin import checks
 from fpid_pin.arms.chain import column, gravity_vector, set_columns
 from fpid_pin.arms.parts import SIX, impossible, inertia_of, row_of
 from fpid_pin.arms.rigid_body import RigidBody
+from fpid_pin.checks import checked
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.text import shown
 
@@ -64,6 +65,7 @@ class ArmChanges(RigidBody):
                 fields[argument] = np.clip(numbers, -_FAR, _FAR) if limit else numbers
         return self._changed(change, fields, **columns)
 
+    @checked
     def with_payload(
         self,
         mass: float,

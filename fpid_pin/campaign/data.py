@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fpid_pin import costs, npz
 from fpid_pin.campaign import statistics
-from fpid_pin.checks import BoolArray, Flag, FloatArray, Number
+from fpid_pin.checks import BoolArray, Flag, FloatArray, Number, checked
 from fpid_pin.costs import Metrics
 from fpid_pin.descriptions import Description, described
 from fpid_pin.exceptions import ArgumentError
@@ -210,6 +210,7 @@ class CampaignData(ReprMixin):
         return needed("pandas", "pandas").DataFrame(self.columns())
 
 
+@checked
 def export(data: CampaignData, path: str | Path) -> Path:
     """Write the table of a campaign: `CampaignData.columns`, a row a run and controller.
 

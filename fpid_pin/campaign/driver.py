@@ -17,7 +17,7 @@ from fpid_pin import checks
 from fpid_pin.campaign.data import METRICS, CampaignData, Ended
 from fpid_pin.campaign.ledger import Ledger, Row
 from fpid_pin.campaign.study import Study
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ArgumentError, FpidError, SimulationError, WorkersDied
 from fpid_pin.files import locked
@@ -30,6 +30,7 @@ from fpid_pin.simulation.workers import distribute, executor_of, workers_of
 CHUNK = 64
 
 
+@checked
 def run(
     study: Study,
     ledger: str | Path,
@@ -72,7 +73,6 @@ def run(
     WorkersDied
         Workers died twice over the same runs, which are named; what was recorded stays.
     """
-    checks.instance("study", study, Study, "a Study")
     runs = checks.integer("runs", runs, low=1)
     chunk = checks.integer("chunk", chunk, low=1)
     points = study.scenarios.points
@@ -126,6 +126,7 @@ def run_chunk(study: Study, numbers: Sequence[int]) -> list[Row]:
     return rows
 
 
+@checked
 def attack(
     study: Study, ledger: str | Path, *, population: int = 32, generations: int = 40,
     executor: Executor | None = None, workers: int | None = None,
@@ -146,6 +147,11 @@ def attack(
         Plants tried at once for each controller, and how often.
     executor, workers, progress
         See `run`; each generation's plants are dealt out.
+
+    Raises
+    ------
+    ArgumentError, FileFormatError, WorkersDied
+        See `run`.
     """
     # Imported late: scipy is heavy.
     from scipy.optimize import differential_evolution
@@ -182,6 +188,7 @@ def attack(
         return run(found, ledger, len(worst), executor=pool)
 
 
+@checked
 def load(ledger: str | Path) -> CampaignData:
     """Return what a ledger holds, also while its campaign runs: runs up to the first missing one.
 
@@ -251,6 +258,7 @@ class Replay:
         ])  # fmt: skip
 
 
+@checked
 def replay(ledger: str | Path, run: int, controller: str | None = None) -> Replay:
     """Simulate a run of a campaign again, and its nominal twin.
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from fpid_pin.campaign import figures, statistics
 from fpid_pin.campaign.data import OUTCOMES, CampaignData
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import put_text
 from fpid_pin.view.document import Link, as_text
@@ -48,6 +48,7 @@ _NOTES = {
 }
 
 
+@checked
 def report_html(
     data: CampaignData, path: str | Path, *, replay_link: ReplayLink | None = None
 ) -> Path:

@@ -164,7 +164,7 @@ def operators(
     from fpid_pin.fractional import Crone, ExponentialSum, report
 
     crone = checks.choice("design", design, ("exponential_sum", "crone")) == "crone"
-    step = checks.number("step", step, low=checks.STEPS[0], high=checks.STEPS[1])
+    step = checks.sampling_step(step)
     horizon = checks.number("horizon", horizon, above=0.0, high=step * checks.MOST_ROWS)
     chosen = Crone(*band, n, widening) if crone else ExponentialSum(modes, tolerance)
     found = report(chosen, order or [0.1, 0.5, 0.9], step=step, horizon=horizon)

@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, NoReturn
 
+from fpid_pin import own_code
 from fpid_pin.exceptions import FpidError, FpidWarning
 from fpid_pin.text import cut, visible
 
@@ -84,6 +85,8 @@ def _tell(error: BaseException) -> int:
     elif hasattr(error, "format_message"):
         # Of how it was called: an unknown command or option, a missing argument.
         _say(cut(error.format_message()))
+    elif place := own_code.place_of(error):
+        _say(f"{place}: {type(error).__name__}: {error}")
     else:
         raise error
     return 2

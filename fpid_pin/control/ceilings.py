@@ -9,7 +9,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
 from fpid_pin.control.linear import feedback, linear_arm, linear_terms
 from fpid_pin.control.poses import (
@@ -166,6 +166,7 @@ class DerivativeBound:
         return GainCeilings(*map(checks.read_only, found))
 
 
+@checked
 @one_blas_thread()
 def gain_ceilings(
     arm: Arm,
@@ -187,9 +188,15 @@ def gain_ceilings(
     poses, seed
         How many poses to look at (the first is home), and what draws them. The worst of several
         are starts of a search for the worst there is (docs/gains.md).
+
+    Raises
+    ------
+    ArgumentError
+        Another law; a fractional design without modes.
     """
-    checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
-    poses = checks.integer("poses", poses, low=1)
+    step = checks.sampling_step(step)
+    checks.integer("poses", poses, low=1)
+    checks.integer("seed", seed, low=0)
     bound = DerivativeBound(arm, controller, step=step, horizon=horizon, poses=poses, seed=seed)
     return bound.ceilings(controller)
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.checks import BoolArray, FloatArray, checked
 from fpid_pin.control import linear
 from fpid_pin.control.ceilings import DerivativeBound, gain_table
 from fpid_pin.control.fpid import AdaptiveFpid, Safeguards
@@ -71,6 +71,7 @@ class GainCertificate:
         )
 
 
+@checked
 @one_blas_thread()
 def certify_gains(
     arm: Arm, controller: AdaptiveFpid, *, spread: ArrayLike = 1.0, step: float = 1e-3,
@@ -105,13 +106,15 @@ def certify_gains(
     ArgumentError
         A fractional design without modes, orders that adapt, or no gain that may move.
     """
-    checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
     if np.any(controller.order_learning_rate):
         raise checks.ArgumentError("controller", "orders that stay", "an order_learning_rate")
-    step = checks.number("step", step, above=0.0)
+    step = checks.sampling_step(step)
     n, scale = arm.n, controller.scale_on(arm)
     initial = gain_table(controller, n)
-    width = np.broadcast_to(checks.floats("spread", spread, low=0, max_ndim=2), (3, n)) * initial
+    spread = checks.scalar_or_joints("spread", spread, rows=3, low=0.0)
+    if spread.ndim and spread.shape[-1] not in (1, n):
+        raise checks.ArgumentError("spread", f"shape ({n},) or (3, {n})", f"shape {spread.shape}")
+    width = np.broadcast_to(spread, (3, n)) * initial
     if not width.any():
         raise checks.ArgumentError("spread", "a gain above 0 that may move", "none")
     if poses is None:

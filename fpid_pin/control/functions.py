@@ -9,7 +9,7 @@ import hashlib
 import itertools
 import re
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import PurePath
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple
@@ -109,7 +109,12 @@ def _fault(function: Any, error: Exception) -> tuple[str, str]:
     if isinstance(error, KeyError):
         # All that numba says of a number that a record has not is its name.
         name = str(error.args[0])
-        return _place_of_attribute(function, name) or place, f"the law has no number '{name}'"
+        uses = (
+            at
+            for at, instruction in _instructions(function, called=True)
+            if instruction.argval == name and instruction.opname.endswith("_ATTR")
+        )
+        return next(uses, place), f"the law has no number '{name}'"
     text = re.sub(r"\x1b\[[\d;]*m", "", str(error))  # numba colours it where colorama is there
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     # The innermost function comes first.
@@ -120,16 +125,30 @@ def _fault(function: Any, error: Exception) -> tuple[str, str]:
     return place, reason
 
 
-def _place_of_attribute(function: Any, name: str) -> str | None:
-    """Return line and file of the first use of an attribute, also in functions that are called."""
+def _instructions(function: Any, *, called: bool) -> Iterator[tuple[str, dis.Instruction]]:
+    """Yield what a function, and perhaps those in plain Python that it calls, are made of."""
     code = function.__code__
     for instruction in dis.get_instructions(code):
-        if instruction.argval == name and instruction.opname.endswith("_ATTR"):
-            line = instruction.positions.lineno if instruction.positions else code.co_firstlineno
-            return f"line {line} of {PurePath(code.co_filename).name}"
-    inner = [f for f in globals_of(function).values() if isinstance(f, FunctionType)]
-    found = (_place_of_attribute(f, name) for f in inner if f is not function)
-    return next((place for place in found if place is not None), None)
+        line = instruction.positions.lineno if instruction.positions else code.co_firstlineno
+        yield f"line {line} of {PurePath(code.co_filename).name}", instruction
+    for inner in globals_of(function).values() if called else ():
+        if isinstance(inner, FunctionType) and inner is not function:
+            yield from _instructions(inner, called=True)
+
+
+def _lost_when_compiled(function: Any, role: str) -> str:
+    """Say where a function raises, or returns nothing: compiled, it would go on with any number."""
+    for place, instruction in _instructions(function, called=True):
+        if instruction.opname == "RAISE_VARARGS":
+            return f"{place}: expected no raise or assert, which compiled code cannot stop at"
+    constant: Any = ()
+    for place, instruction in _instructions(function, called=False):
+        name, value = instruction.opname, instruction.argval
+        constant = value if name.endswith("_CONST") else constant
+        if role == "torque" and name.startswith("RETURN_") and constant is None:
+            return f"{place}: expected a number to be returned on every way, got none"
+        constant = constant if name.endswith("_CONST") else ()
+    return ""
 
 
 def _over_arrays(inner: Any, role: str, columns: int, carray: Any) -> Callable[..., None]:
@@ -239,8 +258,12 @@ def check_in_python(function: Any, role: str, calls: Sequence[Any], *, who: str)
         here = [f for f in frames if f.filename == code.co_filename]
         line = here[-1].lineno or line if here else line
         fault, results = f"{type(error).__name__}: {error}", []
+        if isinstance(error, AttributeError) and isinstance(error.obj, np.record):
+            fault = f"the law has no number '{error.name}' (a field of a dataclass, or remembered)"
     for result in results if role == "torque" else ():
         if not isinstance(result, (float, int, np.floating, np.integer)):
             fault = f"expected a number to be returned, got {type(result).__name__}"
     if fault:
         raise SimulationError(f"{who}, line {line} of {file}: {fault}")
+    if lost := _lost_when_compiled(function, role):
+        raise SimulationError(f"{who}, {lost}")

@@ -11,7 +11,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import Flag, FloatArray, Number, OneOf
+from fpid_pin.checks import Flag, FloatArray, Number, OneOf, checked
 from fpid_pin.control.ceilings import (
     SLACK,
     DerivativeBound,
@@ -138,9 +138,9 @@ class SuggestedFpid(Controller):
     @one_blas_thread()
     def explained(self, arm: Arm, step: float, horizon: float) -> GainSuggestion:
         """Return that controller, and why its gains are as they are: see `explain_gains`."""
-        w, step = self.bandwidth, checks.number("step", step, above=0.0)
+        w, step = self.bandwidth, checks.sampling_step(step)
         for reason in impossible_joints(arm):
-            warnings.warn(reason, FpidWarning, stacklevel=4)
+            warnings.warn(reason, FpidWarning, stacklevel=5)
         law, bound = self._wanted(arm, step, horizon)
         scale, mu = law.scale_on(arm), float(np.asarray(law.derivative_order))
         notes = []
@@ -166,7 +166,7 @@ class SuggestedFpid(Controller):
         if found.min() <= 0.0:
             warnings.warn(
                 f"{arm.name}: at a step of {1e3 * step:g} ms no gains are found that are stable at "
-                "every pose; a shorter step or less bandwidth may do", FpidWarning, stacklevel=4,
+                "every pose; a shorter step or less bandwidth may do", FpidWarning, stacklevel=5,
             )  # fmt: skip
         kp, ki, kd = gains / scale
         law = dataclasses.replace(law, kp=kp, ki=ki, kd=kd)
@@ -231,17 +231,20 @@ def _found(asked: SuggestedFpid, arm: Arm, step: float) -> AdaptiveFpid:
     return asked.explained(arm, step, 3600.0).controller
 
 
+@checked
 def suggest_gains(
     arm: Arm, bandwidth: float = 10.0, *, step: float = 1e-3, horizon: float = 3600.0,
     **options: Any,
 ) -> AdaptiveFpid:  # fmt: skip
     """Return an adaptive FPID that follows slow references on `arm` without any tuning.
 
-    The same as `explain_gains`, whose notes also go to the logger ``fpid_pin``, level INFO.
+    The same as `explain_gains`, arguments and errors too; its notes also go to the logger
+    ``fpid_pin``, level INFO.
     """
     return explain_gains(arm, bandwidth, step=step, horizon=horizon, **options).controller
 
 
+@checked
 def explain_gains(
     arm: Arm, bandwidth: float = 10.0, *, step: float = 1e-3, horizon: float = 3600.0,
     **options: Any,
@@ -271,6 +274,11 @@ def explain_gains(
         Projection keeps adapted gains within 0.7 and four times these, under the ceilings of
         `gain_ceilings`, in a box that is damped at all those poses (docs/gains.md). Learning rates
         make 0.05 rad of error double a gain in about five seconds.
+
+    Raises
+    ------
+    ArgumentError
+        A bandwidth or an option that `SuggestedFpid` refuses.
 
     Warns
     -----
@@ -313,6 +321,7 @@ def _adapting(
     return dataclasses.replace(law, learning_rate=initial / strength, safeguards=guards), part
 
 
+@checked
 def adapt_orders(controller: AdaptiveFpid, arm: Arm, *, speed: float = 1.0) -> AdaptiveFpid:
     """Return a law with orders that adapt, downwards from the largest that it has.
 
@@ -338,7 +347,6 @@ def adapt_orders(controller: AdaptiveFpid, arm: Arm, *, speed: float = 1.0) -> A
     ArgumentError
         Orders below the lower bounds of the law.
     """
-    checks.instance("controller", controller, AdaptiveFpid, "an AdaptiveFpid")
     speed = checks.number("speed", speed, low=0.0)
     kp, ki, kd = gain_table(controller, arm.n)
     k1, scale = checks.per_joint("k1", controller.k1, arm.n), controller.scale_on(arm)

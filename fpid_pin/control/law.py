@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import Flag, FloatArray, Number, OneOf, PerJoint
+from fpid_pin.checks import Flag, FloatArray, Number, OneOf, PerJoint, Text, Whole, checked
 from fpid_pin.control.loop import Loop
 from fpid_pin.control.supervisor import Supervisor
 from fpid_pin.descriptions import Description
 from fpid_pin.fractional import Design, ExponentialSum
 from fpid_pin.kernels.records import GIVEN_NAMES
+from fpid_pin.text import shown
 
 #: What a law may take its signals to have been before t = 0: see `fpid_pin.fractional.Bank`.
 INITIALISATIONS = ("caputo", "grunwald_letnikov")
@@ -29,7 +30,7 @@ FASTEST = 1.0
 
 
 @dataclass(frozen=True)
-class Operator:
+class Operator(Description):
     """A fractional operator of one signal of a law, one for each joint.
 
     Parameters
@@ -48,9 +49,9 @@ class Operator:
     """
 
     order: str | float
-    of: str = "e"
-    sign: int = 1
-    adapts: bool = False
+    of: Annotated[str, Text] = "e"
+    sign: Annotated[int, Whole(low=-1, high=1)] = 1
+    adapts: Annotated[bool, Flag] = False
     integrates: ClassVar[bool] = False
 
 
@@ -149,6 +150,7 @@ class Controller(Description, ABC):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        checks.plain("name", self.name, str, "a text")
         if self.feedforward and self.uses_model:
             kind = type(self).__name__
             raise checks.ArgumentError("feedforward", f"none: {kind} has the model itself", True)
@@ -222,6 +224,10 @@ class Controller(Description, ABC):
             if name in GIVEN_NAMES or (name in own and hasattr(Controller, name)):
                 raise checks.ArgumentError(name, "another name", f"{name}, which all laws have")
         checks.instance("memory", self.memory, (tuple, list), "a tuple of names")
+        checks.instance("shown", self.shown, Mapping, "a dictionary of names")
+        for name in self.memory:
+            if not (isinstance(name, str) and name.isidentifier()):
+                raise checks.ArgumentError("memory", "a tuple of names", shown(self.memory))
         taken = {*GIVEN_NAMES, *numbers, *self.memory}
         checks.instance("operators", self.operators, Mapping, "a dictionary of operators")
         for output, operator in self.operators.items():
@@ -234,6 +240,8 @@ class Controller(Description, ABC):
             if operator.adapts and not isinstance(operator.order, str):
                 raise checks.ArgumentError(name, "an order in a field, to adapt it", operator.order)
         if self.operators:
+            design = getattr(self, "design", self.fractional_design)
+            checks.instance("design", design, Design, "a fractional design")
             checks.choice("initialisation", self.fractional_initialisation, INITIALISATIONS)
 
     def begin(self, state: Any) -> None:
@@ -243,6 +251,7 @@ class Controller(Description, ABC):
         """Return the law that this is on an arm: itself, unless its gains depend on the arm."""
         return self
 
+    @checked
     def start(self, arm: Arm, *, step: float, horizon: float = 3600.0) -> Loop:
         """Start the law for one robot: a tick at a time, for any simulator or a real arm.
 
@@ -258,6 +267,11 @@ class Controller(Description, ABC):
         Returns
         -------
         Loop
+
+        Raises
+        ------
+        ArgumentError, SimulationError
+            What the law declares cannot be, or one of its functions, whose line is told.
         """
         # Imported late: it loads numba.
         from fpid_pin.control.state import State

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray, Number, PerJoint
+from fpid_pin.checks import FloatArray, Number, PerJoint, checked
 from fpid_pin.control.loop import INPUTS, ROWS, Loop, Record
 from fpid_pin.descriptions import Description
 from fpid_pin.exceptions import ArgumentError
@@ -94,7 +94,7 @@ class EncoderRate(Description):
 
     def start(self, step: float) -> "EncoderRateState":
         """Start it at a sampling period `step` [s]."""
-        return EncoderRateState(self, checks.number("step", step, above=0.0))
+        return EncoderRateState(self, checks.sampling_step(step))
 
 
 class EncoderRateState:
@@ -197,6 +197,7 @@ class RobotLoop:
         another number of joints.
     """
 
+    @checked
     def __init__(
         self,
         loop: Loop,
@@ -207,7 +208,6 @@ class RobotLoop:
         hold: ArrayLike = 0.0,
         most_missed: int = 10,
     ) -> None:
-        checks.instance("loop", loop, Loop, "a Loop (controller.start)")
         arm = loop.state.arm
         self.loop, self.step = loop, loop.state.step
         self._names, self._arm_names = tuple(joint_names or arm.joint_names), arm.joint_names

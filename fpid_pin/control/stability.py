@@ -13,7 +13,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.control.law import FASTEST, Controller, observer_gains
 from fpid_pin.control.linear import ComplexArray, LinearLaw, linear_arm, linearised
 from fpid_pin.control.poses import seeded_poses
@@ -39,6 +39,8 @@ DESIGN, HORIZON = ExponentialSum(modes=8), 10.0
 #: Poses that are looked at; samples of delay, of which more than the law alone bears are no use;
 #: halvings of a bandwidth's interval: to 0.4 % of it.
 POSES, LATEST, HALVINGS = 3, 16, 8
+#: Samples of a delay: each is a state of every joint.
+MOST_LATE = 200
 #: How far outside the unit circle rounding may put a pole that is on it.
 ROUNDING = 1e-9
 
@@ -113,6 +115,7 @@ class StabilityReport(ReprMixin):
         return "\n".join(lines)
 
 
+@checked
 @one_blas_thread()
 def stability_report(
     arm: Arm, controller: Controller, *, step: float = 1e-3, horizon: float = 3600.0
@@ -144,7 +147,7 @@ def stability_report(
     multiplies the eigenvalues of L, so each of those is a loop like one joint's (generalised
     Nyquist criterion: MacFarlane and Postlethwaite, International Journal of Control 25, 1977).
     """
-    step = checks.number("step", step, above=0.0)
+    step = checks.sampling_step(step)
     omega = frequencies(step)
     z = np.exp(1j * omega * step)
     plant = linear_arm(arm, arm.home, step=step)
@@ -237,6 +240,7 @@ def critical_derivative(design: Design, order: float, *, step: float, horizon: f
     return float(found.min()) if found.size else np.inf
 
 
+@checked
 @one_blas_thread()
 def suggest_observer(
     arm: Arm,
@@ -268,9 +272,14 @@ def suggest_observer(
     step
         Sampling period [s].
     delay
-        By how much measurements are late [s].
+        By how much measurements are late [s], at most 200 steps.
     noise
         Part by which the torque may vary more.
+
+    Raises
+    ------
+    ArgumentError
+        As for `stability_report`; a longer delay.
 
     Warns
     -----
@@ -282,9 +291,9 @@ def suggest_observer(
     With a weak law the observer's loop is ``omega^2/(s (s + 2 omega))``, whose delay margin is
     2.74/omega: 27 ms at 100 rad/s. Next to a law of its own bandwidth there is less.
     """
-    checks.instance("controller", controller, Controller, "a control law")
-    step = checks.number("step", step, above=0.0)
-    delay = checks.number("delay", delay, low=0.0)
+    step = checks.sampling_step(step)
+    checks.number("delay", delay, low=0.0)
+    delay = checks.number("delay", delay, high=MOST_LATE * step)
     noise = checks.number("noise", noise, low=0.0)
     late = int(np.ceil(delay / step - 1e-9))
     poses = seeded_poses(arm, POSES, 0)
@@ -305,7 +314,7 @@ def suggest_observer(
             f"{arm.name}: the law alone is not stable with measurements {1e3 * delay:g} ms late: "
             "no observer is suggested",
             FpidWarning,
-            stacklevel=2,
+            stacklevel=4,
         )
         return 0.0
     omega = min(_quiet(arm, law(0, 0.0), step, noise), FASTEST / step)

@@ -18,6 +18,7 @@ from fpid_pin.fractional.design import Records, modes_of
 from fpid_pin.kernels import records
 from fpid_pin.kernels.compiled import entry_point
 from fpid_pin.kernels.tick import tick_parts
+from fpid_pin.text import shown
 
 #: Rates of given signals.
 RATES = {"e": "e_dot", "int_e": "e", "q": "v", "q_ref": "v_ref", "v_ref": "a_ref"}
@@ -64,12 +65,16 @@ class State:
         self, controller: Any, arm: Arm, *, step: float, horizon: float,
         design: Design | None = None,
     ) -> None:  # fmt: skip
-        self.step = checks.number("step", step, above=0.0)
+        self.step = checks.sampling_step(step)
         controller = controller.on(arm, step=step)
         self.controller, self.arm, self.n = controller, arm, arm.n
         self.design = design or controller.fractional_design
         self.horizon, n = horizon, arm.n
         given = controller.numbers(arm, step, horizon)
+        checks.instance("numbers", given, Mapping, "a dictionary of numbers")
+        own = np.asarray(controller.arrays(arm, step, horizon), dtype=np.float64)
+        if own.ndim != 2:
+            raise ArgumentError("arrays", "shape (rows, columns)", f"shape {own.shape}")
         controller.check_declared(list(given))
         # Operators of given signals come first; the others follow the law's surface.
         self._operators = sorted(controller.operators.items(), key=lambda x: x[1].of not in EARLY)
@@ -101,7 +106,7 @@ class State:
             robot=zeros(1, records.ROBOT),
             joints=np.ndarray((n,), records.GIVEN, buffer=numbers, strides=numbers.strides[:1]),
             numbers=numbers,
-            own=np.ascontiguousarray(controller.arrays(arm, step, horizon), dtype=np.float64),
+            own=np.array(own, order="C"),
             ops=zeros((n, 0), records.OPERATOR),
             poles=zeros((1, 0), records.POLE),
             modes=zeros((n, 0, 0), records.MODE),
@@ -130,6 +135,9 @@ class State:
             controller.begin(self)
         else:
             self._bind()
+        for name, array in self.shown.items():
+            if np.shape(array) not in ((n,), ()):
+                raise ArgumentError(f"shown.{name}", f"shape ({n},)", f"shape {np.shape(array)}")
 
     # ------------------------------------------------------------------ at the start
 
@@ -257,14 +265,13 @@ class State:
         """Have a law in plain Python say its torques."""
         law = self.controller
         try:
-            asked = np.asarray(law.control(self, *self.inputs.copy()), dtype=np.float64)
+            asked = np.asarray(law.control(self, *self.inputs.copy()))
         except Exception as error:
             name = type(error).__name__
             raise SimulationError(f"the law raised {name}: {error}") from error
-        if asked.shape != (self.n,):
-            raise SimulationError(
-                f"the law's torque: expected shape ({self.n},), got {asked.shape}"
-            )
+        if asked.shape != (self.n,) or asked.dtype.kind not in "fiu":
+            got = asked.shape if asked.dtype.kind in "fiu" else shown(asked.tolist())
+            raise SimulationError(f"the law's torque: expected shape ({self.n},), got {got}")
         self.joints["u_law"] = self.joints["scale"] * asked
 
     def signals(self) -> Mapping[str, Any]:
@@ -278,8 +285,8 @@ class State:
 
     def columns(self, names: Sequence[str]) -> Any:
         """Return which columns of the numbers hold some signals, (names,)."""
-        shown = self.controller.shown
-        return np.array([self._columns[shown[name]] for name in names], dtype=np.int64)
+        fields = self.controller.shown
+        return np.array([self._columns[fields[name]] for name in names], dtype=np.int64)
 
     # ----------------------------------------------------------- for laws in plain Python
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from fpid_pin import checks, descriptions
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.control import Controller
 from fpid_pin.exceptions import ExportError, FileFormatError
 from fpid_pin.export.build import readme
@@ -30,6 +30,7 @@ _MAGIC = b"FPIDVEC1"
 _SEED = 12
 
 
+@checked
 def export_c(
     controller: Controller,
     arm: Arm,
@@ -77,13 +78,14 @@ def export_c(
         counterpart in C.
     ArgumentError
         A design without modes.
+    FileFormatError
+        The folder cannot be written.
     """
     path = Path(folder)
     if kind_of(path) is not None:
         raise ExportError(f"{path}: expected a new folder, got one that exists")
-    step = checks.number("step", step, above=0.0)
+    step = checks.sampling_step(step)
     ticks = checks.integer("ticks", ticks, low=1, high=MOST_TICKS)
-    checks.instance("controller", controller, Controller, "a controller")
     controller = controller.on(arm, step=step)
     state = start(controller, arm, step, horizon)
     source = CSource(state)
@@ -169,8 +171,7 @@ def simulated(experiment: Experiment, controller: Controller, ticks: int) -> Flo
     run = simulate(dataclasses.replace(experiment, duration=duration), controller)
     if not run.outcome.completed:
         raise ExportError(f"experiment: expected a run to make vectors of, got one {run.outcome}")
-    a_ref = np.broadcast_to(experiment.reference.sample(run.t)[2], run.q.shape)
-    return np.stack([run.q, run.v, run.q_ref, run.v_ref, a_ref], axis=1)
+    return np.stack([run.q, run.v, *experiment.motion(run.t)], axis=1)
 
 
 def answers(

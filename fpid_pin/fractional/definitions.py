@@ -21,7 +21,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray, read_only
+from fpid_pin.checks import FloatArray, checked, read_only
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.fractional.bank import Bank
 from fpid_pin.fractional.design import INITIALISATIONS, Design, check_grid, check_order
@@ -103,6 +103,7 @@ class L1(HistorySum):
         return np.asarray(np.diff(weights, axis=0, prepend=0.0) * scipy.special.rgamma(1.0 + power))
 
 
+@checked
 def caputo(
     signal: ArrayLike,
     order: ArrayLike,

@@ -231,6 +231,10 @@ def modes_of(design: Design, order: ArrayLike, *, step: float, horizon: float) -
     if not isinstance(found, Modes):
         name = type(design).__name__
         raise ArgumentError("design", "one with modes", f"{name}, which keeps the past")
+    shape = (len(found.poles), *np.shape(order))
+    if np.shape(found.weights) != shape or not np.isfinite(found.weights).all():
+        got = f"shape {np.shape(found.weights)}" if np.shape(found.weights) != shape else "others"
+        raise ArgumentError("design", f"finite weights of shape {shape} (modes, orders)", got)
     return found
 
 

@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
-from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.checks import BoolArray, FloatArray, checked
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
 from fpid_pin.fractional.bank import Bank
@@ -215,6 +215,7 @@ class OperatorReport(ReprMixin):
         table = [*zip(*heads, strict=True), *cells]
         return "\n".join([*self.heading, *("".join(f"{x:>11}" for x in row) for row in table)])
 
+    @checked
     def plot(self, path: str | Path | None = None) -> Any:
         """Draw magnitude and phase errors against frequency, and the kernel's against lag.
 
@@ -267,6 +268,7 @@ def _longest(good: BoolArray) -> slice:
     return slice(*longest)
 
 
+@checked
 def state_space(
     design: Design,
     order: float,

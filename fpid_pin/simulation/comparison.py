@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.checks import BoolArray, FloatArray
+from fpid_pin.checks import BoolArray, FloatArray, checked
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import METRICS, Metrics, QuadraticCost
 from fpid_pin.progress import ProgressCallback
@@ -286,6 +286,7 @@ class Comparison(ReprMixin):
         return html_table(caption, list(rows[0]), ([*row.values()] for row in rows))
 
 
+@checked
 def compare(
     experiments: Experiment | Mapping[str, Experiment],
     controllers: Sequence[Controller] | Mapping[str, Controller],
@@ -320,7 +321,6 @@ def compare(
     measure = None if metric is None else MEASURES[checks.choice("metric", metric, MEASURES)]
     if isinstance(experiments, Experiment):
         experiments = {"nominal": experiments}
-    checks.instance("experiments", experiments, Mapping, "an Experiment, or some by name")
     controllers = by_name(controllers)
     pairs = list(product(experiments.values(), controllers.values()))
     runs = simulate([e for e, _ in pairs], [law for _, law in pairs], progress=progress)

@@ -92,10 +92,9 @@ class Block:
         # The parts of a step that the integrator looks at.
         parts = (0.0, 0.5, 1.0) if experiment.integrator == "rk4" else (0.0,)
         self.forces: FloatArray = np.zeros((len(parts), count, n))
-        disturbance = experiment.resolved.disturbance
-        if disturbance is not None:
+        if experiment.resolved.disturbance is not None:
             for k, part in enumerate(parts):
-                self.forces[k] = disturbance.sample(t + part * step)
+                self.forces[k] = experiment.disturbance(t + part * step)
         self.motion: FloatArray = np.empty((3, count, n))
         self.kept: FloatArray = np.empty((signals, count, n))
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import BLOCK_ROWS, MOTION, Cost, Metrics, QuadraticCost, RowCost, Rows
 from fpid_pin.exceptions import ArgumentError, FpidWarning
@@ -59,6 +59,7 @@ def simulate(
 ) -> list[Run]: ...
 
 
+@checked
 def simulate(
     experiment: Experiment | Sequence[Experiment],
     controller: Controller | Sequence[Controller],
@@ -99,11 +100,11 @@ def simulate(
     # A limit that was given to the plant by hand is taken to be meant.
     lines = [line for e in distinct for line in e.joints_that_fall(by_hand=False)]
     for line in dict.fromkeys(lines):
-        warnings.warn(line, FpidWarning, stacklevel=2)
+        warnings.warn(line, FpidWarning, stacklevel=3)
     runs = _record(experiments, controllers, progress)
     asked = (asks_degrees(e.arm, run) for e, run in zip(experiments, runs, strict=True))
     if line := next(filter(None, asked), ""):
-        warnings.warn(line, FpidWarning, stacklevel=2)
+        warnings.warn(line, FpidWarning, stacklevel=3)
     single = isinstance(experiment, Experiment) and isinstance(controller, Controller)
     return runs[0] if single else runs
 
@@ -136,6 +137,7 @@ def _record(
     return runs
 
 
+@checked
 def evaluate(
     experiments: Experiment | Sequence[Experiment],
     controllers: Controller | Sequence[Controller],
@@ -169,13 +171,15 @@ def evaluate(
 
     Raises
     ------
+    ArgumentError, SimulationError
+        As for `simulate`; a cost that is no number.
     WorkersDied
         Workers of the executor died twice over the same runs.
     """
     es, cs = _pairs(experiments, controllers)
     if cost is None:
         cost = default_cost(e.arm for e in es)
-    costs: list[Cost] = [cost] if isinstance(cost, Cost) else list(cost)
+    costs = checks.several("cost", cost, Cost, "a Cost")  # type: ignore[type-abstract]
     table, done = np.empty((len(es), len(costs))), 0
 
     def tell(rows: float) -> None:
@@ -218,6 +222,7 @@ def costs_of(
     ])  # fmt: skip
 
 
+@checked
 def cost_of(run: Run, cost: Cost) -> float:
     """Return the cost of a recorded `Run`, as `evaluate` gives it; +inf where it diverged."""
     if not run.outcome.completed:

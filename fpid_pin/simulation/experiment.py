@@ -4,6 +4,7 @@ Below: the paper's experiment, section 5.1, and its controllers.
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Annotated, Any
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint, Text, Whole
+from fpid_pin.checks import Array, FloatArray, Number, OneOf, PerJoint, Text, Whole, checked
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.poses import joints_that_fall
 from fpid_pin.control.supervisor import Supervisor
@@ -22,7 +23,7 @@ from fpid_pin.descriptions import Description, described
 from fpid_pin.disturbances import Cosine, Disturbance
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.references import Motion, Reference, Sinusoid
-from fpid_pin.text import unit_for
+from fpid_pin.text import shown, unit_for
 
 DYNAMICS = ("pinocchio", "compiled")
 
@@ -205,13 +206,8 @@ class Experiment(Description):
             expected = f"at most runaway_speed ({self.runaway_speed:g} {unit})"
             raise ArgumentError("v0", expected, v0)
         self._set(q0=checks.per_joint("q0", start if self.q0 is None else self.q0, n), v0=v0)
-        disturbance = self.resolved.disturbance
-        if disturbance is not None:
-            shape = np.shape(disturbance.sample(np.zeros(1)))
-            if shape not in ((1, n), (1, 1)):
-                raise ArgumentError(
-                    "plant.disturbance", f"(K, {n}) at K times (the arm has {n} joints)", f"{shape}"
-                )
+        if self.resolved.disturbance is not None:
+            self.disturbance(np.zeros(1))
 
     @cached_property
     def resolved(self) -> ResolvedPlant:
@@ -247,20 +243,38 @@ class Experiment(Description):
 
     def motion(self, t: FloatArray) -> Motion:
         """Sample the reference at `t`, (K,), as three (K, n) arrays, checked."""
-        n, out = self.arm.n, []
-        for name, array in zip(("q", "v", "a"), self.reference.sample(t), strict=True):
-            array = np.asarray(array, dtype=np.float64)
-            if array.shape not in ((len(t), n), (len(t), 1)):
-                raise ArgumentError(
-                    f"reference {name}", f"shape ({len(t)}, {n})", f"shape {array.shape}"
-                )
+        sampled = self.reference.sample(t)
+        given = [*sampled] if isinstance(sampled, (tuple, list, np.ndarray)) else []
+        if len(given) != 3:
+            got = f"{len(given)}" if given else shown(sampled)
+            raise ArgumentError("reference", "three arrays (angles, rates, accelerations)", got)
+        out = []
+        for name, values in zip(("q", "v", "a"), given, strict=True):
+            array = self._rows(f"reference {name}", values, len(t))
             if not np.isfinite(array).all():
                 at = t[int(np.argwhere(~np.isfinite(array))[0, 0])]
                 raise ArgumentError(
                     f"reference {name}", "finite values", f"NaN or inf at t = {at:g} s"
                 )
-            out.append(np.broadcast_to(array, (len(t), n)))
+            out.append(array)
         return out[0], out[1], out[2]
+
+    def disturbance(self, t: FloatArray) -> FloatArray:
+        """Sample the plant's disturbance at `t`, (K,), as (K, n) [N m], checked."""
+        found: Any = self.resolved.disturbance
+        return self._rows("plant.disturbance", found.sample(t), len(t))
+
+    def _rows(self, name: str, values: Any, rows: int) -> FloatArray:
+        """Check what is to be numbers for all joints, (rows, n), or for any, (rows, 1)."""
+        n, got = self.arm.n, ""
+        with suppress(ValueError):  # rows of several lengths
+            array = np.asarray(values)
+            if array.dtype.kind in "fiu":
+                if array.shape in ((rows, n), (rows, 1)):
+                    return np.broadcast_to(array.astype(np.float64), (rows, n))
+                got = f"shape {array.shape}"
+        expected = f"shape ({rows}, {n}) (the arm has {n} joints)"
+        raise ArgumentError(name, expected, got or shown(values))
 
 
 @dataclass(frozen=True)
@@ -322,6 +336,7 @@ def default_cost(arms: Iterable[Arm]) -> Cost:
     return QuadraticCost() if all(map(of_paper, arms)) else TrackingCost()
 
 
+@checked
 def paper_experiment(*, duration: float = 20.0, step: float = 1e-3) -> Experiment:
     """Return section 5.1 of the paper: two links, eqs. (34)-(38).
 
@@ -341,6 +356,7 @@ def paper_experiment(*, duration: float = 20.0, step: float = 1e-3) -> Experimen
     )
 
 
+@checked
 def paper_controller(orders: str = "symbol", *, supervised: bool = True) -> AdaptiveFpid:
     """Return the adaptive FPID of section 5.1 with its primary setting.
 

@@ -37,7 +37,7 @@ def on_a_clock(
     time = checks.times("t", given["t"])
     time, rows, arrays = time - time[0], len(time), {}
     for name, value in given.items():
-        if name == "t" or value is None:
+        if name == "t" or (value is None and name in ("v", "v_ref")):
             continue
         array = checks.floats(label := name.replace(SIGNAL, "signals."), value)
         if array.shape != (rows, n) and not (name.startswith(SIGNAL) and array.shape == (rows,)):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from fpid_pin import checks, descriptions, npz
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.control.law import Controller
 from fpid_pin.control.loop import Record
 from fpid_pin.costs import MOTION, Metrics, tool_distance
@@ -131,6 +131,7 @@ class Run:
             return array
         raise AttributeError(f"a run of this controller has no {name!r}; it has {sorted(signals)}")
 
+    @checked
     def save(self, path: str | Path, *, compressed: bool = False, every: int = 1) -> Path:
         """Write the run as one ``.npz``: arrays and a JSON table, nothing pickled.
 
@@ -182,6 +183,7 @@ class Run:
         return cls(**{name: arrays[name] for name in ("t", *MOTION)}, signals=signals, **about)
 
     @classmethod
+    @checked
     def load(cls, path: str | Path) -> Self:
         """Read a run; nothing in the file is executed.
 
@@ -196,6 +198,7 @@ class Run:
         own = {name: meta.pop(name) for name in ("step", "planned_rows")}
         return cls._of(arrays, outcome=Outcome(**meta.pop("outcome")), **own, meta=meta)
 
+    @checked
     def thinned(self, every: int) -> Self:
         """Return the run with one row in `every`, the first among them.
 
@@ -208,7 +211,7 @@ class Run:
         ArgumentError
             Not a whole number from 1 on, or a step of more than 10 s.
         """
-        every = checks.integer("every", every, low=1)
+        checks.integer("every", every, low=1)
         step = self.step * every
         if step > checks.STEPS[1]:
             raise ArgumentError("every", f"rows at most {checks.STEPS[1]:g} s apart", f"{step:g} s")
@@ -243,10 +246,12 @@ class Run:
         frame.attrs.update(self._about())
         return frame
 
+    @checked
     def to_csv(self, path: str | Path) -> Path:
         """Write the columns of `to_dataframe` as CSV, every digit; no pandas is needed."""
         return npz.write_columns(path, self.columns())
 
+    @checked
     def to_parquet(self, path: str | Path) -> Path:
         """Write the columns of `to_dataframe` as Parquet; the schema's metadata has the rest.
 
@@ -311,6 +316,7 @@ class Run:
         return html_table(f"{self.name}: {self.outcome}", [*columns], rows)
 
     @classmethod
+    @checked
     def from_arrays(
         cls,
         t: ArrayLike,
@@ -354,9 +360,6 @@ class Run:
             Shapes that do not fit; NaN or inf; times that go back, or rows off a uniform step by
             more than a tenth of it while nothing is to be resampled.
         """
-        checks.instance("arm", arm, Arm, "an Arm")
-        if controller is not None:
-            checks.instance("controller", controller, Controller, "a Controller")
         given = {"t": t, "q": q, "q_ref": q_ref, "torque": torque, "v": v, "v_ref": v_ref}
         given |= {f"{SIGNAL}{key}": value for key, value in (signals or {}).items()}
         step, arrays = on_a_clock(given, arm.n, resample)
@@ -367,6 +370,7 @@ class Run:
         )  # fmt: skip
 
     @classmethod
+    @checked
     def from_record(cls, record: Record, name: str = "recorded") -> Self:
         """Make a run of what a loop has recorded (`Loop.record`)."""
         about: dict[str, Any] = record.arrays() | {"signals": record.signals()}

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from fpid_pin import checks, descriptions, own_code
+from fpid_pin.checks import checked
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.simulation.experiment import Experiment
@@ -16,6 +17,7 @@ from fpid_pin.text import listed
 SIMULATION = ("step", "duration", "integrator", "dynamics", "seed", "runaway_speed", "q0", "v0")
 
 
+@checked
 def to_toml(
     experiments: Experiment | Mapping[str, Experiment],
     controllers: Controller | Sequence[Controller] | Mapping[str, Controller],

@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 
 from fpid_pin import checks, own_code
 from fpid_pin._version import __version__
+from fpid_pin.checks import checked
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import ArgumentError, FpidError, TuningError, WorkersDied
 from fpid_pin.resources import keep_to_one_thread, needed
@@ -226,6 +227,7 @@ def _worker_died(error: Exception) -> bool:
     return isinstance(error, futures.BrokenExecutor) or type(error).__name__ == "KilledWorker"
 
 
+@checked
 @contextmanager
 def dask_executor(address: str, *, patience: float = PATIENCE) -> Iterator[Executor]:
     """Give an executor for ``executor=`` whose tasks go to the workers of a Dask scheduler.
@@ -283,6 +285,7 @@ def _prepare_workers(client: Any, address: str, patience: float) -> None:
         client.register_worker_callbacks(partial(own_code.load_again, own_code.loaded()))
 
 
+@checked
 @contextmanager
 def local_cluster(workers: int = 2) -> Iterator[Any]:
     """Start a scheduler and `workers` workers of one thread; end them with the block.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fpid_pin import checks
+from fpid_pin.checks import checked
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost
 from fpid_pin.exceptions import ArgumentError
@@ -143,6 +144,7 @@ def pareto(
     )
 
 
+@checked
 def profile(
     experiment: Experiment | Sequence[Experiment],
     controller: Controller,
@@ -192,6 +194,7 @@ def profile(
     return Profile(bound.labels, along, table[:, :count], table[:, count:], float(found[-1]))
 
 
+@checked
 def cost_map(
     experiment: Experiment | Sequence[Experiment],
     controller: Controller,

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from fpid_pin import checks, descriptions
-from fpid_pin.checks import Flag, FloatArray, Number, OneOf, Whole
+from fpid_pin.checks import Flag, FloatArray, Number, OneOf, Whole, checked
 from fpid_pin.control.law import Controller
 from fpid_pin.costs import Cost, MetricCost, Metrics, QuadraticCost, RowCost, TrackingCost
 from fpid_pin.descriptions import Description, described
@@ -271,6 +271,7 @@ class Problem:
         return np.stack(columns, axis=1)
 
 
+@checked
 def scenarios(
     experiment: Experiment,
     *,

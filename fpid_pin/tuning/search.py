@@ -192,6 +192,7 @@ class Search:
         what = f"{what} of {max(rows):.3g} rows, {settings.generations} times"
         require_time("search", what, steps / settings.at_once)
 
+    @checks.checked
     def run(self, progress: SearchCallback | None) -> None:
         """Search to the last generation, from the checkpoint where there is one."""
         settings, path = self.settings, self._checkpoint
@@ -220,7 +221,7 @@ class Search:
             f"{each:.2g} s each take about {left} (h:min:s); in the joint form, torque(c), it is "
             "compiled (CONTRIBUTING.md)",
             FpidWarning,
-            stacklevel=4,
+            stacklevel=5,
         )
 
     # ------------------------------------------------------------------ checkpoints
@@ -243,7 +244,7 @@ class Search:
             raise TuningError(f"{path}: generations is {most} here, and {self.done} are done")
         if found := differences(table["versions"], _versions()):
             words = "written with other versions, so the last bits may differ"
-            warnings.warn(f"{path}: {words}: {'; '.join(found)}", FpidWarning, stacklevel=4)
+            warnings.warn(f"{path}: {words}: {'; '.join(found)}", FpidWarning, stacklevel=5)
         for name in _RECORDS:
             self._records[name] = list(arrays.pop(f"history_{name}"))
         for k, evolution in enumerate(self.evolutions):

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from fpid_pin import checks
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.control.law import Controller
 from fpid_pin.exceptions import SimulationError
 from fpid_pin.simulation.engine import Simulation
@@ -229,6 +229,7 @@ class KeyInput:
         return "q" not in keys
 
 
+@checked
 def live(
     experiment: Experiment,
     controller: Controller,
@@ -278,8 +279,6 @@ def live(
     FpidError
         The server did not start.
     """
-    checks.instance("experiment", experiment, Experiment, "an Experiment")
-    checks.instance("controller", controller, Controller, "a Controller")
     fps = checks.number("fps", fps, low=1.0, high=240.0)
     if duration is not None:
         duration = checks.number("duration", duration, above=0.0)

@@ -10,6 +10,7 @@ from string import Template
 from typing import Any
 
 from fpid_pin import checks
+from fpid_pin.checks import checked
 from fpid_pin.control import suggest_gains, suggest_observer
 from fpid_pin.control.fpid import AdaptiveFpid
 from fpid_pin.control.law import Controller
@@ -36,6 +37,7 @@ _UNITS = ("rad", "rad s", "N m", "N²m²s")
 _SCRIPTS = ("scene", *(f"playground{k}" for k in ("_settings", "_views", "_controls", "")))
 
 
+@checked
 def playground(
     experiment: Experiment,
     controllers: Controller | Sequence[Controller] | None = None,
@@ -73,7 +75,6 @@ def playground(
         What the page cannot hold: a law in plain Python, another integrator or disturbance,
         CRONE's poles, an arm with other joints than revolute and prismatic ones.
     """
-    checks.instance("experiment", experiment, Experiment, "an Experiment")
     e = experiment
     if controllers is None:
         controllers = suggest_gains(e.arm, step=e.step, name="FPID")

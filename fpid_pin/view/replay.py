@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from fpid_pin import checks
 from fpid_pin.arms import Arm
 from fpid_pin.arms.parts import PRISMATIC
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.exceptions import ArgumentError, FpidError
 from fpid_pin.files import put_text
 from fpid_pin.simulation.experiment import Experiment
@@ -228,6 +228,7 @@ def replay_html(
     return render(scene, title or " / ".join(captions_of(several, captions)))
 
 
+@checked
 def export_html(
     runs: Run | Sequence[Run],
     path: str | Path,
@@ -268,6 +269,7 @@ def export_html(
     return put_text(path, replay_html(runs, captions=captions, fps=fps, title=title))
 
 
+@checked
 def play(
     runs: Run | Sequence[Run],
     *,
@@ -312,6 +314,7 @@ def play(
                 raise FpidError("live view: its server was ended from outside")
 
 
+@checked
 def show(
     runs: Run | Sequence[Run],
     *,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from fpid_pin.checks import checked
 from fpid_pin.files import put_text
 from fpid_pin.simulation.comparison import Comparison
 from fpid_pin.simulation.run import Run
@@ -49,6 +50,7 @@ _CAPTIONS = {
 }
 
 
+@checked
 def report_html(
     runs: Run | Sequence[Run],
     path: str | Path,

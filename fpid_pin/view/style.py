@@ -17,7 +17,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.arms import Arm
-from fpid_pin.checks import FloatArray
+from fpid_pin.checks import FloatArray, checked
 from fpid_pin.exceptions import ArgumentError
 from fpid_pin.files import replacing
 from fpid_pin.simulation.run import Run
@@ -85,6 +85,7 @@ def in_style() -> AbstractContextManager[None]:
 def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
     """Make a function draw in the package's style."""
 
+    @checked
     @functools.wraps(draw)
     def wrapper(*args: P.args, **kwargs: P.kwargs) -> Figure:
         with in_style():
@@ -134,6 +135,7 @@ def figure_bytes(figure: Figure, kind: str, dpi: float = 150.0) -> bytes:
     return data
 
 
+@checked
 def save_figure(figure: Figure, path: str | Path, *, dpi: float = 150.0) -> Path:
     """Write a figure; the suffix (.svg, .pdf, .png) says as what.
 

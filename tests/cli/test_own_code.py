@@ -124,6 +124,17 @@ def test_a_law_a_reference_and_a_cost_of_one_s_own(config, monkeypatch, capsys):
     assert f"{peak:.3g}"[:3] in Path("tuned/summary.txt").read_text("utf-8")
 
 
+def test_a_fault_in_one_s_own_code_is_a_line_with_its_place(config, monkeypatch, capsys):
+    monkeypatch.chdir(config.parent)
+    text = OWN.replace("self.speed * t", "self.sped * t")
+    Path("own.py").write_text(text)
+    assert contextvars.copy_context().run(main, ["run", "c.toml", "--out", "out", *QUICK]) == 2
+    line = 1 + text.splitlines().index("        q = self.sped * t[:, np.newaxis]")
+    said = f"own.py:{line}: AttributeError: 'Ramp' object has no attribute 'sped'"
+    assert capsys.readouterr().err == f"fpid-pin: {said}\n"
+    assert not Path("out").exists()
+
+
 def test_workers_cannot_have_what_a_session_defines():
     code = textwrap.dedent("""
         from dataclasses import dataclass

@@ -23,7 +23,7 @@ from fpid_pin.control import (
 from fpid_pin.exceptions import ArgumentError, DesignError
 from fpid_pin.fractional import L1, Crone, GrunwaldLetnikov
 
-TWO, STEP = fp.Arm.two_link(), 1e-3
+TWO, STEP, SHORT = fp.Arm.two_link(), 1e-3, fp.paper_experiment(duration=0.1)
 ONE_NAME, TWO_NAME = TWO.joint_names
 QUIET = fp.Supervisor.quiet(3.0, 1.0)
 D = Derivative(0.5)
@@ -54,6 +54,16 @@ def hiding(name):
         dataclasses.make_dataclass("Hiding", fields, bases=bases, namespace=methods, eq=False,
                                    frozen=True)()
     )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Showing(PythonPd):
+    """A law in Python with more for the record."""
+
+    more: object = None
+
+    def begin(self, state):
+        state.shown.update(self.more)
 
 
 def certified(**others):
@@ -130,6 +140,13 @@ STARTS = [
     (lambda: declared(operators={"e": D}), "^operators.e: .* got e, which is taken$"),
     (lambda: declared(memory="rate"), "^memory: expected a tuple of names, got str$"),
     (lambda: declared(memory=("mean",)), r"^fields and memory: expected other names, got \['mean"),
+    (lambda: declared(memory=("rate", 2)), r"^memory: expected .* of names, got \('rate', 2\)$"),
+    (lambda: declared(memory=("a b",)), "^memory: expected a tuple of names"),
+    (lambda: declared(shown=["kp"]), "^shown: expected a dictionary of names, got list$"),
+    (lambda: start(Showing(1.0, 1.0, {"x": np.zeros(3)})), r"^shown.x: .*, got .*\(3,\)$"),
+    (lambda: declared(arrays=lambda *_: np.zeros(3)), r"^arrays: expected shape \(rows, columns\)"),
+    (lambda: declared(numbers=lambda *_: None), "^numbers: expected a dictionary of numbers, got"),
+    (lambda: declared(operators={"d": D}, design="crone"), "^design: expected a fractional design"),
     (lambda: declared(shown={"x": "nope"}), "^shown.x: expected a number of the law, got nope$"),
     (lambda: declared(operators={"d": D}, design=L1()), "^design: expected one with modes, got L1"),
     (lambda: declared(operators={"d": D}, initialisation="riemann_liouville"),
@@ -149,7 +166,7 @@ SEARCHES = [
     (lambda: suggest_gains(TWO, 0.0), "^bandwidth: expected a number > 0"),
     (lambda: gain_ceilings(TWO, fp.ComputedTorque()), "^controller: expected an AdaptiveFpid"),
     (lambda: suggest_observer(TWO, paper(), delay=-1), "^delay: expected a number >= 0, got -1$"),
-    (lambda: suggest_observer(TWO, "fpid"), "^controller: expected a control law"),
+    (lambda: suggest_observer(TWO, "fpid"), "^controller: expected a Controller"),
     (lambda: adapt_orders(fp.Pid(1.0, 0.0, 1.0), TWO),
      "^controller: expected an AdaptiveFpid, got Pid$"),
     (lambda: adapt_orders(paper(), TWO, speed=-1.0), "^speed: expected a number >= 0, got -1$"),
@@ -173,13 +190,44 @@ SEARCHES = [
      "expected a law that declares its operators, got PythonFractional, whose torque depends on a "
      "past of its own, such as a Bank's$"),
 ]  # fmt: skip
+# What functions are called with: in another order, of another kind, as text.
+CALLS = [
+    (lambda: fp.stability_report(paper(), TWO), "^arm: expected an Arm, got AdaptiveFpid$"),
+    (lambda: suggest_gains(10.0), "^arm: expected an Arm, got float$"),
+    (lambda: paper().start(fp.Arm, step=STEP), "^arm: expected an Arm, got the class Arm, not one"),
+    (lambda: RobotLoop(started(), rate=0.01), "^rate: expected an EncoderRate, got float$"),
+    (lambda: gain_ceilings(TWO, paper(), step="1 ms"), "^step: expected a number, got '1 ms'$"),
+    (lambda: gain_ceilings(TWO, paper(), seed=-1), "^seed: expected a whole number >= 0, got -1$"),
+    (lambda: fp.stability_report(TWO, paper(), step=1e300), r"^step: .* in \[1e-09, 10\], got"),
+    (lambda: suggest_observer(TWO, paper(), delay=90.0), "^delay: expected a number <= 0.2, got 9"),
+    (lambda: certified(spread=np.ones((2, 2))), r"^spread: expected shape \(n,\) or \(3, n\), got"),
+    (lambda: certified(spread=np.ones(3)), r"^spread: expected shape \(2,\) or \(3, 2\), got .*3"),
+    (lambda: fp.simulate(SHORT, paper(), progress=True), "^progress: expected a function, got b"),
+    (lambda: fp.compare("a.toml", paper()), "^experiments: .* an Experiment or a dictionary"),
+    (lambda: fp.evaluate(SHORT, paper(), 3), "^cost: expected a Cost, got int$"),
+    (lambda: fp.evaluate(np.array(3), paper()), "^experiment: expected an Experiment, got ndarray"),
+    (lambda: fp.export_c(paper(), TWO, STEP, None), "^folder: expected a path, got NoneType$"),
+    (lambda: fp.Run.load(3), "^path: expected a path, got int$"),
+    (lambda: fp.Run.from_arrays([0.0, 1.0], None, None, None, arm=TWO), "^q: expected numbers"),
+    (lambda: fp.to_toml(SHORT, paper(), title=3), "^title: expected a text, got 3$"),
+    (lambda: fp.paper_controller(supervised="no"), "^supervised: expected true or false, got 'no'"),
+    (lambda: fp.Arm.from_example("ur5", lock=["x"]), "^lock: expected a dictionary, got list$"),
+    (lambda: fp.Pid(1.0, 1.0, 1.0, name=3), "^name: expected a text, got 3$"),
+    (lambda: fp.Pid(np.ma.array([1.0, 2.0], mask=[0, 1]), 1.0, 1.0), "^kp: expected numbers"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(("make", "line"), DESCRIPTIONS + STARTS + SEARCHES)
+@pytest.mark.parametrize(("make", "line"), DESCRIPTIONS + STARTS + SEARCHES + CALLS)
 def test_what_cannot_be_is_refused_in_a_line(make, line):
     with pytest.raises(ArgumentError, match=line) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_taken_for_another_type_is_kept_as_the_declared_one():
+    assert fp.Pid(1.0, 0.0, 1.0, feedforward=np.True_).feedforward is True
+    with pytest.raises(TypeError, match=r"compare\(\) got an unexpected keyword .* 'metrics'"):
+        fp.compare(SHORT, [paper()], metrics="tail")
 
 
 def test_orders_that_move_want_shared_poles():

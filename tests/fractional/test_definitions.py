@@ -133,7 +133,7 @@ def test_a_constant_has_no_caputo_derivative(order, constant, seed):
         ({"step": -1.0}, "step: expected a number > 0"),
         ({"axis": 3}, "axis: expected an axis of signal"),
         ({"initialisation": "zero"}, "initialisation: expected one of caputo"),
-        ({"design": 3}, "design: expected a fractional design, got int"),
+        ({"design": 3}, "design: expected a Design, got int"),
     ],
 )
 def test_bad_input_says_what_and_where(arguments, words):

@@ -1,6 +1,7 @@
 """Trajectories: rates are derivatives, points are passed on time, files are checked."""
 
 import pickle
+import types
 
 import numpy as np
 import pytest
@@ -181,6 +182,29 @@ def test_a_circle_with_a_ramp_starts_at_rest_and_loses_half_of_it():
 def test_bad_references_are_named(build, message):
     with pytest.raises(ArgumentError, match=message):
         build()
+
+
+@pytest.mark.parametrize(
+    ("sampled", "line"),
+    [
+        (lambda t: None, r"reference: expected three arrays \(.*\), got None$"),
+        (lambda t: (np.zeros((len(t), 2)),) * 2, "reference: expected three arrays .*, got 2$"),
+        (lambda t: ("a", "b", "c"), r"reference q: expected shape \(1, 2\) .*, got 'a'$"),
+        (lambda t: (1j * np.zeros((len(t), 2)),) * 3, r"reference q: .* got array\(\[\["),
+        (lambda t: ([[0.0], [0.0, 1.0]],) * 3, r"reference q: .* got \[\[0.0\], \[0.0, 1.0\]\]$"),
+    ],
+)
+def test_what_a_reference_of_one_s_own_returns_is_checked(sampled, line):
+    with pytest.raises(ArgumentError, match=f"^{line}"):
+        fp.Experiment(fp.Arm.two_link(), types.SimpleNamespace(sample=sampled))
+
+
+def test_a_disturbance_with_one_row_for_all_times_is_refused():
+    late = types.SimpleNamespace(sample=lambda t: np.zeros((1, 2)))
+    plant = fp.Plant(disturbance=late)
+    experiment = fp.Experiment(fp.Arm.two_link(), Hold(), plant=plant, duration=0.01)
+    with pytest.raises(ArgumentError, match=r"^plant.disturbance: expected shape \(11, 2\)"):
+        fp.simulate(experiment, fp.GravityOnly())
 
 
 def test_a_reference_for_another_arm_is_refused():

@@ -269,7 +269,10 @@ E = fp.paper_experiment(duration=0.01)
         (lambda: fp.simulate(E, fp.Pid), "controller: expected a Controller, got the class Pid"),
         (lambda: fp.simulate(fp.Experiment, LAW), "an Experiment, got the class Experiment"),
         (lambda: fp.evaluate(E, [LAW, fp.Pid]), "controller: .* got the class Pid"),
-        (lambda: fp.compare(LAW, E), "experiments: expected an Experiment, .* got Pid"),
+        (
+            lambda: fp.compare(LAW, E),
+            "expected an Experiment or a dictionary, got Pid",
+        ),
         (lambda: fp.compare(E, fp.Pid), "controllers: .* got the class Pid"),
         (lambda: fp.tune(LAW, E, fp.tuning.Space(kp=(1, 2))), "an Experiment, got Pid"),
         (lambda: fp.tune(E, fp.Pid, fp.tuning.Space(kp=(1, 2))), "got the class Pid"),
