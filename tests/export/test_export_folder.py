@@ -161,7 +161,7 @@ MANY = fp.Arm.planar(lengths=[0.1] * 33, masses=[0.1] * 33)
         (r"test_export_folder.py:\d+: torque: cannot be printed: -1.0 < c.e", Unprintable(), {}),
         ("expected at most 32 joints, got 33", law(), {"arm": MANY}),
         ("expected one with modes", law(design=fp.fractional.L1()), {}),
-        ("expected a controller", 3, {}),
+        ("expected a Controller", 3, {}),
         ("horizon: expected more than one step", law(), {"horizon": 1e-4}),
         (r"ticks: expected a whole number in \[1, 1e\+06\], got 10", law(), {"ticks": 10**12}),
         ("give an experiment", law(observer=50.0, supervisor=CHAOTIC), {"horizon": 10.0}),
