@@ -244,8 +244,9 @@ def test_what_is_saved_needs_neither_package_nor_network(package, tmp_path, monk
     arm = descriptions.from_dict(table, Arm)
     saved = descriptions.to_dict(arm)
     (tmp_path / "two.urdf").unlink()
-    monkeypatch.setitem(sys.modules, "robot_descriptions", None)
-    assert descriptions.from_dict(saved, Arm) == arm
+    with monkeypatch.context() as hidden:  # which would else come back after the fixture's end
+        hidden.setitem(sys.modules, "robot_descriptions", None)
+        assert descriptions.from_dict(saved, Arm) == arm
 
 
 @pytest.mark.parametrize(
