@@ -36,6 +36,7 @@ def test_what_the_system_refuses_is_one_line_and_status_2(monkeypatch, capsys, e
         assert capsys.readouterr().err == f"fpid-pin: {line}\n"
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="macOS has no /dev/full")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
