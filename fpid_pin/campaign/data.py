@@ -29,6 +29,8 @@ METRICS = {
     name: costs.METRICS[name]
     for name in ("rms", "rms_tail", "energy", "peak_torque", "total_variation")
 }
+#: Lines of a campaign that is printed.
+_MOST_LINES = 15
 
 
 @described("success")
@@ -167,7 +169,10 @@ class CampaignData(ReprMixin):
         return statistics.answer(self)
 
     def __str__(self) -> str:
-        return "\n".join(self.answer)
+        lines = self.answer
+        if lines[_MOST_LINES:]:
+            lines[_MOST_LINES - 1 :] = [f"... and {len(lines) - _MOST_LINES + 1} lines more."]
+        return "\n".join(lines)
 
     def _repr_html_(self) -> str:
         rows = self.medians()

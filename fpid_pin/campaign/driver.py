@@ -15,7 +15,7 @@ import numpy as np
 
 from fpid_pin import checks
 from fpid_pin.campaign.data import METRICS, CampaignData, Ended
-from fpid_pin.campaign.ledger import Ledger, Row
+from fpid_pin.campaign.ledger import COLUMNS, Ledger, Row
 from fpid_pin.campaign.study import Study
 from fpid_pin.checks import FloatArray, checked
 from fpid_pin.control import Controller
@@ -84,13 +84,14 @@ def run(
         locked(ledger),
         Ledger(ledger, study, runs) as book,
     ):
-        missing = book.missing()
+        recorded = book.recorded()
+        missing = [k for k in range(book.planned) if k not in recorded]
         if missing and pool is not None:
             # So that workers find the kernels compiled.
             warm(nominal, laws)
         # Cut where multiples of `chunk` are: a campaign that goes on cuts as it did before.
         todo = [list(several) for _, several in groupby(missing, lambda k: k // chunk)]
-        done = book.planned - len(missing)
+        done = len(recorded)
         try:
             for k, rows in distribute(run_chunk, [(study, numbers) for numbers in todo], pool):
                 book.record(rows)
@@ -122,7 +123,7 @@ def run_chunk(study: Study, numbers: Sequence[int]) -> list[Row]:
             except Exception as error:  # of a disturbance, reference or law of the user's own
                 kind = "" if isinstance(error, FpidError) else f"{type(error).__name__}: "
                 end = Ended("failed", f"{kind}{error}")
-            rows.append(Row(number, column, end, sample))
+            rows.append((number, column, end.outcome, end.cause, *end.figures, *sample.tolist()))
     return rows
 
 
@@ -170,7 +171,7 @@ def attack(
             alone = replace(study, controllers={"searched": law}, scenarios=scenarios)
             cuts = np.array_split(np.arange(len(errors)), min(workers_of(pool), len(errors)))
             for k, rows in distribute(run_chunk, [(alone, cut.tolist()) for cut in cuts], pool):
-                errors[cuts[k]] = [row.end.figures[0] for row in rows]  # their RMS errors
+                errors[cuts[k]] = [row[COLUMNS.index("rms")] for row in rows]
             calls += 1
             if progress is not None:
                 progress(Progress(min(calls / len(study.laws) / (generations + 1), 1.0)))

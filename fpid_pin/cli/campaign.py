@@ -50,7 +50,7 @@ def run(
 
     executor = executor_of(workers, dask)
     study, planned = read_campaign(load(config, allow_import))
-    ledger = out or results_path(config, "-campaign.npz")
+    ledger = out or results_path(config, "-campaign.sqlite")
     _carry_out(study, ledger, planned if runs is None else runs, executor, workers, chunk)
 
 
@@ -173,7 +173,7 @@ def attack(
     from fpid_pin import campaign
     from fpid_pin.cli.configuration import load
 
-    out = out or results_path(config, "-attack.npz")
+    out = out or results_path(config, "-attack.sqlite")
     if kind_of(out) is not None:
         raise ArgumentError("--out", "a new file", f"{out}, which is there")
     executor = executor_of(workers, dask)

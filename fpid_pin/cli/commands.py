@@ -291,9 +291,11 @@ def live(
     port: option.Port = None,
     joint: Annotated[str | None, typer.Option(help="Joint that a key press pushes.")] = None,
     push: Annotated[float | None, typer.Option(help="[N m], of a slide [N].")] = None,
+    baseline: Annotated[float, typer.Option(help="First run without the view [s].")] = 0.0,
     allow_import: AllowImport = False,
 ) -> None:
     """Run the control loop in real time; press keys to push a joint."""
+    from fpid_pin import checks
     from fpid_pin.cli.configuration import load
     from fpid_pin.view.live_session import HELP
     from fpid_pin.view.live_session import live as show
@@ -301,12 +303,16 @@ def live(
     found = load(config, allow_import)
     found = found.only(controller or next(iter(found.controllers))).under(condition)
     experiment, (law,) = found.experiment, found.controllers.values()
+    if checks.number("--baseline", baseline, low=0.0):
+        say(f"{baseline:g} s without the view, to compare ...")
+        alone = show(experiment, law, duration=baseline, view=False)
+        say(f"without the view: {alone.timing}")
     say(HELP)
     told = show(
         experiment, law, duration=duration, fps=fps, open_browser=browser, port=port,
         push_joint=joint or 0, push_torque=push, announce=say,
     )  # fmt: skip
-    say(*str(told).splitlines())
+    say(*f"with the view:    {told}".splitlines())
 
 
 @app.command()

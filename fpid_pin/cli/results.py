@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,14 +87,11 @@ def write_results(
     for name, head in zip(("summary", "joints", "limits"), own, strict=True):
         if head in shown:
             texts[f"{name}.csv"] = screen.comma_separated(shown[head])
-    summary = io.StringIO()
-    console = screen.screen(file=summary)
-    screen.say(config.title, *said, console=console)
-    for head, table in shown.items():
-        screen.say("", console=console)
-        screen.print_table(table, head, console=console)
-    # Cells are as wide as their column.
-    texts["summary.txt"] = re.sub(r" +$", "", summary.getvalue(), flags=re.MULTILINE)
+    texts["summary.md"] = "\n".join([
+        f"# {screen.in_markdown(config.title)}\n",
+        "".join(f"- {screen.in_markdown(line)}\n" for line in said),
+        *(f"## {head}\n\n{screen.markdown(table)}" for head, table in shown.items()),
+    ])  # fmt: skip
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
     drawn = {name: figure_bytes(figure, "svg") for name, figure in figures.items()}

@@ -1,7 +1,7 @@
 """What commands say: lines that stay text, one kind of table, and how far work has come.
 
 A table is a list of rows, a row a dictionary from heads to cells: the same for the screen, for
-text files and for CSV.
+Markdown and for CSV.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 import sys
 import textwrap
 import time
@@ -17,7 +18,7 @@ from contextlib import contextmanager
 from datetime import timedelta
 from numbers import Integral, Real
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from fpid_pin.progress import Progress
 from fpid_pin.text import visible
@@ -32,22 +33,22 @@ Row = dict[str, Any]
 #: Letters that a line of the screen has at least, and that a row's name has room for.
 _NARROWEST, _NAME = 80, 16
 _ENDLESS = 10_000
+# What Markdown may take for its own; an underscore within a word it leaves alone. At the start of
+# a line the second make lists, rules and headings.
+_MARKS = re.compile(r"[\\`*\[\]<>|&~$#]|(?<![^\W_])_|_(?![^\W_])")
+_LEADS = re.compile(r"^(\d*)([-+.)])(?=[\s-]|$)")
 #: A bar is worth showing after so long, and a line of a search where no bar can be drawn [s].
 _PATIENCE, _QUIET = 0.5, 10.0
 
 
-def screen(*, error: bool = False, file: IO[str] | None = None) -> Console:
-    """Return a console for standard output or error, or a file, on which nothing is markup.
+def screen(*, error: bool = False) -> Console:
+    """Return a console for standard output or error on which nothing is markup.
 
     A name such as ``[red]`` or ``:smile:`` is printed as it is.
     """
     from rich.console import Console
 
-    # FORCE_COLOR is for the screen.
-    terminal = None if file is None else False
-    return Console(
-        file=file, stderr=error, force_terminal=terminal, markup=False, emoji=False, highlight=False
-    )
+    return Console(stderr=error, markup=False, emoji=False, highlight=False)
 
 
 def say(*lines: str, error: bool = False, console: Console | None = None) -> None:
@@ -150,6 +151,21 @@ def drop_constant(rows: list[Row], key: str) -> list[Row]:
     if len({row.get(key) for row in rows}) > 1:
         return rows
     return [{k: v for k, v in row.items() if k != key} for row in rows]
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Return a Markdown table."""
+    heads = list(rows[0])
+    lines = ["| " + " | ".join(heads) + " |"]
+    lines.append("|" + "|".join(" ---: " if _is_numeric(rows, h) else " --- " for h in heads) + "|")
+    lines += ["| " + " | ".join(in_markdown(cell(row[h])) for h in heads) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def in_markdown(text: str) -> str:
+    """Return text that Markdown takes for text: one line, no mark-up, link or end of a cell."""
+    # Spaces before it would make code of it.
+    return _LEADS.sub(r"\1\\\2", _MARKS.sub(r"\\\g<0>", visible(text).strip()))
 
 
 def comma_separated(rows: Sequence[Row]) -> str:

@@ -175,7 +175,7 @@ class LiveReport:
     timing
         How the control loop kept its period.
     send_times
-        How long each frame took to send [s].
+        How long each frame took to send [s]; empty without a view.
     dropped
         Frames left out because the server was busy.
     pushes
@@ -196,7 +196,7 @@ class LiveReport:
 
     def __str__(self) -> str:
         lines = [str(self.timing)]
-        if frames := self.send_times.size:  # none: ended before the first
+        if frames := self.send_times.size:
             median = 1e3 * float(np.median(self.send_times))
             sent = f"{frames} frames sent, median {median:.3f} ms each"
             lines.append(f"{sent}, {self.dropped} dropped")
@@ -236,18 +236,19 @@ def live(
     *,
     duration: float | None = None,
     fps: float = 40.0,
+    view: bool = True,
     open_browser: bool = True,
     port: int | None = None,
     push_joint: str | int = 0,
     push_torque: float | None = None,
+    priority: bool = True,
     announce: Callable[[str], None] | None = None,
 ) -> LiveReport:
     """Run a controller in real time at its step, and show it; Ctrl-C or ``q`` ends it.
 
     The loop computes and sends in this process; the page is served by another and drawn by the
     browser, so drawing does not disturb the period. Keys, in the terminal or in the page, choose
-    a joint and push it. Where the system lets it (Linux: root, and who is allowed ``rtprio``), the
-    loop runs before other programs, which may delay it otherwise.
+    a joint and push it.
 
     Parameters
     ----------
@@ -259,12 +260,17 @@ def live(
         How long [s]; None: until told to end.
     fps
         Frames a second, 1 to 240.
+    view
+        False: only the loop.
     open_browser, port
         As for `play`.
     push_joint
         The joint that + and - push at first.
     push_torque
         [N m]; None: a fifth of the joint's limit, or what gravity asks of it where it has none.
+    priority
+        Ask the system to run the loop before other programs; without its permission (Linux grants
+        it to root and to those allowed ``rtprio``) they may delay it.
     announce
         Told what happens; None: what needs the user goes to the package's logger.
 
@@ -304,27 +310,34 @@ def live(
         return robot.outcome is None and robot.row < last
 
     with contextlib.ExitStack() as stack:
-        title = controller.name or "live"
-        scene = experiment_scene(experiment, title, _PREVIEW) | {"live": True}
-        link = stack.enter_context(LiveLink(render(scene, title), port=port, announce=announce))
+        link: LiveLink | None = None
+        if view:
+            title = controller.name or "live"
+            scene = experiment_scene(experiment, title, _PREVIEW) | {"live": True}
+            page = render(scene, title)
+            link = stack.enter_context(LiveLink(page, port=port, announce=announce))
         pressed = stack.enter_context(keyboard())
 
         def idle() -> bool:
-            start = time.perf_counter()
-            link.send(simulation.t, [(robot.q, simulation.q_ref, robot.torque)])
-            sent.append(time.perf_counter() - start)
-            return hands.take(pressed() + link.keys())
+            keys = pressed()
+            if link is not None:
+                start = time.perf_counter()
+                link.send(simulation.t, [(robot.q, simulation.q_ref, robot.torque)])
+                sent.append(time.perf_counter() - start)
+                keys += link.keys()
+            return hands.take(keys)
 
         try:
-            link.show(open_browser)
-            if not stack.enter_context(urgent()):
+            if link is not None:
+                link.show(open_browser)
+            if priority and not stack.enter_context(urgent()):
                 say("no permission for real-time priority: other programs may delay the loop")
             timing = keep_time(tick, step, idle=idle, every=1.0 / fps)
         except KeyboardInterrupt:
             # Before the first tick; later ones end `keep_time` itself.
             timing = Timing(step)
     return LiveReport(
-        timing=timing, send_times=np.array(sent), dropped=link.dropped,
+        timing=timing, send_times=np.array(sent), dropped=0 if link is None else link.dropped,
         pushes=tuple(hands.pushes), q=robot.q.copy(), q_ref=simulation.q_ref.copy(),
         fault=str(robot.outcome or ""),
     )  # fmt: skip

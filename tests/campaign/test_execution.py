@@ -19,7 +19,7 @@ RUNS = 24
 
 @pytest.fixture(scope="module")
 def ledger(tmp_path_factory):
-    return tmp_path_factory.mktemp("alone") / "ledger.npz"
+    return tmp_path_factory.mktemp("alone") / "ledger.sqlite"
 
 
 @pytest.fixture(scope="module")
@@ -54,11 +54,11 @@ def test_chunks_threads_and_processes_change_no_bit(alone, pool, tmp_path):
         for k, options in enumerate(
             ({"chunk": 1}, {"executor": threads, "chunk": 5}, {"executor": pool, "chunk": 11})
         ):
-            assert bits(run(study(), tmp_path / f"{k}.npz", RUNS, **options)) == bits(alone)
+            assert bits(run(study(), tmp_path / f"{k}.sqlite", RUNS, **options)) == bits(alone)
 
 
 def test_going_on_to_more_runs_keeps_the_first(alone, tmp_path):
-    ledger = tmp_path / "l.npz"
+    ledger = tmp_path / "l.sqlite"
     run(study(), ledger, 13)
     first = load(ledger)
     assert first.runs == 13
@@ -100,17 +100,17 @@ def test_runs_that_kill_their_worker_twice_are_named_and_what_there_is_stays(
     monkeypatch.setenv("DEATHS", str(deaths))
     words = rf"runs {worst} to {worst}: workers: expected processes that live"
     with fp.tuning.WorkerPool(1) as processes, pytest.raises(WorkersDied, match=words):
-        run(made, tmp_path / "l.npz", 4, executor=processes, chunk=1)
+        run(made, tmp_path / "l.sqlite", 4, executor=processes, chunk=1)
     # Once in company, once by itself.
     assert len(list(deaths.iterdir())) == 2
     monkeypatch.setenv("DEADLY", "inf")
-    data = run(made, tmp_path / "l.npz", 4)
-    assert bits(data) == bits(run(made, tmp_path / "sound.npz", 4))
+    data = run(made, tmp_path / "l.sqlite", 4)
+    assert bits(data) == bits(run(made, tmp_path / "sound.sqlite", 4))
 
 
 def test_a_run_that_fails_is_recorded_with_its_cause(tmp_path):
     made = pushed(Faulty(amplitude=0.5))
-    data = run(made, tmp_path / "l.npz", 32)
+    data = run(made, tmp_path / "l.sqlite", 32)
     bad = data.samples[:, 0] > 1.0
     assert 0 < bad.sum() < 32
     assert (data.outcome[bad] == "failed").all()
@@ -119,7 +119,7 @@ def test_a_run_that_fails_is_recorded_with_its_cause(tmp_path):
     assert not data.ended[bad].any()
     assert data.ended[~bad].all()
     with pytest.raises(SimulationError, match="a fault of its own; there is nothing to replay"):
-        replay(tmp_path / "l.npz", int(np.flatnonzero(bad)[0]))
+        replay(tmp_path / "l.sqlite", int(np.flatnonzero(bad)[0]))
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -136,10 +136,10 @@ class Fragile(fp.Controller):
 def test_a_law_that_fails_leaves_other_laws_and_runs_alone(pool, tmp_path):
     uncertain = {"q0": Uniform(low=0.0, high=0.2, shared=True)}
     made = study(uncertain=uncertain)
-    alone = run(made, tmp_path / "alone.npz", 6)
+    alone = run(made, tmp_path / "alone.sqlite", 6)
     laws = {"fragile": Fragile()} | made.controllers
     for options in ({}, {"executor": pool}):
-        ledger = tmp_path / f"{len(options)}.npz"
+        ledger = tmp_path / f"{len(options)}.sqlite"
         data = run(dataclasses.replace(made, controllers=laws), ledger, 6, chunk=5, **options)
         bad = data.samples[:, 0] > 0.1
         assert 0 < bad.sum() < 6
@@ -158,7 +158,7 @@ def test_outcomes_say_how_runs_ended(tmp_path):
     laws = {"calm": fp.PdGravity(kp=50.0, kd=10.0), "wild": wild}
     experiment = dataclasses.replace(made.experiment, arm=arm, duration=2.0, runaway_speed=30.0)
     data = run(dataclasses.replace(made, experiment=experiment, controllers=laws),
-               tmp_path / "l.npz", 8)  # fmt: skip
+               tmp_path / "l.sqlite", 8)  # fmt: skip
     assert (data.outcome[:, 0] == "saturated").any()
     cause = data.cause[data.outcome[:, 0] == "saturated", 0][0]
     assert "at its effort limit" in cause
@@ -195,12 +195,12 @@ class Losing(Executor):
 )
 def test_an_executor_that_is_lost_is_told_and_what_there_is_stays(breaks, words, tmp_path):
     with pytest.raises(fp.FpidError, match=words):
-        run(study(), tmp_path / "l.npz", 40, executor=Losing(breaks), chunk=10)
-    assert load(tmp_path / "l.npz").runs == 20
+        run(study(), tmp_path / "l.sqlite", 40, executor=Losing(breaks), chunk=10)
+    assert load(tmp_path / "l.sqlite").runs == 20
 
 
 def test_more_runs_than_points_are_refused(tmp_path):
-    ledger = tmp_path / "l.npz"
+    ledger = tmp_path / "l.sqlite"
     with pytest.raises(ArgumentError, match=r"runs: expected at most 1 \(the points given\)"):
         run(study(points=[[0.5] * 12]), ledger, 2)
     assert not ledger.exists()
@@ -225,20 +225,20 @@ def test_a_replay_has_the_bits_of_its_row(alone, ledger, number, controller):
 def test_ledger_export_report_and_replay_say_the_dynamics(tmp_path):
     told = "pinocchio"
     made = study(duration=0.1, dynamics=told)
-    data = run(made, tmp_path / "l.npz", 3)
-    assert data.dynamics == load(tmp_path / "l.npz").dynamics == told
+    data = run(made, tmp_path / "l.sqlite", 3)
+    assert data.dynamics == load(tmp_path / "l.sqlite").dynamics == told
     rows = csv.DictReader(export(data, tmp_path / "l.csv").read_text().splitlines())
     assert {row["dynamics"] for row in rows} == {told}
     page = fp.campaign.report_html(data, tmp_path / "l.html").read_text(encoding="utf-8")
     assert f"Dynamics: {told}." in page
-    again = replay(tmp_path / "l.npz", 2)
+    again = replay(tmp_path / "l.sqlite", 2)
     assert again.exact
     assert again.run.meta["experiment"]["dynamics"] == told
     # The two agree within rounding, and are told apart.
     other = study(duration=0.1, dynamics=None)
     with pytest.raises(FileFormatError, match=r"another: experiment\.dynamics is "):
-        run(other, tmp_path / "l.npz", 3)
-    beside = run(other, tmp_path / "other.npz", 3)
+        run(other, tmp_path / "l.sqlite", 3)
+    beside = run(other, tmp_path / "other.sqlite", 3)
     assert beside.dynamics == "compiled"
     assert beside.metrics["rms"] == pytest.approx(data.metrics["rms"], rel=1e-9)
 
@@ -262,10 +262,10 @@ def test_an_attack_finds_the_corner_that_sampling_misses(tmp_path):
     )
     laws = {"soft": fp.PdGravity(kp=60.0, kd=15.0), "stiff": fp.PdGravity(kp=300.0, kd=30.0)}
     made = Study(experiment, laws, Scenarios(spreads, seed=1), "hold")
-    ledger = tmp_path / "worst.npz"
+    ledger = tmp_path / "worst.sqlite"
     worst = attack(made, ledger, population=12, generations=12, workers=2)
-    sampled = run(made, tmp_path / "sampled.npz", 64)
-    alone = attack(made, tmp_path / "alone.npz", population=12, generations=12)
+    sampled = run(made, tmp_path / "sampled.sqlite", 64)
+    alone = attack(made, tmp_path / "alone.sqlite", population=12, generations=12)
     assert bits(alone) == bits(worst)
     column = worst.parameters.index("payload")
     assert worst.samples[:, column] == pytest.approx(3.0, abs=0.05)
@@ -275,4 +275,4 @@ def test_an_attack_finds_the_corner_that_sampling_misses(tmp_path):
         assert again.exact
         assert again.again.figures[0] == worst.metrics["rms"][k, k]
     with pytest.raises(ArgumentError, match="population"):
-        attack(made, tmp_path / "x.npz", population=2)
+        attack(made, tmp_path / "x.sqlite", population=2)

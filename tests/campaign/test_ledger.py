@@ -1,20 +1,21 @@
 import csv
 import dataclasses
-import errno
+import os
+import sqlite3
+import sys
+from contextlib import closing
 
-import numpy as np
 import pytest
+from bounded import finished
 from studies import bits, study
 
 import fpid_pin as fp
-from fpid_pin import npz
 from fpid_pin.campaign import export, load, run
 from fpid_pin.campaign import ledger as ours
 from fpid_pin.campaign.data import METRICS
 from fpid_pin.campaign.ledger import Ledger
 from fpid_pin.campaign.study import Study
 from fpid_pin.exceptions import ArgumentError, FileFormatError
-from fpid_pin.files import unwritable
 
 RUNS = 20
 
@@ -22,7 +23,7 @@ RUNS = 20
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """Return a ledger and what it holds."""
-    path = tmp_path_factory.mktemp("made") / "ledger.npz"
+    path = tmp_path_factory.mktemp("made") / "ledger.sqlite"
     return path, run(study(duration=0.1), path, RUNS, chunk=4)
 
 
@@ -38,9 +39,10 @@ def test_a_ledger_gives_back_every_bit_and_its_campaign_and_other_programs_read_
         assert book.planned == RUNS
     assert rebuilt.text == study(duration=0.1).text
     assert rebuilt.samples(0, 5).tobytes() == data.samples[:5].tobytes()
-    with np.load(path) as file:
-        assert np.array_equal(file["samples"], data.samples)
-        assert np.array_equal(file["ends"][:, 1, 2], data.metrics["rms"][:, 1])
+    with closing(sqlite3.connect(path)) as file:
+        rows = file.execute('SELECT run, rms, "q0.1" FROM results WHERE controller = 1').fetchall()
+    expected = zip(range(RUNS), data.metrics["rms"][:, 1], data.samples[:, -1], strict=True)
+    assert rows == list(expected)
 
 
 def test_tables_have_every_digit_and_one_order(made, tmp_path):
@@ -62,15 +64,36 @@ def test_tables_have_every_digit_and_one_order(made, tmp_path):
         export(data, tmp_path / "a.xlsx")
 
 
-def test_killed_before_its_first_run_a_campaign_is_resumed_from_itself_alone(tmp_path):
-    path = tmp_path / "l.npz"
+EARLY = """
+import os, sqlite3, sys
+sys.path.insert(0, sys.argv[1])
+from studies import study
+from fpid_pin.campaign import run
+connect = sqlite3.connect
+
+class Killed(sqlite3.Connection):
+    def execute(self, sql, *arguments):
+        if "user_version" in sql:
+            os._exit(9)
+        return super().execute(sql, *arguments)
+
+sqlite3.connect = lambda *a, **k: connect(*a, factory=Killed, **k)
+run(study(duration=0.05), "l.sqlite", 4)
+"""
+
+
+def test_killed_before_its_tables_stand_a_campaign_begins_anew(tmp_path):
+    path, here = tmp_path / "l.sqlite", os.path.dirname(__file__)
+    assert finished([sys.executable, "-c", EARLY, here], cwd=tmp_path).returncode == 9
+    assert not path.exists()
+    path.touch()  # as an earlier version left it
     with Ledger(path, study(duration=0.05), 4):
         pass
+    # Killed then, before its first run, it is resumed from itself alone.
     with Ledger(path) as book:
-        assert (book.planned, book.missing()) == (4, [0, 1, 2, 3])
+        assert (book.planned, book.recorded()) == (4, set())
         made = book.study()
-    assert load(path).runs == 0
-    assert bits(run(made, path, 4)) == bits(run(made, tmp_path / "other.npz", 4))
+    assert bits(run(made, path, 4)) == bits(run(made, tmp_path / "other.sqlite", 4))
 
 
 def test_another_campaign_is_refused_with_the_difference(made):
@@ -91,86 +114,101 @@ def test_another_campaign_is_refused_with_the_difference(made):
 
 
 def test_files_that_are_no_ledgers_are_refused_untouched(tmp_path):
-    text, other = tmp_path / "notes.txt", tmp_path / "run.npz"
-    text.write_text("not a ledger")
-    fp.simulate(fp.paper_experiment(duration=0.01), fp.paper_controller()).save(other)
+    text = tmp_path / "notes.txt"
+    text.write_text("not a database, and longer than the sixteen bytes of its head" * 20)
+    foreign = tmp_path / "foreign.sqlite"
+    with closing(sqlite3.connect(foreign)) as file:
+        file.execute("CREATE TABLE mine (x)")
+        file.commit()
     for path, words in (
-        (text, "expected a campaign's ledger, got another file or a damaged one"),
-        (other, "expected a campaign's ledger, got a run"),
-        (tmp_path, "expected a campaign's ledger, got no file"),
+        (text, "file is not a database"),
+        (foreign, "got another SQLite file"),
+        (tmp_path, "got a folder"),
     ):
         before = None if path.is_dir() else path.read_bytes()
         for attempt in (lambda p: run(study(), p, 3), load):
             with pytest.raises(FileFormatError, match=words):
                 attempt(path)
         assert path.is_dir() or path.read_bytes() == before
-    with pytest.raises(FileFormatError, match="no such file"):
-        load(tmp_path / "none.npz")
-    assert not (tmp_path / "none.npz").exists()
+    with pytest.raises(FileFormatError, match="got no file"):
+        load(tmp_path / "none.sqlite")
+    assert not (tmp_path / "none.sqlite").exists()
 
 
-def test_damage_is_refused_and_lost_rows_are_made_again(made, tmp_path):
-    path = tmp_path / "l.npz"
-    arrays, table = npz.read(made[0], ours.KIND)
-    arrays["ends"][5, 1] = np.nan
-    npz.write(path, ours.KIND, table, arrays)
+def test_another_layout_and_damage_are_refused_and_lost_rows_are_made_again(made, tmp_path):
+    path = tmp_path / "l.sqlite"
+
+    def altered(command):
+        with closing(sqlite3.connect(made[0])) as source, closing(sqlite3.connect(path)) as target:
+            source.backup(target)
+            target.execute(command)
+            target.commit()
+
+    for command, words in (
+        ("PRAGMA user_version = 7", "ledger of layout 3, got layout 7"),
+        ("UPDATE meta SET value = '{' WHERE key = 'study'", "expected a sound ledger"),
+        ("UPDATE results SET rms = 'much' WHERE run = 3", "expected a sound ledger"),
+    ):
+        altered(command)
+        with pytest.raises(FileFormatError, match=words):
+            load(path)
+    altered("DELETE FROM results WHERE run = 5 AND controller = 1")
     assert load(path).runs == 5
     assert bits(run(study(duration=0.1), path, RUNS)) == bits(made[1])
-    whole = bytearray(path.read_bytes())
-    whole[len(whole) // 2] ^= 1
-    for damaged in (whole, whole[: len(whole) // 2]):
-        path.write_bytes(damaged)
-        with pytest.raises(FileFormatError, match="a damaged one"):
-            load(path)
+    os.truncate(path, os.path.getsize(path) // 2)
+    with pytest.raises(FileFormatError, match="sound ledger"):
+        load(path)
 
 
-def test_it_is_read_while_one_driver_runs_it(tmp_path, monkeypatch):
-    path, seen = tmp_path / "l.npz", []
-    monkeypatch.setattr(ours, "PAUSE", 0.0)
+def test_it_is_read_while_one_driver_runs_it_and_a_lock_is_told(tmp_path, monkeypatch):
+    path, seen = tmp_path / "l.sqlite", []
+    connect = sqlite3.connect
+    monkeypatch.setattr(ours.sqlite3, "connect", lambda *a, **k: connect(*a, timeout=0.1, **k))
 
     def look(progress):
         seen.append(load(path).runs)
         with pytest.raises(FileFormatError, match="another fpid-pin at work"):
             run(study(duration=0.05), path, 30)
 
-    run(study(duration=0.05), path, 30, chunk=10, progress=look)
+    before = run(study(duration=0.05), path, 30, chunk=10, progress=look)
     assert seen == [10, 20, 30]
-    # Where it takes long to write, it is not written for each chunk, and whole at the end.
-    monkeypatch.setattr(ours, "PAUSE", 1e6)
-    whole = run(
-        study(duration=0.05), path, 60, chunk=10, progress=lambda p: seen.append(load(path))
-    )
-    assert [data.runs for data in seen[3:]] == [30, 30, 30]
-    assert bits(load(path)) == bits(whole)
+    with closing(connect(path, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        with pytest.raises(FileFormatError, match="database is locked"):
+            run(study(duration=0.05), path, 40)
+        assert bits(load(path)) == bits(before)
 
 
-def test_a_full_disk_is_told_and_what_was_recorded_stays(tmp_path, monkeypatch):
-    path, write = tmp_path / "l.npz", npz.write
-    monkeypatch.setattr(ours, "PAUSE", 0.0)
+def test_a_full_disk_is_told_and_what_was_recorded_stays(made, tmp_path, monkeypatch):
+    path = tmp_path / "l.sqlite"
+    connect = sqlite3.connect
 
-    def full(path, kind, table, arrays):
-        if np.isfinite(arrays["ends"][20:]).any():
-            raise unwritable(path, OSError(errno.ENOSPC, "No space left on device"))
-        write(path, kind, table, arrays)
+    class Full(sqlite3.Connection):
+        def executemany(self, sql, rows):
+            if "INTO results" in sql:
+                pages = self.execute("PRAGMA page_count").fetchone()[0]
+                self.execute(f"PRAGMA max_page_count = {max(pages, 6)}")
+            return super().executemany(sql, rows)
 
-    monkeypatch.setattr(npz, "write", full)
-    with pytest.raises(FileFormatError, match=r"l\.npz: cannot be written \(No space left"):
+    monkeypatch.setattr(ours.sqlite3, "connect", lambda *a, **k: connect(*a, factory=Full, **k))
+    with pytest.raises(FileFormatError, match=r"database or disk is full"):
         run(study(duration=0.05), path, 60, chunk=10)
     monkeypatch.undo()
     kept = load(path)
-    assert kept.runs == 20
+    assert 0 < kept.runs < 60
+    assert kept.runs % 10 == 0
     whole = run(study(duration=0.05), path, 60)
-    assert whole.samples[:20].tobytes() == kept.samples.tobytes()
-    assert bits(whole) == bits(run(study(duration=0.05), tmp_path / "sound.npz", 60))
+    assert whole.samples[: kept.runs].tobytes() == kept.samples.tobytes()
+    assert bits(whole) == bits(run(study(duration=0.05), tmp_path / "sound.sqlite", 60))
 
 
 def test_a_study_of_kinds_of_ones_own_says_what_is_missing(tmp_path):
-    run(study(duration=0.05), tmp_path / "own.npz", 1)
-    arrays, table = npz.read(tmp_path / "own.npz", ours.KIND)
-    table["study"]["experiment"]["reference"]["kind"] = "my_own"
-    npz.write(tmp_path / "own.npz", ours.KIND, table, arrays)
-    with Ledger(tmp_path / "own.npz") as ledger:
-        line = r"own\.npz: experiment\.reference\.kind: expected .* got 'my_own'"
+    run(study(duration=0.05), tmp_path / "own.sqlite", 1)
+    with closing(sqlite3.connect(tmp_path / "own.sqlite")) as file:
+        file.execute("UPDATE meta SET value = replace(value, 'sinusoid', 'my_own')")
+        file.commit()
+    with Ledger(tmp_path / "own.sqlite") as ledger:
+        line = r"own\.sqlite: experiment\.reference\.kind: expected .* got 'my_own'"
         with pytest.raises(FileFormatError, match=line):
             ledger.study()
     with pytest.raises(ArgumentError, match="at least one"):

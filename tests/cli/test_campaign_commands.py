@@ -44,7 +44,7 @@ def test_run_resume_and_export(config, capsys):
     head = next(line for line in said.out.splitlines() if line.startswith("controller "))
     assert head.split()[:4] == ["controller", "[%]", "[mrad]", "[N"]
     assert "dynamics compiled" in said.err
-    ledger = "runs/short-campaign.npz"
+    ledger = "runs/short-campaign.sqlite"
     assert main(["campaign", "resume", ledger, "--runs", "8", "--chunk", "2"]) == 0
     assert main(["campaign", "export", ledger, "--out", "a.csv"]) == 0
     rows = list(csv.DictReader(Path("a.csv").read_text().splitlines()))
@@ -53,8 +53,8 @@ def test_run_resume_and_export(config, capsys):
 
 
 def test_replay_shows_a_run_beside_its_nominal_twin(config, capsys):
-    assert main(["campaign", "run", str(config), "--runs", "4", "--out", "l.npz"]) == 0
-    arguments = ["replay", "l.npz", "--run", "3", "--controller", "integer PID"]
+    assert main(["campaign", "run", str(config), "--runs", "4", "--out", "l.sqlite"]) == 0
+    arguments = ["replay", "l.sqlite", "--run", "3", "--controller", "integer PID"]
     assert main(["campaign", *arguments, "--html", "page.html"]) == 0
     said = capsys.readouterr().out
     assert "the same bits" in said
@@ -62,17 +62,17 @@ def test_replay_shows_a_run_beside_its_nominal_twin(config, capsys):
     page = (config.parent / "page.html").read_text("utf-8")
     assert "run 3, integer PID" in page
     assert "nominal plant" in page
-    assert main(["campaign", "replay", "l.npz", "--run", "5"]) == 2
+    assert main(["campaign", "replay", "l.sqlite", "--run", "5"]) == 2
     assert capsys.readouterr().err == "fpid-pin: run: expected one that is recorded, got 5\n"
 
 
 def test_attack_ends_with_the_command_that_shows_it(config, capsys):
     arguments = ["attack", str(config), "--population", "5", "--generations", "1"]
-    assert main(["campaign", *arguments, "--out", "a.npz"]) == 0
+    assert main(["campaign", *arguments, "--out", "a.sqlite"]) == 0
     said = capsys.readouterr().out
-    assert 'fpid-pin campaign replay a.npz --run 1 --controller "integer PID"' in said
-    assert main(["campaign", "replay", "a.npz", "--run", "1"]) == 0
-    assert main(["campaign", *arguments, "--out", "a.npz"]) == 2
+    assert 'fpid-pin campaign replay a.sqlite --run 1 --controller "integer PID"' in said
+    assert main(["campaign", "replay", "a.sqlite", "--run", "1"]) == 0
+    assert main(["campaign", *arguments, "--out", "a.sqlite"]) == 2
     assert "a new file" in capsys.readouterr().err
 
 
@@ -120,12 +120,12 @@ q0 = { kind = "uniform", low = 0.0 }
 
 
 def test_another_criterion_is_another_answer_of_the_same_runs(config, capsys):
-    runs = ["campaign", "run", str(config), "--runs", "3", "--out", "l.npz"]
+    runs = ["campaign", "run", str(config), "--runs", "3", "--out", "l.sqlite"]
     assert main(runs) == 0
     config.write_text(config.read_text().replace("error = 0.05", "error = 10.0, at_limits = true"))
     capsys.readouterr()
     assert main(runs) == 0
     assert "at most 10000 mrad): " in capsys.readouterr().out
-    data = load("l.npz")
+    data = load("l.sqlite")
     assert data.criterion.error == 10.0
     assert data.success.all()

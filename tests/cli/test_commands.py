@@ -53,7 +53,7 @@ def test_compare_begins_with_the_answer_and_writes_runs_tables_figures_and_repor
     assert main(["compare", str(config), "--metric", "peak"]) == 0
     out = config.parent / "runs" / "short"
     names = {path.name for path in out.iterdir()}
-    assert {"report.html", "summary.txt", "joints.csv", "ranking.svg"} <= names
+    assert {"report.html", "summary.md", "joints.csv", "ranking.svg"} <= names
     assert (out / "config.toml").read_text() == config.read_text()
     printed = capsys.readouterr().out
     assert "integer PID" in printed

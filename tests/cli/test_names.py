@@ -82,7 +82,7 @@ def test_a_controller_called_as_a_result_takes_no_result_s_place(tmp_path, law, 
     rows = {row["controller"]: row for row in csv.DictReader(table)}
     assert {key: row["file"] for key, row in rows.items()} == {"tuned": "tuned.npz", label: file}
     experiment = load(path).experiment.with_dynamics("compiled")
-    text = (out / "summary.txt").read_text()
+    text = (out / "summary.md").read_text()
     for key, kp in (("tuned", best["kp"]), (label, 30.0)):
         run = fp.Run.load(out / rows[key]["file"])
         assert np.allclose(run.controller.kp, kp, rtol=1e-15)
@@ -90,4 +90,4 @@ def test_a_controller_called_as_a_result_takes_no_result_s_place(tmp_path, law, 
         assert np.array_equal(again.q, run.q)
         cost = QuadraticCost().of(run.metrics)
         assert float(rows[key]["cost (33)"]) == cost
-        assert f"{key} {cost:.4g} " in " ".join(text.split("Seeds")[0].split())
+        assert f"| {key} | {cost:.4g} |" in text.split("## Seeds")[0]

@@ -121,7 +121,7 @@ def test_a_law_a_reference_and_a_cost_of_one_s_own(config, monkeypatch, capsys):
     again = ["tuned/tuned.toml", "--controller", "tuned", "--out", "again"]
     assert main(["run", *again, *QUICK]) == 0
     peak = np.abs(fp.Run.load("again/tuned.npz").torque).max()
-    assert f"{peak:.3g}"[:3] in Path("tuned/summary.txt").read_text("utf-8")
+    assert f"{peak:.3g}"[:3] in Path("tuned/summary.md").read_text("utf-8")
 
 
 def test_a_fault_in_one_s_own_code_is_a_line_with_its_place(config, monkeypatch, capsys):

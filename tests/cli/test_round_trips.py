@@ -112,11 +112,11 @@ def test_the_whole_way_with_a_robot_s_file_and_own_code_beside_the_configuration
     played = fp.Run.load("runs/saved-run-tuned/tuned.npz")
     assert np.array_equal(played.q, fp.Run.load("runs/arm-tuned/as-it-is-tuned.npz").q)
 
-    does("campaign", "run", "study/arm.toml", ALLOWED, "--out", "deep/ledger.npz")
-    does("campaign", "resume", "deep/ledger.npz", "--runs", "4", ALLOWED)
-    does("campaign", "report", "deep/ledger.npz", ALLOWED, "--no-replays")
-    does("campaign", "replay", "deep/ledger.npz", "--run", "3", "--save", "again.npz", ALLOWED)
-    again = fp.campaign.replay("deep/ledger.npz", 3)
+    does("campaign", "run", "study/arm.toml", ALLOWED, "--out", "deep/ledger.sqlite")
+    does("campaign", "resume", "deep/ledger.sqlite", "--runs", "4", ALLOWED)
+    does("campaign", "report", "deep/ledger.sqlite", ALLOWED, "--no-replays")
+    does("campaign", "replay", "deep/ledger.sqlite", "--run", "3", "--save", "again.npz", ALLOWED)
+    again = fp.campaign.replay("deep/ledger.sqlite", 3)
     assert again.exact
     assert np.array_equal(again.run.q, fp.Run.load("again.npz").q)
     does("view", "again.npz", "--html", "again.html")

@@ -65,12 +65,11 @@ def page(path):
 
 def test_an_arm_that_only_slides_is_told_of_in_metres_and_newtons(told, tmp_path):
     texts = [told("inspect", "gantry.urdf"), told("compare", "gantry.toml", "--out", "out")]
-    names = ("summary.csv", "joints.csv", "summary.txt")
-    texts += [(tmp_path / "out" / name).read_text() for name in names]
+    texts += [(tmp_path / "out" / name).read_text() for name in ("summary.md", "joints.csv")]
     texts += [page(tmp_path / "out" / "report.html")]
     texts += re.findall(r"<!-- (.*?) -->", (tmp_path / "out" / "comparison.svg").read_text())
-    told("campaign", "run", "gantry.toml", "--out", "c.npz")
-    told("campaign", "report", "c.npz", "--html", "c.html")
+    told("campaign", "run", "gantry.toml", "--out", "c.sqlite")
+    told("campaign", "report", "c.sqlite", "--html", "c.html")
     texts += [page(tmp_path / "c.html")]
     told("playground", "gantry.toml", "--html", "p.html")
     texts += [page(tmp_path / "p.html")]
@@ -85,12 +84,12 @@ def test_an_arm_that_only_slides_is_told_of_in_metres_and_newtons(told, tmp_path
 
 def test_an_arm_that_turns_and_slides_is_told_of_in_both(told, tmp_path):
     told("compare", "scara.toml", "--out", "out")
-    summary = "".join((tmp_path / "out" / f"summary.{end}").read_text() for end in ("csv", "txt"))
+    summary = (tmp_path / "out" / "summary.md").read_text()
     assert "tail (rms of joints) [mrad or mm]" in summary
     assert "peak (worst joint) [N m or N]" in summary
     assert re.search(r"Least RMS error of the last half: .* [\d.]+ mrad or mm", summary)
-    told("campaign", "run", "scara.toml", "--out", "c.npz")
-    told("campaign", "report", "c.npz", "--html", "c.html")
+    told("campaign", "run", "scara.toml", "--out", "c.sqlite")
+    told("campaign", "report", "c.sqlite", "--html", "c.html")
     text = page(tmp_path / "c.html")
     for unit in ("viscous_friction.0, N m s/rad", "viscous_friction.1, N s/m", "q0, rad or m"):
         assert unit in text

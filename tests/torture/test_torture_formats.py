@@ -11,7 +11,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fpid_pin as fp
-from fpid_pin import campaign
 from fpid_pin.exceptions import FpidError, FpidWarning
 from fpid_pin.tuning import SearchSettings, Space, tune
 
@@ -53,15 +52,7 @@ def checkpoint_of(path):
     ]  # fmt: skip
 
 
-def ledger_of(path):
-    data = campaign.load(path)
-    arrays = [data.samples.tobytes(), *(x.tobytes() for x in data.metrics.values())]
-    return [*arrays, data.outcome.tolist(), data.cause.tolist(), data.seed, data.title]
-
-
-READERS = {
-    "run file": run_of, "packed run file": run_of, "checkpoint": checkpoint_of, "ledger": ledger_of
-}  # fmt: skip
+READERS = {"run file": run_of, "packed run file": run_of, "checkpoint": checkpoint_of}
 
 
 @pytest.fixture(scope="module")
@@ -74,9 +65,6 @@ def files(tmp_path_factory):
         made["packed run file", k] = run.save(path, compressed=True).read_bytes()
         search(folder / f"c{k}.npz", 2 + k)
         made["checkpoint", k] = (folder / f"c{k}.npz").read_bytes()
-        scenarios = campaign.Scenarios({"payload": campaign.Uniform(low=0.0, high=1.0)}, seed=k)
-        campaign.run(campaign.Study(EXPERIMENT, {"x": LAW}, scenarios), folder / f"l{k}.npz", 2)
-        made["ledger", k] = (folder / f"l{k}.npz").read_bytes()
     return made
 
 

@@ -5,6 +5,7 @@ import os
 import random
 import re
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -16,7 +17,6 @@ import pytest
 from bounded import FULL, started, wait_until
 
 import fpid_pin as fp
-from fpid_pin import npz
 from fpid_pin.campaign import export, load
 from fpid_pin.cli.configuration import demo_config
 from fpid_pin.cli.main import main
@@ -43,7 +43,7 @@ mass = { kind = "uniform", low = 0.8, high = 1.2 }
 payload = { kind = "uniform", low = 0.0, high = 1.0 }
 position_noise = { kind = "log_uniform", low = 1e-5, high = 1e-3 }
 """
-RESULTS = {"tuned.npz", "history.csv", "summary.txt", "report.html", "tuned.toml", "checkpoint.npz"}
+RESULTS = {"tuned.npz", "history.csv", "summary.md", "report.html", "tuned.toml", "checkpoint.npz"}
 
 
 @contextlib.contextmanager
@@ -105,19 +105,22 @@ def damage_of_search(folder):
 
 
 def table_of_campaign(folder):
-    return export(load(folder / "l.npz"), folder / "table.csv").read_bytes()
+    return export(load(folder / "l.sqlite"), folder / "table.csv").read_bytes()
 
 
-def rows_of_campaign(folder):
-    """Return how many rows a ledger has; none before it is there."""
-    if not (folder / "l.npz").exists():
+def rows_of_campaign(folder, mode="ro"):
+    """Return how many rows a sound ledger has; none before it is there, or laid out."""
+    try:
+        place = f"file:{folder / 'l.sqlite'}?mode={mode}"
+        with contextlib.closing(sqlite3.connect(place, uri=True)) as file:
+            assert file.execute("PRAGMA integrity_check").fetchone() == ("ok",)
+            return file.execute("SELECT count(*) FROM results").fetchone()[0]
+    except sqlite3.OperationalError:  # not there yet, or not laid out
         return 0
-    arrays, _ = npz.read(folder / "l.npz", "campaign's ledger")
-    return int(np.isfinite(arrays["ends"][..., 0]).sum())
 
 
 def damage_of_campaign(folder):
-    rows = rows_of_campaign(folder)
+    rows = rows_of_campaign(folder, "rw")
     return "" if rows % 16 == 0 else f"{rows} rows, a part of a chunk"
 
 
@@ -133,7 +136,7 @@ class Work(NamedTuple):
     leaves: set[str]
 
 
-CAMPAIGN_WORDS = ("campaign", "run", "study.toml", "--out", "l.npz", "--chunk", "8", "--runs")
+CAMPAIGN_WORDS = ("campaign", "run", "study.toml", "--out", "l.sqlite", "--chunk", "8", "--runs")
 WORK = {
     "tune": Work(
         SHORT + TUNE, ("tune", "study.toml", "--out", "out", "--resume"), 100,
@@ -142,7 +145,7 @@ WORK = {
     ),
     "campaign": Work(
         LONGER + CAMPAIGN, (*CAMPAIGN_WORDS, "600" if FULL else "200"), 20, rows_of_campaign,
-        damage_of_campaign, table_of_campaign, {"study.toml", "l.npz"},
+        damage_of_campaign, table_of_campaign, {"study.toml", "l.sqlite"},
     ),
 }  # fmt: skip
 

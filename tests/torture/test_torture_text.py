@@ -1,6 +1,6 @@
-"""Whatever names say: pages, figures and the terminal show it, and do nothing of it.
+"""Whatever names say: pages, figures, Markdown and the terminal show it, and do nothing of it.
 
-The references are others' parsers: Python's of HTML and XML.
+The references are others' parsers: Python's of HTML and XML, and markdown-it.
 """
 
 import dataclasses
@@ -12,6 +12,7 @@ from html.parser import HTMLParser
 
 import pytest
 from bounded import FULL
+from markdown_it import MarkdownIt
 from rich.console import Console
 
 import fpid_pin as fp
@@ -39,6 +40,7 @@ DRAWN = {
     "svg", "metadata", "RDF", "Work", "type", "title", "format", "defs", "style", "g", "path",
     "use", "clipPath", "rect", "image",
 }  # fmt: skip
+QUIET = {"paragraph_open", "paragraph_close", "inline", "text", "softbreak"}
 
 
 def names(seed, count):
@@ -125,6 +127,32 @@ def test_an_svg_is_well_formed_and_has_nothing_but_drawing_in_it(run, tally):
         tally("names in an SVG", fault)
 
 
+def parsed(text):
+    return MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"]).parse(text)
+
+
+def test_markdown_takes_a_name_for_text(tally):
+    for name in names(3, 2000 if FULL else 40):
+        rows = [{"controller": name, "figure": 1.0}, {"controller": "x", "figure": 2.0}]
+        shown = visible(name).strip()
+        where = {
+            "a cell": (screen.markdown(rows), {"table", "thead", "tbody", "tr", "th", "td"}),
+            "a heading": (f"# {screen.in_markdown(name)}\n", {"heading"}),
+            "a list": (f"- {screen.in_markdown(name)}\n- x\n", {"bullet_list", "list_item"}),
+        }
+        for place, (text, kinds) in where.items():
+            tokens = parsed(text)
+            children = [child for token in tokens for child in token.children or ()]
+            allowed = QUIET | {f"{kind}_{end}" for kind in kinds for end in ("open", "close")}
+            strange = {token.type for token in (*tokens, *children)} - allowed
+            lines = [
+                "".join(c.content for c in t.children) for t in tokens if t.type == "inline"
+            ]  # fmt: skip
+            told = [line for line in lines if line.strip() == shown] or not shown
+            fault = f"{name!r}: {sorted(strange)} {lines[:3]}" if strange or not told else ""
+            tally(f"names in {place} of Markdown", fault)
+
+
 def test_the_terminal_is_told_a_name_and_nothing_else(tally):
     for name in names(4, 2000 if FULL else 40):
         for coloured in (False, True):
@@ -156,10 +184,12 @@ def test_a_comparison_of_hostile_names_is_readable_everywhere(tmp_path, capsys, 
         status = main(["compare", str(config), "--out", str(out)])
         said = capsys.readouterr()
         fault = f"{said.err}" if status else ""
-        summary = (out / "summary.txt").read_text("utf-8")
-        for line in f"{said.out}{said.err}{summary}".split("\n"):
+        for line in f"{said.out}{said.err}".split("\n"):
             if not all(c.isprintable() or c.isspace() for c in line):
                 fault = f"{line!r}"
+        table = [t for t in parsed((out / "summary.md").read_text("utf-8")) if t.type == "tr_open"]
+        if len(table) != 2 + 3 * len(laws):
+            fault = f"{len(table)} rows in summary.md"
         for drawing in out.glob("*.svg"):
             xml.parse(drawing)
         tally("comparisons of hostile names", fault)

@@ -39,8 +39,8 @@ def test_it_writes_what_it_promises_and_resumes(tmp_path, capsys):
     names = {file.name for file in out.iterdir()}
     assert {
         "tuned.toml", "history.csv", "convergence.svg", "cost-map.svg", "profile.svg",
-        "comparison.svg", "summary.txt", "report.html", "config.toml", "checkpoint.npz",
-        "tuned.npz", "fpid-published-orders.npz", "integer-orders.npz",
+        "comparison.svg", "summary.md", "report.html", "config.toml", "checkpoint.npz", "tuned.npz",
+        "fpid-published-orders.npz", "integer-orders.npz",
     } <= names  # fmt: skip
     assert [file.name for file in tmp_path.iterdir() if file not in (path, out)] == []
     shown = capsys.readouterr().out
@@ -95,8 +95,8 @@ plant = { payload = { mass = 0.5 } }
     out = tmp_path / "out"
     assert (out / "loaded-tuned.npz").exists()
     assert not (out / "profile.svg").exists()
-    summary = (out / "summary.txt").read_text("utf-8")
-    assert "\nParameters\n" in summary
+    summary = (out / "summary.md").read_text("utf-8")
+    assert "## Parameters" in summary
     # One condition, and another law to start from, where the command says so.
     one = run_tuning(
         tmp_path / "study.toml", tmp_path / "one", condition="bare", controller="integer PID"

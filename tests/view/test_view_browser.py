@@ -177,7 +177,7 @@ def test_a_live_view_shows_the_loop_and_takes_a_push(visit):
     def session():
         reports.append(
             live(paper_experiment(), paper_controller(), duration=200.0, open_browser=False,
-                 announce=said.append)
+                 priority=False, announce=said.append)
         )  # fmt: skip
 
     thread = in_thread(session)

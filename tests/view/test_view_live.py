@@ -327,16 +327,17 @@ def test_keys_choose_joints_push_them_and_end_it():
 def test_a_robot_that_runs_away_ends_the_session_and_is_told_of():
     wild = Plant(disturbance=Pulse(torque=(0.0, 500.0), start=0.0, end=1.0))
     job = Experiment(Arm.two_link(), Hold(0.0), runaway_speed=1.0, plant=wild)
-    report = live(job, paper_controller(), duration=60.0, open_browser=False)
+    report = live(job, paper_controller(), duration=60.0, view=False)
     assert report.timing.ticks < 1000
     assert report.fault.startswith("diverged at 0.0")
     assert report.fault.endswith("beyond 1 rad/s")
 
 
 def test_live_runs_for_its_duration_and_reports():
-    report = live(paper_experiment(), paper_controller(), duration=0.5, open_browser=False)
+    report = live(paper_experiment(), paper_controller(), duration=0.5, view=False)
     assert report.timing.ticks == 500
     assert report.timing.lateness(50.0) <= report.timing.lateness(99.9) <= report.timing.worst
+    assert report.send_times.size == 0
     run = simulate(paper_experiment(duration=0.5), paper_controller())
     assert np.abs(report.q - run.q[500]).max() < 1e-9
 
@@ -346,7 +347,7 @@ def test_bad_input_to_the_live_view_is_named(wave):
     with pytest.raises(ArgumentError, match="port: expected a whole number"):
         play(wave, port=70_000, open_browser=False)
     with pytest.raises(ArgumentError, match="joint: expected one of joint1, joint2"):
-        live(job, law, push_joint="joint9")
+        live(job, law, push_joint="joint9", view=False)
     with pytest.raises(ArgumentError, match="controller: expected a Controller"):
         live(job, None)
     assert not [c for c in psutil.Process().children() if "server.py" in " ".join(c.cmdline())]
@@ -459,10 +460,12 @@ def test_ctrl_c_before_the_first_tick_is_a_clean_end(monkeypatch):
     assert report.timing.ticks == 0
 
 
-def test_live_prints_lateness(tmp_path, capsys):
+def test_live_prints_lateness_with_and_without_the_view(tmp_path, capsys):
     config = tmp_path / "job.toml"
     config.write_text(demo_config().text)
-    commands.live(config, duration=0.5, browser=False)
+    commands.live(config, duration=0.5, baseline=0.3, browser=False)
     text = capsys.readouterr().out
-    for words in ("500 ticks", "frames sent", "99.9th percentile", "deadlines missed"):
+    for words in ("without the view: 300 ticks", "with the view:    500 ticks", "frames sent"):
         assert words in text
+    assert text.count("99.9th percentile") == 2
+    assert text.count("deadlines missed") == 2
