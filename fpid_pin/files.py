@@ -62,7 +62,8 @@ def hidden_folder(path: Path) -> Iterator[Path]:
 def locked(path: str | Path) -> Iterator[None]:
     """Keep other processes away from `path` for this block; however this process ends, it is free.
 
-    What a killed process has left in hidden folders for `path` is removed.
+    What a killed process has left in hidden folders for `path` is removed, and so are folders made
+    for it in which nothing was written.
     """
     # Imported late: most commands lock nothing.
     from filelock import FileLock, Timeout
@@ -70,6 +71,7 @@ def locked(path: str | Path) -> Iterator[None]:
     path = Path(path)
     place = path.parent / f"{hidden_name(path)}.lock"
     lock = FileLock(place, timeout=0)
+    made = [folder for folder in path.parents if not folder.exists()]
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         lock.acquire()
@@ -88,6 +90,9 @@ def locked(path: str | Path) -> Iterator[None]:
             # While it is held: who waits for the lock looks whether its file is still there.
             place.unlink()
         lock.release()
+        for folder in made:
+            with suppress(OSError):  # it is not empty
+                folder.rmdir()
 
 
 def hidden_name(path: Path) -> str:

@@ -171,7 +171,8 @@ def described(arm: Arm, bandwidth: float = 10.0, step: float = 1e-3) -> Iterator
         "share of its effort limit; viscous and dry friction F_v, F_d"
     )
     yield _rows({
-        "home": arm.home, "M_jj": np.diag(arm.mass_matrix(arm.home)), "G_j": weight,
+        "home": np.round(arm.home, 9) + 0.0,
+        "M_jj": np.diag(arm.mass_matrix(arm.home)), "G_j": weight,
         "of effort": [f"{100.0 * x:.0f} %" if x > 0.0 else "-" for x in part],
         "F_v": np.where(arm.viscous_friction, arm.viscous_friction, np.nan),
         "F_d": np.where(arm.dry_friction, arm.dry_friction, np.nan),
@@ -277,7 +278,7 @@ def configuration(arm: Arm, table: dict[str, Any], *, asked: str, file: Path) ->
         title=toml_text({"t": f"{arm.name}: which controller?"}).partition("= ")[2].strip(),
         arm=toml_text({"arm": table}).strip(),
         amplitude=amplitude.tolist(),
-        offset=np.round(offset, 6).tolist(),
+        offset=(np.round(offset, 6) + 0.0).tolist(),  # never -0.0
         phase=np.round(np.linspace(0.0, np.pi, arm.n, endpoint=False), 2).tolist(),
         units=" and ".join(f"[{unit}]" for unit in kinds),
         load=f"{load:g}",

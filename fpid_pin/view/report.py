@@ -109,10 +109,11 @@ def report_html(
         tables = {"Figures of merit": rows}
     marks = {run.name: colour(k) for k, run in reversed(list(enumerate(several)))}
     cells = {name: figure_html(name, figure) for name, figure in drawn.items()}
-    parts = [answer_html(answer) + _outcomes(several, names)]
+    parted = groups or {"": range(len(several))}
+    parts = [answer_html(answer) + _outcomes(several, names, parted)]
     if "ranking" in cells:
         parts.append(section("Ranking", f'<div class="figures">{cells.pop("ranking")}</div>'))
-    replay, frame = _replay(several, names, title, groups or {"": range(len(several))})
+    replay, frame = _replay(several, names, title, parted)
     parts.append(frame)
     if cells:
         parts.append(section("Figures", f'<div class="figures">{"".join(cells.values())}</div>'))
@@ -234,12 +235,18 @@ def inline_svg(figure: Figure | bytes, name: str) -> str:
     return text.replace("<svg ", f'<svg role="img" aria-label="{as_text(name)}" ', 1)
 
 
-def _outcomes(runs: Sequence[Run], captions: Sequence[str]) -> str:
-    return "".join(
-        f'<p class="bad">{as_text(caption)}: {as_text(str(run.outcome))}</p>'
-        for run, caption in zip(runs, captions, strict=True)
+def _outcomes(
+    runs: Sequence[Run], captions: Sequence[str], groups: Mapping[str, Sequence[int]]
+) -> str:
+    """Return a line for each run that did not end as planned, with its condition if any differ."""
+    named = groups if len(groups) > 1 else {}
+    under = {k: f"{name}, " for name, members in named.items() for k in members}
+    lines = [
+        f"{under.get(k, '')}{captions[k]}: {run.outcome}"
+        for k, run in enumerate(runs)
         if not run.outcome.completed
-    )
+    ]
+    return "".join(f'<p class="bad">{as_text(line)}</p>' for line in lines)
 
 
 def section(heading: str, content: str) -> str:

@@ -67,3 +67,6 @@ def test_without_tables_there_are_figures_of_merit_and_who_diverged(make_run, tw
     assert {"RMS [rad]", f"{run.metrics.rms[1]:.4g}"} <= set(cells_of(path))
     text = path.read_text()
     assert '<p class="bad">wave: diverged at 0.1 s' in text
+    groups = {"loaded": [1], "nominal": [0]}
+    report_html([run] * 2, path, title="t", captions=["PD", "PD"], groups=groups, figures={})
+    assert re.findall('class="bad">(.*?): ', path.read_text()) == ["nominal, PD", "loaded, PD"]
