@@ -301,7 +301,6 @@ def test_a_second_one_is_refused_and_the_lock_goes_with_the_first(tmp_path):
     assert str(caught.value) == line
     assert list(tmp_path.iterdir()) == []  # the folder was made for the lock
     path.parent.write_text("")
-    path = path.parent
     with pytest.raises(FileFormatError, match="cannot be written"), locked(path / "x"):
         pass
 

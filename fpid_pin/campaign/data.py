@@ -1,7 +1,5 @@
 """What a campaign has found: how each run ended, and all of them as one table."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -75,7 +73,7 @@ class Ended:
     figures: tuple[float, ...] = (math.nan,) * len(METRICS)
 
     @classmethod
-    def of(cls, joints: Sequence[str], outcome: Outcome, metrics: Metrics) -> Ended:
+    def of(cls, joints: Sequence[str], outcome: Outcome, metrics: Metrics) -> "Ended":
         """Return how a run ended, by its outcome and metrics.
 
         A run that was completed counts as saturated if at any sample a joint's torque was at its

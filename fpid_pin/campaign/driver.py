@@ -3,8 +3,6 @@
 What is missing in a ledger is simulated, chunk by chunk, and what comes back is recorded.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import astuple, dataclass, replace

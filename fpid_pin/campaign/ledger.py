@@ -5,8 +5,6 @@ meanwhile. Its description is inside, so that it can be gone on with from nothin
 appears with that description or not at all.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import os
@@ -77,7 +75,7 @@ class Ledger:
                     self._file.executemany("UPDATE meta SET value = ? WHERE key = ?", values)
             undone.pop_all()
 
-    def __enter__(self) -> Ledger:
+    def __enter__(self) -> "Ledger":
         return self
 
     def __exit__(self, *fault: object) -> None:

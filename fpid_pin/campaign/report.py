@@ -1,7 +1,5 @@
 """A campaign in one page: who holds where, by how much, what it hangs on, and the worst plants."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from itertools import starmap
 from pathlib import Path

@@ -3,8 +3,6 @@
 Run k's plants depend on the seed and on k, on nothing else.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from abc import ABC, abstractmethod

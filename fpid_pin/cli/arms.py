@@ -3,8 +3,6 @@
 And a configuration to begin with for any of them: commented, within its limits, and it runs.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 import textwrap

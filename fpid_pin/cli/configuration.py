@@ -4,8 +4,6 @@ docs/configuration.md has its tables; their keys are the constructors' arguments
 reported at once, each with its key path.
 """
 
-from __future__ import annotations
-
 import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -87,7 +85,7 @@ class Config:
     tune: Mapping[str, Any]  # this table and the next as they stand
     campaign: Mapping[str, Any]
 
-    def under(self, name: str | None) -> Config:
+    def under(self, name: str | None) -> "Config":
         """Return the file under one of its conditions, as ``--condition`` chose, and no other.
 
         None is the file as it stands; what is left out then is said.
@@ -100,7 +98,7 @@ class Config:
         one = self.conditions[self._choice("--condition", name, self.conditions)]
         return replace(self, experiment=one, conditions={name: one})
 
-    def only(self, name: str | None) -> Config:
+    def only(self, name: str | None) -> "Config":
         """Return the file with the controller that ``--controller`` chose; None: the only one."""
         if name is None and len(self.controllers) > 1:
             several = ", ".join(map(named, self.controllers))
@@ -109,7 +107,7 @@ class Config:
         name = self._choice("--controller", name or next(iter(self.controllers)), self.controllers)
         return replace(self, controllers={name: self.controllers[name]})
 
-    def at(self, place: Path) -> Config:
+    def at(self, place: Path) -> "Config":
         """Return the file as it is to be written into the folder `place`: with the same meaning.
 
         Relative paths start at the file that has them. Where no more than these change, comments

@@ -1,7 +1,5 @@
 """The `fpid-pin` command: how errors and Ctrl-C reach the user."""
 
-from __future__ import annotations
-
 import errno
 import os
 import signal

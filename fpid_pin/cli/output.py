@@ -1,7 +1,5 @@
 """Folders of results that appear whole or not at all, power loss included, and names in them."""
 
-from __future__ import annotations
-
 import errno
 import os
 import re

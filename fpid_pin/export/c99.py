@@ -5,8 +5,6 @@ so that no operation is made in a precision that was not asked for, and integers
 they meet reals, visibly.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Expressions of a kernel in another language, with their kinds."""
 
-from __future__ import annotations
-
 import ast
 import math
 import operator

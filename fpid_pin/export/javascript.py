@@ -5,8 +5,6 @@ further: nothing is allocated in a tick, and what an engine's compiler sees is t
 operation everywhere. `kinds.words` gives what belongs into the memory.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import ClassVar
 

@@ -4,8 +4,6 @@ A kernel names no types. Printed for given arguments it has them all, as numba h
 An expression of the other language is a `Value` of such a kind.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ each combination of kinds: `Program` collects them, callees first. What is outsi
 subset is refused with file and line.
 """
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Callable, Sequence
@@ -52,7 +50,7 @@ class Program:
     def add(
         self, kernel: Any, kinds: Sequence[Kind], node: ast.AST | None = None,
         caller: Source | None = None,
-    ) -> Function:  # fmt: skip
+    ) -> "Function":  # fmt: skip
         """Print a kernel and all that it calls, unless they are there.
 
         `node` and `caller` are where it is called in another kernel's text. A line that has no

@@ -1,7 +1,5 @@
 """A kernel's own text, and where it stands."""
 
-from __future__ import annotations
-
 import ast
 import inspect
 import textwrap

@@ -1,7 +1,5 @@
 """`tune` and `pareto`, the searches; `profile` and `cost_map`, the cost around a controller."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from concurrent.futures import Executor
 from itertools import product

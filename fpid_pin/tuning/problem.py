@@ -1,7 +1,5 @@
 """What a search is asked: to make which cost small, over which plants and payloads, and how."""
 
-from __future__ import annotations
-
 import dataclasses
 import warnings
 from collections.abc import Iterable, Iterator, Sequence

@@ -1,7 +1,5 @@
 """What searches leave behind: histories and results, and the cost around a controller."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The search itself: all seeds' populations in one call a generation, a checkpoint after each."""
 
-from __future__ import annotations
-
 import json
 import math
 import re

@@ -1,7 +1,5 @@
 """What a search may change: parameters of a controller by name, with bounds."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -86,7 +84,7 @@ class Space:
         """Return the table of the space: plain numbers and strings."""
         return {name: descriptions.to_dict(gene) for name, gene in self.genes.items()}
 
-    def bind(self, controller: Controller, n: int) -> BoundSpace:
+    def bind(self, controller: Controller, n: int) -> "BoundSpace":
         """Meet the controller whose parameters are to change, on an arm with `n` joints.
 
         Refused are names that are none of its numeric parameters, bounds of a wrong length, and

@@ -3,8 +3,6 @@
 Matplotlib and the web server are imported by the functions that need them, not with this package.
 """
 
-from __future__ import annotations
-
 from fpid_pin.view import plots
 from fpid_pin.view.document import Page
 from fpid_pin.view.live_session import LiveReport, live

@@ -1,7 +1,5 @@
 """A page that is one text: it asks for nothing and runs no script but those it was made with."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import re

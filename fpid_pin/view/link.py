@@ -1,7 +1,5 @@
 """Our end of the live page: starts meshcat's server, sends frames, hears keys."""
 
-from __future__ import annotations
-
 import logging
 import os
 import secrets
@@ -121,7 +119,7 @@ class LiveLink:
         self._process.wait()
         self._context.destroy(linger=0)
 
-    def __enter__(self) -> LiveLink:
+    def __enter__(self) -> "LiveLink":
         return self
 
     def __exit__(self, *exception: object) -> None:

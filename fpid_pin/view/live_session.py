@@ -1,7 +1,5 @@
 """The control loop in real time, and a look at it: its period, its keys, its page."""
 
-from __future__ import annotations
-
 import contextlib
 import gc
 import math
@@ -40,7 +38,7 @@ class Timing:
     """How a period was kept."""
 
     step: float  # the period [s]
-    late: array[float] = field(default_factory=lambda: array("f"))  # each tick's beginning [s]
+    late: "array[float]" = field(default_factory=lambda: array("f"))  # each tick's beginning [s]
     missed: int = 0  # ticks whose work was done later than one step after they were due
     restarts: int = 0  # how often the schedule was given up and begun anew
 

@@ -6,8 +6,6 @@ over them by the page. What a field of a law moves is found by trying: it is a s
 law's numbers go with it in proportion.
 """
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import dataclasses
@@ -82,7 +80,7 @@ class Law:
     """
 
     def __init__(
-        self, controller: Controller, experiment: Experiment, others: Sequence[Law] = ()
+        self, controller: Controller, experiment: Experiment, others: Sequence["Law"] = ()
     ) -> None:
         arm, self._step = experiment.arm, experiment.step
         self._arm, self._horizon = arm, horizon_of(experiment.duration)

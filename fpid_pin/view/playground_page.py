@@ -1,7 +1,5 @@
 """A playground: one page, without a network, that simulates again as a slider moves."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace

@@ -3,8 +3,6 @@
 A setting of a law has its number before its name, ``"0.kp"``; all laws share the others.
 """
 
-from __future__ import annotations
-
 import csv
 import math
 import warnings

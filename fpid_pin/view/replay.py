@@ -3,8 +3,6 @@
 A page draws from a scene: one table of plain values with the arms, their motion and the camera.
 """
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import json

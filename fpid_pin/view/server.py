@@ -6,8 +6,6 @@ answer is the port. All others are frames; the answer says how often the page wa
 keys were pressed since the last frame.
 """
 
-from __future__ import annotations
-
 import hmac
 import logging
 import os
@@ -52,7 +50,7 @@ class LocalApplication(tornado.web.Application):
 class Gate(tornado.web.RequestHandler):
     """Refuses who does not know the token, with 403 and nothing more."""
 
-    bridge: Bridge
+    bridge: "Bridge"
 
     def set_default_headers(self) -> None:
         """Say on every answer how a browser is to treat it."""
@@ -77,7 +75,7 @@ class Gate(tornado.web.RequestHandler):
 class Page(Gate):
     """The page itself."""
 
-    def initialize(self, bridge: Bridge) -> None:
+    def initialize(self, bridge: "Bridge") -> None:
         """Keep whose page it is."""
         self.bridge = bridge
 
