@@ -5,6 +5,7 @@ import os
 import secrets
 import shutil
 import signal
+import sys
 
 import psutil
 import pytest
@@ -48,6 +49,8 @@ OWNER, RUN = "FPID_PIN_TESTS", secrets.token_hex()
 FLAGS = [
     "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking",
     "--disable-component-update", "--disable-sync", "--enable-unsafe-swiftshader",
+    # Frames run in their page's process: one of its own was once not there after two minutes.
+    "--disable-site-isolation-trials",
 ]  # fmt: skip
 
 
@@ -64,6 +67,14 @@ def still_running():
             if ours and not helper and process.status() != psutil.STATUS_ZOMBIE:
                 found[process] = variables.get("PYTEST_CURRENT_TEST", "a test")
     return found
+
+
+@pytest.fixture(autouse=True)
+def own_code_is_forgotten():
+    """Forget a user's own code that a test has run: ledgers name all that a process has."""
+    yield
+    for name in [name for name in sys.modules if name.startswith("fpid_pin_own_")]:
+        del sys.modules[name]
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -84,7 +84,7 @@ class SoftPd(fp.Controller):
 
 
 def test_a_law_of_ones_own_is_run_on_workers_and_named_by_its_ledger(
-    scheduler, tmp_path, monkeypatch, request
+    scheduler, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "cluster_law.py").write_text(OWN)
@@ -93,7 +93,6 @@ def test_a_law_of_ones_own_is_run_on_workers_and_named_by_its_ledger(
     )
     text += '[[controller]]\nkind = "soft_pd"\nname = "soft"\n' + COMMANDS
     (tmp_path / "study.toml").write_text(text + '[campaign]\ncontrollers = ["soft"]\n')
-    request.addfinalizer(lambda: sys.modules.pop("fpid_pin_own_cluster_law", None))
     words = ["campaign", "run", "study.toml", "--allow-import", "--runs", "4"]
     dask = ["--dask", scheduler.scheduler_address]
     assert main([*words, "--out", "shared.sqlite", *dask]) == 0

@@ -2,7 +2,6 @@
 
 import contextvars
 import shlex
-import sys
 
 import pytest
 
@@ -148,7 +147,6 @@ def test_wrong_input_is_one_line_and_status_2(words, change, said, tmp_path, mon
     (tmp_path / "own.npz").write_bytes(b"\xff\xfe\x00")
     before = {path: path.is_file() and path.read_bytes() for path in tmp_path.rglob("*")}
     status = contextvars.copy_context().run(main, shlex.split(words))
-    sys.modules.pop("fpid_pin_own_own", None)
     assert status == 2
     told = capsys.readouterr()
     lines = [line for line in told.err.splitlines() if " plants, " not in line]

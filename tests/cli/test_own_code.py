@@ -79,8 +79,7 @@ QUICK = ["--allow-import", "--no-figures"]
 def config(tmp_path):
     (tmp_path / "own.py").write_text(OWN)
     (tmp_path / "c.toml").write_text(CONFIG)
-    yield tmp_path / "c.toml"
-    sys.modules.pop("fpid_pin_own_own", None)
+    return tmp_path / "c.toml"
 
 
 def test_nothing_is_run_that_was_not_allowed_by_a_script_that_calls_commands(config, capsys):
