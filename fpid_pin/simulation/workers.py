@@ -12,7 +12,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures import Executor, Future
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
 from itertools import islice
 from multiprocessing import resource_tracker
@@ -311,5 +311,9 @@ def local_cluster(workers: int = 2) -> Iterator[Any]:
             workers, threads_per_worker=1, host=here, dashboard_address=f"{here}:0",
             worker_dashboard_address=f"{here}:0", silence_logs=40,
         )  # fmt: skip
-    with cluster:
+    try:
         yield cluster
+    finally:
+        # Workers that do not answer end with this process.
+        with suppress(TimeoutError):
+            cluster.close(timeout=30.0)
